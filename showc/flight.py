@@ -1,0 +1,138 @@
+"""A flight: what solving gives, and what log, missions and pictures are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import PiecewisePolynomial, concatenate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from showc.plan.itinerary import Itinerary, Leg
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """States and controls of one drone over one leg, from time 0 to its duration."""
+
+    state: PiecewisePolynomial
+    """12 components in the order of ``showc.vehicle.STATE_NAMES``."""
+    control: PiecewisePolynomial
+    """4 components in the order of ``showc.vehicle.CONTROL_NAMES``; same breaks."""
+
+
+@dataclass(frozen=True, slots=True)
+class DualWitness:
+    """A few numbers that prove a lower bound on the time of one drone's move.
+
+    The velocity v stays in the box V of its limits, the thrust acceleration u in the
+    set U(t) that thrust, tilt, body rates and angular accelerations allow between two
+    hovers. For any constant beta and absolutely continuous lambda, with d the
+    displacement, ``beta . d = int (beta + lambda') . v + lambda . (u - g e_z) dt``, so
+    a time T is impossible when ``beta . d > int h_V(beta + lambda') + h_U(t)(lambda) -
+    g lambda_z dt`` over [0, T], h being support functions. The verifier re-checks it
+    with code of its own.
+    """
+
+    drone: int
+    """Counting from 0."""
+    time: float
+    """No flight of this drone can take less [s]."""
+    beta: tuple[float, float, float]
+    """Multiplier of the displacement."""
+    knots: tuple[float, ...]
+    """Fractions of the time at which ``multipliers`` stand, from 0 to 1."""
+    multipliers: tuple[tuple[float, float, float], ...]
+    """lambda at the knots, linear in between."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClosestEncounter:
+    """The pair that comes nearest during a leg."""
+
+    drone_a: int
+    drone_b: int
+    time: float
+    """Since the start of the leg [s]."""
+    distance: float
+    """In the separation's metric [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """How good a leg's time is, and what was done to reach it."""
+
+    duration: float
+    """Common time of the leg [s]."""
+    single_drone_minimum: float
+    """Greatest minimum time of any single drone, other drones aside [s]."""
+    dual_bound: float
+    """Rigorous lower bound on the common time [s]; 0 for holds."""
+    witness: DualWitness | None
+    """Proof of ``dual_bound``."""
+    closest: ClosestEncounter | None
+    """None when fewer than two drones take part."""
+    method: str
+    """What was done, in words."""
+    statistics: Mapping[str, float] = field(default_factory=dict)
+    """Deterministic counts: solves, rounds of repair, mesh intervals, ..."""
+
+    @property
+    def gap(self) -> float:
+        """Duration over the greatest single-drone minimum, minus one."""
+        if self.single_drone_minimum <= 0.0:
+            return 0.0
+        return self.duration / self.single_drone_minimum - 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegFlight:
+    """One leg, solved."""
+
+    leg: Leg
+    duration: float
+    """Common time of all its drones [s]."""
+    trajectories: tuple[Trajectory, ...]
+    """One for each drone of ``leg.drones``, in that order."""
+    certificate: Certificate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """A whole show, solved: legs with their places on the timeline."""
+
+    itinerary: Itinerary
+    legs: tuple[LegFlight, ...]
+    starts: FloatArray
+    """Show time at which each leg starts, shape (legs,) [s]."""
+
+    @property
+    def duration(self) -> float:
+        """Show time at which the last leg ends [s]."""
+        return max(
+            (float(start) + leg.duration)
+            for start, leg in zip(self.starts, self.legs, strict=True)
+        )
+
+    def drone(self, index: int) -> Trajectory:
+        """Return the whole flight of one drone, in show time from 0 to its last leg."""
+        state, control = [], []
+        for start, flight in zip(self.starts, self.legs, strict=True):
+            position = int(np.searchsorted(flight.leg.drones, index))
+            if (
+                position < flight.leg.drones.size
+                and flight.leg.drones[position] == index
+            ):
+                state.append(flight.trajectories[position].state.shifted(float(start)))
+                control.append(
+                    flight.trajectories[position].control.shifted(float(start))
+                )
+        return Trajectory(concatenate(state), concatenate(control))

@@ -1,0 +1,1 @@
+"""showc.mission."""

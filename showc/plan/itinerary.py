@@ -1,0 +1,67 @@
+"""The itinerary: who flies from where to where, before anyone knows how fast.
+
+A show becomes an ordered list of legs. A leg moves a set of drones from hover to
+hover in one common time, or holds them still. Legs of one group follow each other;
+legs of different groups may run at the same time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from showc.script.show import Mark, Show
+    from showc.vehicle import Limits
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+LegKind = Literal["launch", "transition", "approach", "land", "hold"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """One move, or one hold, of a set of drones."""
+
+    index: int
+    """Position in the itinerary."""
+    name: str
+    """For people."""
+    kind: LegKind
+    """``approach`` is the move from the last formation to above the pads."""
+    drones: IntArray
+    """Drones that take part, counting from 0, shape (n,), increasing; read-only."""
+    start: FloatArray
+    """Their positions at the start, shape (n, 3), show frame [m]; read-only."""
+    goal: FloatArray
+    """Their positions at the end, shape (n, 3); equal to ``start`` for a hold."""
+    from_formation: str
+    """Name of the formation they leave."""
+    to_formation: str
+    """Name of the formation they reach."""
+    places: IntArray
+    """Place in ``to_formation`` of each drone, shape (n,); -1: parked."""
+    limits: Limits
+    """What holds during this leg."""
+    duration: float | None
+    """Its time [s]: fixed by the script or a hold's; None: as short as can be."""
+    after: tuple[int, ...]
+    """Legs that must have ended before this one starts."""
+    mark: Mark | None
+    """Where the script asks for it."""
+    transition: int | None = None
+    """Which of the script's transitions it belongs to, counting from 0."""
+    others_parked: FloatArray | None = None
+    """Positions (m, 3) [m] of drones that stand still meanwhile and take no part."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Itinerary:
+    """All legs of a show, in an order in which each follows those it waits for."""
+
+    show: Show
+    legs: tuple[Leg, ...]

@@ -1,0 +1,212 @@
+"""The show as the script describes it: what the reader of YAML hands on.
+
+Every number is SI, every position is in the show frame: origin at the site's
+origin, x to the right and y ahead on the ground, z up; +y points along the site's
+``heading`` (compass bearing, clockwise from north). With heading 0 the show frame is
+east-north-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from showc.vehicle import Limits, Quadrotor, Separation, Vector
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Where in a script something stands; lines and columns count from 1."""
+
+    path: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The script and every file it reads, as bytes, for hashes and attachments."""
+
+    path: str
+    """As the user gave it."""
+    content: bytes
+    """The script itself."""
+    inputs: Mapping[str, bytes] = field(default_factory=dict)
+    """Files that the script names (CSV, SVG, meshes, images, fonts), by name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where the show flies."""
+
+    latitude: float
+    """Latitude of the show frame's origin, WGS 84 [deg]."""
+    longitude: float
+    """Longitude of the show frame's origin, WGS 84 [deg]."""
+    altitude: float
+    """Altitude of the show frame's origin above mean sea level [m]."""
+    heading: float
+    """Compass bearing of the show frame's +y axis, clockwise from north [deg]."""
+    volume_min: Vector
+    """Lower corner of the flight volume, show frame [m]."""
+    volume_max: Vector
+    """Upper corner of the flight volume, show frame [m]."""
+    fence: FloatArray | None = None
+    """Geofence polygon, shape (corners, 2), show frame [m]; None: the volume's walls."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A colour effect in time over a formation or a transition."""
+
+    kind: Literal["pulse", "sweep", "rainbow"]
+    """What it does."""
+    period: float
+    """Time of one cycle [s]."""
+    direction: Vector = (1.0, 0.0, 0.0)
+    """Axis of a sweep or rainbow, show frame, unit length."""
+    depth: float = 1.0
+    """How far a pulse darkens or a sweep dims, 0 to 1."""
+    wavelength: float = 10.0
+    """Length of one cycle along the axis [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Formation:
+    """Places of the drones in one picture."""
+
+    name: str
+    """Its key in the script."""
+    points: FloatArray
+    """Places, shape (places, 3), show frame [m]; read-only."""
+    colours: FloatArray
+    """Linear red, green, blue of each place, 0 to 1, shape (places, 3); read-only."""
+    mark: Mark
+    """Where the script defines it."""
+    effect: Effect | None = None
+    """Colour effect while the formation is held."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One move of the fleet, or of a group, and the hold after it."""
+
+    name: str
+    """For people: given by the script, or ``from -> to``."""
+    to: str
+    """Name of the formation to reach."""
+    hold: float
+    """Time to hover in the formation afterwards [s]."""
+    assignment: Literal["optimal", "fixed"]
+    """Whether places are given out optimally, or drone i takes place i."""
+    mark: Mark
+    """Where the script says so."""
+    duration: float | None = None
+    """Time the move takes [s]; None: as short as can be."""
+    group: str | None = None
+    """Group of drones that moves; None: all."""
+    colours: FloatArray | None = None
+    """Colours of the places reached, overriding the formation's, (places, 3)."""
+    fade: Literal["linear", "start", "end"] = "linear"
+    """How the colour changes over the move: evenly, at its start, at its end."""
+    effect: Effect | None = None
+    """Colour effect over the hold, overriding the formation's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """From the pads to the first hover: straight up."""
+
+    altitude: float
+    """Height above the pads of the hover after the climb [m]."""
+    climb_speed: float
+    """Greatest climb speed [m/s]."""
+    hold: float
+    """Time to hover afterwards [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Landing:
+    """From the last formation to above the pads, and straight down."""
+
+    altitude: float
+    """Height above the pads of the hover before the descent [m]."""
+    descent_speed: float
+    """Greatest descent speed [m/s]."""
+    hold: float
+    """Time to hover before the descent [s]."""
+    assignment: Literal["optimal", "fixed"]
+    """Whether drones may land on each other's pads (optimal) or only on their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionOptions:
+    """What the mission files need to know beyond the flight itself."""
+
+    light_servos: tuple[int, int, int] | None = None
+    """Servo outputs that carry red, green, blue; None: no light items."""
+    light_pwm: tuple[int, int] = (1000, 2000)
+    """Pulse widths of dark and full light [us]."""
+    slack: float = 3.0
+    """Time between the predicted end of a leg and the next clock slot [s]."""
+    board: str = "pixhawk"
+    """Autopilot board, for the item budget."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Show:
+    """A whole show, checked, complete from ground to ground."""
+
+    format_version: int
+    """Version of the script format."""
+    name: str
+    """Title of the show."""
+    source: Source
+    """The script's own bytes and those of the files it names."""
+    epoch: datetime
+    """Time stamp of show time zero in the log (UTC); a fixed date by default."""
+    site: Site
+    """Where it flies."""
+    vehicle: Quadrotor
+    """What flies."""
+    limits: Limits
+    """What each drone keeps."""
+    separation: Separation
+    """What each pair keeps."""
+    yaw: Literal["held", "free"]
+    """Whether yaw is held at ``heading`` or free to move."""
+    heading: float
+    """Yaw of every drone at hover, show frame, counter-clockwise from +x [rad]."""
+    drones: int
+    """Size of the fleet."""
+    formations: Mapping[str, Formation]
+    """All formations by name, pads included."""
+    pads: str
+    """Name of the formation on the ground."""
+    groups: Mapping[str, tuple[int, ...]]
+    """Drones of each group, counting from 0."""
+    launch: Launch
+    """Its first part."""
+    transitions: tuple[Transition, ...]
+    """Its middle, in order."""
+    landing: Landing
+    """Its last part."""
+    mission: MissionOptions
+    """For the mission files."""
+    log_rate: float = 20.0
+    """Samples of the fleet per second in the log [Hz]."""
+    seed: int = 0
+    """Seed of everything random in the show's formations and planning."""
+    parking: str | None = None
+    """Formation where drones without a place in a picture wait; None: not allowed."""

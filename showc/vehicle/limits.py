@@ -1,0 +1,68 @@
+"""What a flight must keep: limits of the vehicle's state and control, separation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+Vector = tuple[float, float, float]
+
+SeparationShape = Literal["sphere", "ellipsoid", "any-axis", "all-axes"]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds on state and control that hold at every instant (show frame, SI)."""
+
+    velocity_min: Vector
+    """Least velocity per axis [m/s]; negative; the third is the fastest descent."""
+    velocity_max: Vector
+    """Greatest velocity per axis [m/s]; the third is the fastest climb."""
+    tilt: float
+    """Greatest |roll| and |pitch| [rad]."""
+    body_rate: Vector
+    """Greatest |p|, |q|, |r| [rad/s]."""
+    thrust_min: float
+    """Least total thrust [N]."""
+    thrust_max: float
+    """Greatest total thrust [N]."""
+    torque_max: Vector
+    """Greatest |U2|, |U3|, |U4| [N m]."""
+    position_min: Vector
+    """Lower corner of the flight volume [m]."""
+    position_max: Vector
+    """Upper corner of the flight volume [m]."""
+
+    def with_vertical_speed(self, climb: float, descent: float) -> Limits:
+        """Return the same limits with no more than ``climb`` and ``descent`` [m/s]."""
+        lower = (*self.velocity_min[:2], max(self.velocity_min[2], -descent))
+        upper = (*self.velocity_max[:2], min(self.velocity_max[2], climb))
+        return replace(self, velocity_min=lower, velocity_max=upper)
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """How far two drones stay apart, at every instant.
+
+    For a pair at difference (dx, dy, dz), with d the ``distance``:
+
+    - ``sphere``: sqrt(dx² + dy² + dz²) >= d
+    - ``ellipsoid``: sqrt(dx² + dy² + (dz / vertical_stretch)²) >= d (downwash)
+    - ``any-axis``: max(|dx|, |dy|, |dz|) >= d
+    - ``all-axes``: min(|dx|, |dy|, |dz|) >= d, as the literature sometimes prints it;
+      no formation with two drones on one line or level can keep it
+    """
+
+    distance: float
+    """The separation d [m]."""
+    shape: SeparationShape = "sphere"
+    """Which of the four forms holds."""
+    vertical_stretch: float = 1.0
+    """Stretch of the ellipsoid along z; 1 makes it a sphere."""
+
+    @property
+    def metric_scale(self) -> Vector:
+        """Factors on (dx, dy, dz) that turn the ellipsoid into the sphere."""
+        if self.shape == "ellipsoid":
+            return 1.0, 1.0, 1.0 / self.vertical_stretch
+        return 1.0, 1.0, 1.0
