@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def bernstein_basis_inverse(degree: int, nodes: tuple[float, ...]) -> FloatArray
         Read-only.
     """
     basis = bernstein_basis(degree, np.asarray(nodes))
-    inverse: FloatArray = np.linalg.inv(basis)
+    inverse = np.asarray(np.linalg.inv(basis), dtype=np.float64)
     inverse.setflags(write=False)
     return inverse
 
@@ -243,7 +244,7 @@ def concatenate(parts: list[PiecewisePolynomial]) -> PiecewisePolynomial:
     """
     degree = max(part.degree for part in parts)
     breaks = [parts[0].breaks]
-    for before, after in zip(parts, parts[1:], strict=False):
+    for before, after in pairwise(parts):
         if abs(after.start - before.end) > 1e-9:
             raise ValueError(f"gap between {before.end} s and {after.start} s")
         breaks.append(after.breaks[1:])

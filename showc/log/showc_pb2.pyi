@@ -197,17 +197,18 @@ class Certificate(_message.Message):
     def __init__(self, single_drone_minimum: _Optional[float] = ..., dual_bound: _Optional[float] = ..., witness: _Optional[_Union[Witness, _Mapping]] = ..., closest: _Optional[_Union[Encounter, _Mapping]] = ..., method: _Optional[str] = ..., statistics: _Optional[_Mapping[str, float]] = ...) -> None: ...
 
 class Witness(_message.Message):
-    __slots__ = ("drone", "time", "beta", "knots")
+    __slots__ = ("drone", "time", "beta", "knots", "multipliers")
     DRONE_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
     BETA_FIELD_NUMBER: _ClassVar[int]
     KNOTS_FIELD_NUMBER: _ClassVar[int]
-    LAMBDA_FIELD_NUMBER: _ClassVar[int]
+    MULTIPLIERS_FIELD_NUMBER: _ClassVar[int]
     drone: int
     time: float
     beta: Vector3
     knots: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, drone: _Optional[int] = ..., time: _Optional[float] = ..., beta: _Optional[_Union[Vector3, _Mapping]] = ..., knots: _Optional[_Iterable[float]] = ..., **kwargs) -> None: ...
+    multipliers: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, drone: _Optional[int] = ..., time: _Optional[float] = ..., beta: _Optional[_Union[Vector3, _Mapping]] = ..., knots: _Optional[_Iterable[float]] = ..., multipliers: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Encounter(_message.Message):
     __slots__ = ("drone_a", "drone_b", "time", "distance")

@@ -63,7 +63,7 @@ class Site:
     volume_max: Vector
     """Upper corner of the flight volume, show frame [m]."""
     fence: FloatArray | None = None
-    """Geofence polygon, shape (corners, 2), show frame [m]; None: the volume's walls."""
+    """Geofence, shape (corners, 2), show frame [m]; None: the volume's walls."""
 
 
 @dataclass(frozen=True, slots=True)

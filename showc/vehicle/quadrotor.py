@@ -92,12 +92,12 @@ class Quadrotor:
         )
 
     def rotor_fractions(self) -> FloatArray:
-        """Matrix from (U1, U2, U3, U4) to squared rotor speeds over the maximum, (4, 4).
+        """Matrix (4, 4) from U1..U4 to squared rotor speeds over the greatest.
 
         A control can be flown if and only if all four fractions lie in [0, 1].
         """
-        inverse: FloatArray = np.linalg.inv(self.allocation())
-        return inverse / self.rotor_speed_max**2
+        inverse = np.linalg.inv(self.allocation())
+        return np.asarray(inverse / self.rotor_speed_max**2, dtype=np.float64)
 
     def hover_state(self, position: FloatArray, yaw: float = 0.0) -> FloatArray:
         """Return the states (..., 12) of hovering at ``position`` (..., 3) [m]."""
