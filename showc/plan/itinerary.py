@@ -1,8 +1,7 @@
 """The itinerary: who flies from where to where, before anyone knows how fast.
 
 A show becomes an ordered list of legs. A leg moves a set of drones from hover to
-hover in one common time, or holds them still. Legs of one group follow each other;
-legs of different groups may run at the same time.
+hover in one common time, or holds them still.
 """
 
 from __future__ import annotations
@@ -57,6 +56,8 @@ class Leg:
     """Which of the script's transitions it belongs to, counting from 0."""
     others_parked: FloatArray | None = None
     """Positions (m, 3) [m] of drones that stand still meanwhile and take no part."""
+    assignment: str = ""
+    """How the places were given out, in words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,4 +65,6 @@ class Itinerary:
     """All legs of a show, in an order in which each follows those it waits for."""
 
     show: Show
+    """The show, with the formations that planning added: above the pads, groups."""
     legs: tuple[Leg, ...]
+    """Every leg has all drones of the fleet; who does not move, hovers."""

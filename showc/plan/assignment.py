@@ -1,0 +1,162 @@
+"""Which drone takes which place.
+
+The assignment that minimises the sum of squared distances, in the metric of the
+separation, has a proof: no exchange of two places improves the sum, so two drones
+that share one time profile along straight lines never come nearer than the smaller
+spacing over the square root of two (Turpin, Michael, Kumar 2014, Concurrent
+assignment and planning of trajectories, section 4; the argument holds in every inner
+product). A little is often to be gained by shortening the longest move; that loses the
+proof, so it is taken only where the straight lines are measured to keep the separation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.plan.metric import line_separation, scaled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+WORTHWHILE = 0.97
+"""A shorter longest move must be at most this fraction of the present one."""
+
+BOTTLENECK_SLACK = 1.02
+"""How far above the least possible longest move the second assignment may go."""
+
+BOTTLENECK_LIMIT = 2500
+"""Drones above which the search for a shorter longest move costs more than it gives."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assignment:
+    """Places given out, and why this way."""
+
+    places: IntArray
+    """Place of each drone, shape (drones,)."""
+    line_separation: float
+    """Least distance of a pair on synchronised straight lines, metric [m]."""
+    reason: str
+    """In words, for the certificate."""
+
+
+def assign(
+    start: FloatArray,
+    goals: FloatArray,
+    separation: Separation,
+    *,
+    required: int | None = None,
+) -> Assignment:
+    """Give every drone a place.
+
+    Parameters
+    ----------
+    start
+        Positions of the drones, shape (drones, 3) [m].
+    goals
+        Places, shape (places, 3) [m], at least as many as drones.
+    separation
+        The metric to measure in.
+    required
+        The first so many places must all be taken; None: no such rule.
+
+    Returns
+    -------
+    Assignment
+        Deterministic for given input.
+    """
+    cost = _squared_distances(start, goals, separation)
+    if required is not None and required < goals.shape[0]:
+        cost[:, :required] -= 2.0 * float(cost.max()) + 1.0
+    places = _least_sum(cost)
+    kept = line_separation(start, goals[places], separation)
+    plain = Assignment(places, kept, "least sum of squared distances")
+    if start.shape[0] > BOTTLENECK_LIMIT or start.shape[0] != goals.shape[0]:
+        return plain
+    return _shorter_longest(plain, start, goals, separation)
+
+
+def in_order(
+    start: FloatArray, goals: FloatArray, separation: Separation
+) -> Assignment:
+    """Drone i takes place i."""
+    places = np.arange(start.shape[0])
+    kept = line_separation(start, goals[places], separation)
+    return Assignment(places, kept, "fixed by the script")
+
+
+def _squared_distances(
+    start: FloatArray, goals: FloatArray, separation: Separation
+) -> FloatArray:
+    """Squared metric distances (drones, places) [m²]."""
+    first, last = scaled(start, separation), scaled(goals, separation)
+    square = (
+        np.einsum("ij,ij->i", first, first)[:, None]
+        + np.einsum("ij,ij->i", last, last)[None, :]
+        - 2.0 * first @ last.T
+    )
+    return np.asarray(np.maximum(square, 0.0))
+
+
+def _least_sum(cost: FloatArray) -> IntArray:
+    """Solve the linear assignment problem; ties fall as the solver's order has it.
+
+    Subtracting row and column means changes no optimum and halves the time.
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to import
+
+    if cost.shape[0] == cost.shape[1]:
+        cost = cost - cost.mean(axis=1, keepdims=True)
+        cost = cost - cost.mean(axis=0, keepdims=True)
+    _, places = linear_sum_assignment(cost)
+    return np.asarray(places, dtype=np.int64)
+
+
+def _shorter_longest(
+    plain: Assignment, start: FloatArray, goals: FloatArray, separation: Separation
+) -> Assignment:
+    """Take an assignment with a shorter longest move where that is safe."""
+    length = np.linalg.norm(goals[None, :, :] - start[:, None, :], axis=-1)
+    longest = float(length[np.arange(start.shape[0]), plain.places].max())
+    least = _bottleneck(length)
+    if least > WORTHWHILE * longest:
+        return plain
+    cost = _squared_distances(start, goals, separation)
+    cost[length > BOTTLENECK_SLACK * least] = 1e3 * float(cost.max()) + 1.0
+    places = _least_sum(cost)
+    kept = line_separation(start, goals[places], separation)
+    if kept < min(plain.line_separation, separation.distance):
+        return plain
+    return Assignment(
+        places,
+        kept,
+        f"least sum of squared distances with no move over {least:.2f} m "
+        f"+ {BOTTLENECK_SLACK - 1.0:.0%}",
+    )
+
+
+def _bottleneck(length: FloatArray) -> float:
+    """Least possible longest move [m], by bisection over perfect matchings."""
+    from scipy.sparse import csr_matrix  # noqa: PLC0415 - slow to import
+    from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415
+
+    candidates = np.unique(length)
+    floor = max(length.min(axis=0).max(), length.min(axis=1).max())
+    low, high = int(np.searchsorted(candidates, floor)), candidates.size - 1
+    while low < high:
+        middle = (low + high) // 2
+        allowed = csr_matrix(length <= candidates[middle])
+        matching = maximum_bipartite_matching(allowed, perm_type="column")
+        if np.all(matching >= 0):
+            high = middle
+        else:
+            low = middle + 1
+    return float(candidates[low])

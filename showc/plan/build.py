@@ -1,0 +1,323 @@
+"""From the show to its itinerary: launch, transitions with their holds, landing.
+
+Transitions of groups that stand next to each other in the script and share no drone
+are flown together, as one leg with one common time; drones of no group hover.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import PlanError
+from showc.plan.assignment import Assignment, assign, in_order
+from showc.plan.itinerary import Itinerary, Leg
+from showc.script.show import Formation
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.plan.itinerary import LegKind
+    from showc.script.show import Mark, Show, Transition
+    from showc.vehicle import Limits
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+PARKED = -1
+"""Place of a drone that has none in the formation."""
+
+
+def build_itinerary(show: Show) -> Itinerary:
+    """Lay out all legs of ``show`` and give out the places.
+
+    Raises
+    ------
+    PlanError
+        If a formation does not have a place, or a parking place, for each drone that
+        is to go there.
+    """
+    builder = _Builder(show)
+    builder.launch()
+    for chapter in chapters(show):
+        builder.chapter(chapter)
+    builder.land()
+    formations = {**show.formations, **builder.added}
+    return Itinerary(replace(show, formations=formations), tuple(builder.legs))
+
+
+def chapters(show: Show) -> list[list[int]]:
+    """Transitions (by index) that are flown together, in order.
+
+    A transition of the whole fleet is a chapter of its own; consecutive transitions of
+    groups share a chapter while no drone is in two of them.
+    """
+    result: list[list[int]] = []
+    busy: set[int] = set()
+    for index, transition in enumerate(show.transitions):
+        if transition.group is None:
+            result.append([index])
+            busy = set(range(show.drones))
+            continue
+        members = set(show.groups[transition.group])
+        if not result or busy & members:
+            result.append([index])
+            busy = set(members)
+        else:
+            result[-1].append(index)
+            busy |= members
+    return result
+
+
+class _Builder:
+    """Carries where every drone is while the legs are laid out one by one."""
+
+    def __init__(self, show: Show) -> None:
+        self.show = show
+        self.legs: list[Leg] = []
+        self.added: dict[str, Formation] = {}
+        self.fleet = _frozen(np.arange(show.drones))
+        self.formation = show.pads
+        self.places = self.fleet
+        self.position = np.array(show.formations[show.pads].points[: show.drones])
+        self.colours = np.zeros((show.drones, 3))
+        self.parking = np.full(show.drones, PARKED)
+
+    def launch(self) -> None:
+        """Straight up from the pads."""
+        launch = self.show.launch
+        above = self._raised(f"above {self.show.pads}", launch.altitude)
+        limits = self.show.limits.with_vertical_speed(
+            launch.climb_speed, launch.climb_speed
+        )
+        self._move(
+            "launch", "launch", above, Assignment(self.fleet, np.inf, ""), limits=limits
+        )
+        self._hold("launch", launch.hold)
+
+    def chapter(self, indices: Sequence[int]) -> None:
+        """One transition of the fleet, or several of groups at once, and the hold."""
+        transitions = [self.show.transitions[index] for index in indices]
+        if transitions[0].group is None:
+            formation, given = self._whole_fleet(transitions[0])
+        else:
+            formation, given = self._groups(transitions)
+        durations = [t.duration for t in transitions if t.duration is not None]
+        name = " + ".join(transition.name for transition in transitions)
+        mark, index = transitions[0].mark, indices[0]
+        self._move(
+            "transition",
+            name,
+            formation,
+            given,
+            duration=max(durations) if durations else None,
+            mark=mark,
+            transition=index,
+        )
+        hold = max(transition.hold for transition in transitions)
+        self._hold(name, hold, mark, index)
+
+    def land(self) -> None:
+        """To above the pads, and straight down."""
+        landing = self.show.landing
+        above = self._raised(f"above {self.show.pads} to land", landing.altitude)
+        choose = assign if landing.assignment == "optimal" else in_order
+        given = choose(self.position, above.points, self.show.separation)
+        if landing.assignment == "fixed":
+            given = replace(given, reason="every drone to its own pad")
+        self._move("approach", "approach to the pads", above, given)
+        self._hold("approach to the pads", landing.hold)
+        limits = self.show.limits.with_vertical_speed(
+            landing.descent_speed, landing.descent_speed
+        )
+        pads = self.show.formations[self.show.pads]
+        down = Assignment(self.places, np.inf, "")
+        self._move("land", "land", pads, down, limits=limits)
+
+    def _raised(self, name: str, height: float) -> Formation:
+        pads = self.show.formations[self.show.pads]
+        points = np.array(pads.points[: self.show.drones])
+        points[:, 2] += height
+        colours = np.zeros_like(points)
+        formation = Formation(name, _frozen(points), _frozen(colours), pads.mark)
+        self.added[name] = formation
+        return formation
+
+    def _whole_fleet(self, transition: Transition) -> tuple[Formation, Assignment]:
+        formation = self.show.formations[transition.to]
+        return formation, self._give(transition, formation, self.fleet)
+
+    def _groups(
+        self, transitions: Sequence[Transition]
+    ) -> tuple[Formation, Assignment]:
+        """Join the goals of all groups into one formation with a place per drone."""
+        points, colours = self.position.copy(), self.colours.copy()
+        reasons = []
+        for transition in transitions:
+            members = np.asarray(self.show.groups[str(transition.group)])
+            formation = self.show.formations[transition.to]
+            given = self._give(transition, formation, members)
+            points[members] = self._goals(formation, given.places, members)
+            shown = (
+                formation.colours if transition.colours is None else transition.colours
+            )
+            placed = given.places != PARKED
+            colours[members[placed]] = shown[given.places[placed]]
+            colours[members[~placed]] = 0.0
+            reasons.append(given.reason)
+        name = " + ".join(f"{t.group} in {t.to}" for t in transitions)
+        effects = [t.effect or self.show.formations[t.to].effect for t in transitions]
+        joined = Formation(
+            name, _frozen(points), _frozen(colours), transitions[0].mark, effects[0]
+        )
+        self.added[name] = joined
+        return joined, Assignment(self.fleet, np.inf, "; ".join(dict.fromkeys(reasons)))
+
+    def _give(
+        self, transition: Transition, formation: Formation, members: IntArray
+    ) -> Assignment:
+        """Give out the places of ``formation``, and parking places to the rest."""
+        start = self.position[members]
+        drones, places = members.size, formation.points.shape[0]
+        choose = assign if transition.assignment == "optimal" else in_order
+        separation = self.show.separation
+        self.parking[members] = PARKED
+        if places == drones:
+            return choose(start, formation.points, separation)
+        mark = transition.mark
+        where = f"{mark.path}:{mark.line}:{mark.column}: formation {formation.name!r}"
+        found = f"{where} has {places} places for {drones} drones"
+        if places > drones:
+            raise PlanError(f"{found}; take places away, or send more drones")
+        if self.show.parking is None:
+            raise PlanError(
+                f"{found}; name a formation in 'parking' where the other "
+                f"{drones - places} wait"
+            )
+        spots = self.show.formations[self.show.parking].points
+        free = np.setdiff1d(np.arange(spots.shape[0]), self.parking)
+        if free.size < drones - places:
+            raise PlanError(
+                f"{found}; the parking formation {self.show.parking!r} has "
+                f"{free.size} free places, {drones - places} are needed: add places"
+            )
+        goals = np.concatenate([formation.points, spots[free]])
+        if transition.assignment == "optimal":
+            given = assign(start, goals, separation, required=places)
+        else:
+            given = in_order(start, goals, separation)
+        outside = given.places >= places
+        self.parking[members[outside]] = free[given.places[outside] - places]
+        return replace(given, places=np.where(outside, PARKED, given.places))
+
+    def _goals(
+        self, formation: Formation, places: IntArray, members: IntArray
+    ) -> FloatArray:
+        """Positions of ``places``, parking places for those that have none."""
+        goals = np.array(formation.points[np.maximum(places, 0)])
+        outside = places == PARKED
+        if outside.any():
+            spots = self.show.formations[str(self.show.parking)].points
+            goals[outside] = spots[self.parking[members[outside]]]
+        return goals
+
+    def _move(
+        self,
+        kind: LegKind,
+        name: str,
+        formation: Formation,
+        given: Assignment,
+        *,
+        limits: Limits | None = None,
+        duration: float | None = None,
+        mark: Mark | None = None,
+        transition: int | None = None,
+    ) -> None:
+        places = _frozen(given.places.copy())
+        goal = self._goals(formation, places, self.fleet)
+        colours = formation.colours
+        if transition is not None:
+            override = self.show.transitions[transition].colours
+            if override is not None and formation.name not in self.added:
+                colours = override
+        self._append(
+            kind=kind,
+            name=name,
+            goal=goal,
+            to_formation=formation.name,
+            places=places,
+            limits=limits or self.show.limits,
+            duration=duration,
+            mark=mark,
+            transition=transition,
+            assignment=given.reason,
+        )
+        self.formation, self.places, self.position = formation.name, places, goal
+        self.colours = np.where(
+            (places == PARKED)[:, None], 0.0, colours[np.maximum(places, 0)]
+        )
+
+    def _hold(
+        self,
+        name: str,
+        duration: float,
+        mark: Mark | None = None,
+        transition: int | None = None,
+    ) -> None:
+        if duration > 0.0:
+            self._append(
+                kind="hold",
+                name=f"hold after {name}",
+                goal=self.position,
+                to_formation=self.formation,
+                places=self.places,
+                limits=self.show.limits,
+                duration=duration,
+                mark=mark,
+                transition=transition,
+                assignment="",
+            )
+
+    def _append(
+        self,
+        *,
+        kind: LegKind,
+        name: str,
+        goal: FloatArray,
+        to_formation: str,
+        places: IntArray,
+        limits: Limits,
+        duration: float | None,
+        mark: Mark | None,
+        transition: int | None,
+        assignment: str,
+    ) -> None:
+        index = len(self.legs)
+        self.legs.append(
+            Leg(
+                index=index,
+                name=name,
+                kind=kind,
+                drones=self.fleet,
+                start=_frozen(self.position.copy()),
+                goal=_frozen(goal.copy()),
+                from_formation=self.formation,
+                to_formation=to_formation,
+                places=places,
+                limits=limits,
+                duration=None if duration is None else round(duration, 3),
+                after=(index - 1,) if index else (),
+                mark=mark,
+                transition=transition,
+                assignment=assignment,
+            )
+        )
+
+
+def _frozen(array: NDArray) -> NDArray:  # type: ignore[type-arg]
+    array.setflags(write=False)
+    return array
