@@ -1,1 +1,95 @@
-"""showc.cli."""
+"""The command line: one verb a module, each importing what it needs when it runs."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import ClassVar
+
+import click
+
+from showc._version import __version__
+
+
+class Verbs(click.Group):
+    """Finds a verb's module when the verb is asked for: ``--help`` stays quick."""
+
+    summaries: ClassVar[dict[str, str]] = {
+        "init": "Write a first show script to start from.",
+        "check": "Validate show scripts, without solving anything.",
+        "plan": "Say what compile would solve, and bounds on each transition's time.",
+        "compile": "Turn a show script into missions and a trajectory log.",
+        "verify": "Prove a compiled show again, from its bytes alone.",
+        "view": "Make a page that plays the show in any browser.",
+        "report": "Make the page for the person who signs the show off.",
+        "diff": "Compare two compiled shows.",
+        "upload": "Put missions onto vehicles, read them back, keep a record.",
+        "stream": "Fly the trajectories themselves as timed setpoints.",
+        "compare": "Hold what was flown against the plan.",
+        "explain": "Explain a diagnostic code such as SHW201.",
+        "schema": "Print the JSON Schema of show scripts.",
+        "completion": "Print the completion script for a shell.",
+    }
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Verbs in the order in which a show is made."""
+        del ctx
+        return list(self.summaries)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the verb's module; its command has the module's name."""
+        del ctx
+        if cmd_name not in self.summaries:
+            return None
+        module = import_module(f"showc.cli.{cmd_name}")
+        command = module.command
+        assert isinstance(command, click.Command)  # noqa: S101 - ours
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Answer a mistyped verb with the nearest one."""
+        name = args[0] if args else ""
+        if name and not name.startswith("-") and name not in self.summaries:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, self.summaries, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise click.UsageError(
+                f"there is no verb {name!r}{hint} (showc --help lists them)", ctx
+            )
+        return super().resolve_command(ctx, args)
+
+    def format_commands(
+        self, ctx: click.Context, formatter: click.HelpFormatter
+    ) -> None:
+        """List the verbs from the table, importing none of them."""
+        del ctx
+        with formatter.section("Verbs"):
+            formatter.write_dl(list(self.summaries.items()))
+
+
+@click.command(
+    cls=Verbs,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
+)
+@click.version_option(__version__, "--version", message="showc %(version)s")
+def showc() -> None:
+    """Compile drone light shows.
+
+    A show script (YAML) lists formations and transitions. showc solves every
+    transition as a minimum-time optimal control problem on the full quadrotor model,
+    proves that the drones keep apart at every instant, and writes MAVLink mission
+    files and a trajectory log.
+
+    \b
+      showc init my-show.yaml        start a script
+      showc check my-show.yaml       is it sound?
+      showc compile my-show.yaml     output.mcap, output/missions, output/manifest.json
+      showc verify output.mcap       prove it from the bytes
+      showc view output.mcap         look at it
+
+    Exit codes: 0 fine; 1 findings (a rule of the show is broken, a transition has no
+    solution, verify failed); 2 wrong usage, unreadable or damaged input; 70 a fault of
+    showc itself; 130 interrupted.
+    """

@@ -97,10 +97,10 @@ def write_file(path: Path, content: bytes) -> None:
                 stream.write(content)
                 _flush(stream)
             Path(name).chmod(0o666 & ~_umask())
-            os.replace(name, path)
+            Path(name).replace(path)
         except BaseException:
             with suppress(OSError):
-                os.unlink(name)
+                Path(name).unlink()
             raise
     except OSError as error:
         raise _unwritable(path, error) from error
@@ -112,17 +112,17 @@ def _exchange(
     """Swap old for new; whatever interrupts it, the old comes back."""
     had_folder = folder.exists()
     if had_folder:
-        os.rename(folder, former)
+        folder.rename(former)
     try:
-        os.rename(new_folder, folder)
+        new_folder.rename(folder)
         try:
-            os.replace(new_log, log)
+            new_log.replace(log)
         except BaseException:
-            os.rename(folder, new_folder)
+            folder.rename(new_folder)
             raise
     except BaseException:
         if had_folder:
-            os.rename(former, folder)
+            former.rename(folder)
         raise
 
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.flight import Certificate, Flight
-    from showc.script.show import Show
 
 FORMAT_VERSION = 1
 """Version of the manifest's format."""
@@ -35,20 +34,6 @@ def versions() -> dict[str, str]:
     }
 
 
-def fleet_token(show: Show, options: Mapping[str, Any]) -> str:
-    """One word that all files of one compile share, and no two compiles differ in.
-
-    A hash of script, inputs, versions and options.
-    """
-    state = {
-        "script": sha256(show.source.content),
-        "inputs": {name: sha256(data) for name, data in show.source.inputs.items()},
-        "versions": versions(),
-        "options": dict(options),
-    }
-    return sha256(json.dumps(state, sort_keys=True, default=str).encode())[:16]
-
-
 def build_manifest(
     flight: Flight,
     *,
@@ -63,7 +48,7 @@ def build_manifest(
     flight
         What was solved.
     token
-        From :func:`fleet_token`.
+        One word that all files of one compile share, and no two compiles share.
     missions
         What the mission stage says of its files: autopilot, start, prediction.
     files

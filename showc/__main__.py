@@ -1,0 +1,65 @@
+"""``python -m showc`` and the ``showc`` command: faults become messages here.
+
+A fault that the user can mend is one message and an exit code. A fault of our own
+says so, leaves a file to report, and ends with 70 (sysexits' EX_SOFTWARE).
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from pathlib import Path
+
+import click
+
+from showc._version import __version__
+from showc.cli import showc
+from showc.errors import ShowError
+
+EXIT_INTERRUPTED = 130
+EXIT_INTERNAL = 70
+REPORT = Path("showc-crash.txt")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and end the process with its exit code."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command line and return its exit code; nothing escapes."""
+    try:
+        result = showc.main(arguments, prog_name="showc", standalone_mode=False)
+    except click.exceptions.Abort:
+        click.echo("showc: interrupted; former files are whole", err=True)
+        return EXIT_INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except ShowError as error:
+        click.echo(f"{click.style('error', fg='red', bold=True)}: {error}", err=True)
+        return error.exit_code
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    except Exception:  # noqa: BLE001 - the last resort for faults of our own
+        return _own_fault(arguments)
+    return result if isinstance(result, int) else 0
+
+
+def _own_fault(arguments: list[str]) -> int:
+    report = (
+        f"showc {__version__}, Python {sys.version.split()[0]}, {sys.platform}\n"
+        f"arguments: {arguments}\n\n{traceback.format_exc()}"
+    )
+    try:
+        REPORT.write_text(report, encoding="utf-8")
+        where = f"please report it with the file {str(REPORT)!r}"
+    except OSError:
+        where = f"please report it:\n{report}"
+    click.echo(f"showc: internal error, not a fault of your show; {where}", err=True)
+    return EXIT_INTERNAL
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""``showc check``: validate show scripts, without a solver."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+FORMATS = ("text", "json", "sarif", "github", "junit")
+
+
+@click.command(name="check")
+@click.argument("scripts", nargs=-1, required=True, metavar="SHOW.yaml...")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(FORMATS),
+    default="text",
+    help="How to print the findings.  [default: text]",
+)
+@click.option("--json", "style", flag_value="json", help="Short for --format json.")
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the findings to a file instead of standard output.",
+)
+@click.option("--strict", is_flag=True, help="Count warnings as errors.")
+@click.option(
+    "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
+)
+@click.option("--ignore", multiple=True, metavar="CODE", help="Not these codes.")
+@click.option("--exit-zero", is_flag=True, help="End with 0 whatever is found.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing when all is well.")
+def command(
+    scripts: tuple[str, ...],
+    style: str,
+    output: Path | None,
+    strict: bool,
+    select: tuple[str, ...],
+    ignore: tuple[str, ...],
+    exit_zero: bool,
+    quiet: bool,
+) -> int:
+    """Validate show scripts.
+
+    Reads each SHOW.yaml and every file it names, and reports all findings at once, each
+    with file, line and column: syntax, keys, units, ranges, references, spacing of
+    formations, flight volume. Nothing is solved; a script takes a fraction of a second.
+
+    A finding on a line that ends in "# showc: ignore[SHW203] why" is left out.
+
+    \b
+      showc check shows/*.yaml
+      showc check --strict --format github shows/*.yaml     in a CI job
+      showc check --format sarif --output findings.sarif shows/grid.yaml
+    """
+    from showc.cli.console import colour_wanted
+    from showc.pipeline.artifact import write_file
+    from showc.script import Severity, load_show
+    from showc.script.diagnostic import select_diagnostics
+    from showc.script.render import render
+
+    results = [load_show(script) for script in scripts]
+    found = select_diagnostics(
+        [diagnostic for result in results for diagnostic in result.diagnostics],
+        select=select,
+        ignore=ignore,
+        strict=strict,
+    )
+    sources = {result.path: result.text for result in results}
+    colour = style == "text" and output is None and colour_wanted(sys.stdout)
+    text = render(found, sources, style, colour=colour)
+    if output is not None:
+        write_file(output, text.encode())
+    elif style != "text":
+        click.echo(text.rstrip("\n"))
+    elif text.strip():
+        click.echo(text.rstrip("\n"), color=colour)
+    if style == "text" and not found and not quiet:
+        many = f"{len(results)} scripts" if len(results) > 1 else results[0].path
+        click.echo(f"{many}: no findings")
+    if exit_zero:
+        return 0
+    if any(result.unreadable for result in results):
+        return 2
+    return int(any(item.severity == Severity.ERROR for item in found))

@@ -1,0 +1,212 @@
+"""``showc compile``: a show script into missions and a trajectory log."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from showc.pipeline.compile import Compiled
+
+
+class UtcTime(click.ParamType[datetime]):
+    """A time such as 2026-06-01T20:00:00Z; without a zone it is taken as UTC."""
+
+    name = "time"
+
+    def convert(
+        self,
+        value: str | datetime,
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> datetime:
+        """Parse ISO 8601."""
+        if isinstance(value, datetime):
+            return value
+        try:
+            time = datetime.fromisoformat(value)
+        except ValueError:
+            self.fail(
+                f"{value!r} is no time; wanted one such as 2026-06-01T20:00:00Z",
+                param,
+                ctx,
+            )
+        if time.microsecond:
+            self.fail(f"{value!r} has a fraction of a second; use whole ones")
+        return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+
+
+@click.command(name="compile")
+@click.argument("script", metavar="SHOW.yaml")
+@click.option(
+    "-o",
+    "--output",
+    "log",
+    default="output.mcap",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH.mcap",
+    help="Where to put the log; missions and manifest go into the folder PATH/.  "
+    "[default: output.mcap]",
+)
+@click.option(
+    "--start",
+    type=UtcTime(),
+    help="UTC time at which the missions begin (2026-06-01T20:00:00Z).  Without it the "
+    "missions have relative delays only.",
+)
+@click.option(
+    "--autopilot",
+    type=click.Choice(["ardupilot", "px4"]),
+    default="ardupilot",
+    help="Dialect of the missions.  [default: ardupilot]",
+)
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    help="Processes to solve in.  [default: one for each core]",
+)
+@click.option(
+    "--cluster",
+    metavar="tcp://HOST:PORT",
+    help="Solve on the workers of this Dask scheduler instead.",
+)
+@click.option("--no-cache", is_flag=True, help="Solve everything again.")
+@click.option(
+    "--cache-dir",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of solved transitions.  [default: showc in the user's cache folder]",
+)
+@click.option("--strict", is_flag=True, help="Do not compile a script with warnings.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+def command(
+    script: str,
+    log: Path,
+    start: datetime | None,
+    autopilot: str,
+    jobs: int | None,
+    cluster: str | None,
+    no_cache: bool,
+    cache_dir: Path | None,
+    strict: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Turn a show script into mission files and a trajectory log.
+
+    Solves every transition in the least time that the aircraft's dynamics, limits and
+    the separation allow, and writes
+
+    \b
+      PATH.mcap                           trajectory log, exact and sampled
+      PATH/manifest.json                  what was made from what, and how good it is
+      PATH/missions/drone_0001.waypoints  a mission for each drone
+
+    All or nothing: if anything fails, or is interrupted, the former files stay whole.
+    Transitions solved before are taken from a cache.
+
+    \b
+      showc compile shows/grid.yaml
+      showc compile my-show.yaml -o night.mcap --start 2026-06-01T20:00:00Z
+    """
+    from showc.cli.console import colour_wanted, progress
+    from showc.pipeline.compile import (
+        CompileOptions,
+        RejectedScriptError,
+        compile_script,
+    )
+    from showc.script.render import render
+    from showc.solve.options import SolveOptions
+
+    solve = SolveOptions(
+        jobs=jobs, cluster=cluster, cache=cache_dir, use_cache=not no_cache
+    )
+    options = CompileOptions(
+        solve=solve,
+        start=start,
+        autopilot="px4" if autopilot == "px4" else "ardupilot",
+        strict=strict,
+    )
+    try:
+        with progress(quiet=quiet or as_json) as watcher:
+            compiled = compile_script(script, log, options, watcher)
+    except RejectedScriptError as rejected:
+        result = rejected.result
+        style = "json" if as_json else "text"
+        colour = not as_json and colour_wanted(sys.stderr)
+        text = render(
+            result.diagnostics, {result.path: result.text}, style, colour=colour
+        )
+        click.echo(text.rstrip("\n"), err=not as_json, color=colour)
+        return result.exit_code(strict=strict) or 1
+    if as_json:
+        click.echo(json.dumps(summary(compiled), indent=1))
+        return 0
+    if compiled.result.diagnostics and not quiet:
+        sources = {compiled.result.path: compiled.result.text}
+        text = render(compiled.result.diagnostics, sources, "text")
+        click.echo(text.rstrip("\n"), err=True)
+    click.echo(table(compiled))
+    return 0
+
+
+def summary(compiled: Compiled) -> dict[str, Any]:
+    """Machine-readable result: the paths, and the manifest."""
+    return {
+        "log": str(compiled.log),
+        "folder": str(compiled.folder),
+        "manifest": compiled.manifest,
+    }
+
+
+def table(compiled: Compiled) -> str:
+    """Result for people: a line a leg, and where everything lies."""
+    manifest = compiled.manifest
+    rows = [("leg", "starts", "takes", "bound", "over", "closest pair")]
+    for leg in manifest["segments"]:
+        certificate = leg["certificate"]
+        bound = certificate["single_drone_minimum"]
+        closest = certificate["closest"]
+        pair = (
+            "{} and {}: {:.2f} m".format(*closest["drones"], closest["distance"])
+            if closest
+            else ""
+        )
+        over = f"{100.0 * certificate['gap']:.1f} %" if bound > 0.0 else ""
+        rows.append(
+            (
+                leg["name"],
+                f"{leg['start']:.3f} s",
+                f"{leg['duration']:.3f} s",
+                f"{bound:.3f} s" if bound > 0.0 else "",
+                over,
+                pair,
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [
+            cell.rjust(width) for cell, width in zip(row[1:5], widths[1:5], strict=True)
+        ]
+        lines.append("  ".join([*cells, row[5]]).rstrip())
+    minutes, seconds = divmod(manifest["duration"], 60.0)
+    lines += [
+        "",
+        f"{manifest['show']['name']}: {manifest['drones']} drones, "
+        f"{int(minutes)} min {seconds:.1f} s, "
+        f"up to {manifest['greatest_height']:.1f} m high",
+        f"  log       {compiled.log}",
+        f"  missions  {compiled.folder / 'missions'}",
+        f"  manifest  {compiled.folder / 'manifest.json'}",
+    ]
+    lines += [f"  note: {warning}" for warning in compiled.warnings]
+    lines.append(f"next: showc verify {compiled.log}")
+    return "\n".join(lines)

@@ -1,0 +1,133 @@
+"""The terminal: where progress goes, and whether there is colour."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.progress import Progress as Bars
+    from rich.progress import TaskID
+
+    from showc.progress import Progress
+
+
+def colour_wanted(stream: Any) -> bool:  # noqa: ANN401 - any text stream
+    """Whether ``stream`` should be written in colour.
+
+    NO_COLOR forbids it, FORCE_COLOR demands it, TERM=dumb and anything that is no
+    terminal go without.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return bool(stream.isatty()) and os.environ.get("TERM") != "dumb"
+
+
+class PlainProgress:
+    """One line a stage on standard error, and now and then how far it is."""
+
+    def __init__(self, interval: float = 5.0) -> None:
+        self._interval = interval
+        self._title, self._total, self._done = "", None, 0
+        self._spoken = self._begun = time.monotonic()
+
+    def stage(self, title: str, total: int | None = None) -> None:
+        """Say the title."""
+        self._title, self._total, self._done = title, total, 0
+        self._spoken = self._begun = time.monotonic()
+        click.echo(title, err=True)
+
+    def advance(self, steps: int = 1) -> None:
+        """Say how far the stage is, at most every few seconds."""
+        self._done += steps
+        now = time.monotonic()
+        if now - self._spoken >= self._interval:
+            self._spoken = now
+            click.echo(f"  {self._title}: {self._figures(now)}", err=True)
+
+    def note(self, text: str) -> None:
+        """Say it."""
+        click.echo(f"  {text}", err=True)
+
+    def _figures(self, now: float) -> str:
+        if not self._total:
+            return f"{self._done} done"
+        elapsed = now - self._begun
+        left = elapsed * (self._total - self._done) / max(self._done, 1)
+        return f"{self._done} of {self._total}, about {max(left, 0.0):.0f} s left"
+
+
+class BarProgress:
+    """A bar a stage on a terminal."""
+
+    def __init__(self, bars: Bars) -> None:
+        self._bars = bars
+        self._task: TaskID | None = None
+
+    def stage(self, title: str, total: int | None = None) -> None:
+        """Finish the bar before, begin a new one."""
+        self.finish()
+        self._task = self._bars.add_task(title, total=total)
+
+    def advance(self, steps: int = 1) -> None:
+        """Move the bar."""
+        if self._task is not None:
+            self._bars.advance(self._task, steps)
+
+    def note(self, text: str) -> None:
+        """Print above the bars."""
+        self._bars.console.print(f"  {text}", highlight=False, markup=False)
+
+    def finish(self) -> None:
+        """Fill the present bar."""
+        if self._task is not None:
+            task = self._bars.tasks[-1]
+            self._bars.update(
+                self._task,
+                total=task.total if task.total is not None else 1,
+                completed=task.total if task.total is not None else 1,
+            )
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[Progress]:
+    """Give long work something to report to.
+
+    Bars on a terminal, plain lines elsewhere, silence if ``quiet``; always on standard
+    error, so that standard output is the result alone.
+    """
+    from showc.progress import Silent
+
+    if quiet:
+        yield Silent()
+    elif colour_wanted(sys.stderr) and sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=Console(stderr=True)) as bars:
+            watcher = BarProgress(bars)
+            yield watcher
+            watcher.finish()
+    else:
+        yield PlainProgress()

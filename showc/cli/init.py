@@ -1,0 +1,33 @@
+"""``showc init``: a first show script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="init")
+@click.argument(
+    "script",
+    default="show.yaml",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="[SHOW.yaml]",
+)
+@click.option("--name", default="My first show", help="Title of the show.")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+def command(script: Path, name: str, force: bool) -> int:
+    """Write a first show script to start from, with every idea once and explained.
+
+    \b
+      showc init my-show.yaml
+    """
+    from showc.errors import UsageError
+    from showc.pipeline.artifact import write_file
+    from showc.script.template import template_text
+
+    if script.exists() and not force:
+        raise UsageError(f"{str(script)!r} exists; choose another name, or use --force")
+    write_file(script, template_text(name).encode())
+    click.echo(f"wrote {script}; next: showc check {script}")
+    return 0

@@ -1,0 +1,22 @@
+"""``showc schema``: the JSON Schema of show scripts."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command(name="schema")
+def command() -> int:
+    """Print the JSON Schema of show scripts.
+
+    An editor with YAML support completes and checks scripts by it. The first line of a
+    script names it:
+
+    \b
+      # yaml-language-server: $schema=show.schema.json
+      showc schema > show.schema.json
+    """
+    from showc.script.schema import schema_text
+
+    click.echo(schema_text().rstrip("\n"))
+    return 0

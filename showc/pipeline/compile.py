@@ -1,0 +1,130 @@
+"""From the path of a script to the artifact on disk: every stage, in order."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from showc.errors import ShowError
+from showc.pipeline.artifact import folder_of, place
+from showc.pipeline.manifest import build_manifest
+from showc.progress import Silent
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+    from typing import BinaryIO
+
+    from showc.flight import Flight
+    from showc.progress import Progress
+    from showc.script import LoadResult
+    from showc.solve import SolveOptions
+
+
+class RejectedScriptError(ShowError):
+    """The script has findings that forbid compiling it; ``result`` has them all."""
+
+    def __init__(self, result: LoadResult) -> None:
+        super().__init__(f"{result.path} has findings")
+        self.result = result
+
+
+@dataclass(frozen=True, slots=True)
+class CompileOptions:
+    """What a user may choose about a compile, beyond the script."""
+
+    solve: SolveOptions
+    """How to solve."""
+    start: datetime | None = None
+    """UTC time at which the missions begin; None: relative delays only."""
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Dialect of the missions."""
+    strict: bool = False
+    """Whether warnings about the script forbid compiling it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compiled:
+    """What a compile made."""
+
+    log: Path
+    """The trajectory log."""
+    folder: Path
+    """Its folder, with ``manifest.json`` and ``missions/``."""
+    manifest: dict[str, Any]
+    """Content of the manifest."""
+    flight: Flight
+    """What was solved."""
+    result: LoadResult
+    """The script and its warnings."""
+    warnings: tuple[str, ...] = field(default=())
+    """What the missions cannot carry, and other things worth knowing."""
+
+
+def compile_script(
+    script: Path | str,
+    log: Path,
+    options: CompileOptions,
+    progress: Progress | None = None,
+) -> Compiled:
+    """Compile ``script`` to the log at ``log`` and the folder beside it.
+
+    All or nothing: on any error the former log and folder are whole.
+
+    Raises
+    ------
+    RejectedScriptError
+        If the script has errors (or warnings, if ``options.strict``).
+    PlanError, SolveError, ExportError
+        If the show cannot be flown, or does not fit the mission files.
+    UsageError
+        If a file cannot be read or written.
+    """
+    from showc.light import LightProgram  # noqa: PLC0415 - heavy, and not for check
+    from showc.log import write_log  # noqa: PLC0415
+    from showc.mission import mission_files  # noqa: PLC0415
+    from showc.plan import build_itinerary  # noqa: PLC0415
+    from showc.script import load_show  # noqa: PLC0415
+    from showc.solve import solve_itinerary  # noqa: PLC0415
+
+    watcher = progress or Silent()
+    folder = folder_of(log)
+    result = load_show(script)
+    if result.show is None or result.exit_code(strict=options.strict):
+        raise RejectedScriptError(result)
+    itinerary = build_itinerary(result.show)
+    flight = solve_itinerary(itinerary, options.solve, watcher)
+    watcher.stage("missions")
+    missions = mission_files(
+        flight, start=options.start, autopilot=options.autopilot, progress=watcher
+    )
+    described = {
+        "autopilot": options.autopilot,
+        "start": None if options.start is None else options.start.isoformat(),
+        "warnings": list(missions.warnings),
+        "prediction": missions.prediction,
+    }
+    manifest = build_manifest(
+        flight, token=missions.fleet_token, missions=described, files=missions.files
+    )
+    watcher.stage("log")
+
+    def write(stream: BinaryIO) -> None:
+        write_log(
+            flight,
+            stream,
+            manifest=manifest,
+            lights=LightProgram.from_flight(flight),
+            predicted=missions.predicted,
+        )
+
+    place(log, write, {**missions.files, "manifest.json": manifest})
+    return Compiled(
+        log=log,
+        folder=folder,
+        manifest=json.loads(manifest),
+        flight=flight,
+        result=result,
+        warnings=missions.warnings,
+    )
