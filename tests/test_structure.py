@@ -1,0 +1,117 @@
+"""Data flows one way, and what must be light is light."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "showc"
+
+# What each part may import, besides itself and third-party libraries.
+FOUNDATION = {"errors", "_version", "progress", "trajectory"}
+MAY_IMPORT = {
+    "_version": set(),
+    "errors": set(),
+    "progress": set(),
+    "trajectory": set(),
+    "vehicle": FOUNDATION,
+    "script": FOUNDATION | {"vehicle"},
+    "plan": FOUNDATION | {"vehicle", "script"},
+    "flight": FOUNDATION | {"vehicle", "script", "plan"},
+    "ocp": FOUNDATION,
+    "solve": FOUNDATION | {"vehicle", "script", "plan", "flight", "ocp"},
+    "light": FOUNDATION | {"vehicle", "script", "plan", "flight"},
+    "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light"},
+    "mission": FOUNDATION | {"vehicle", "script", "plan", "flight", "light", "log"},
+    "view": FOUNDATION | {"vehicle", "log"},
+    "pipeline": FOUNDATION
+    | {"vehicle", "script", "plan", "flight", "solve", "light", "log", "mission"},
+    "verify": {"errors", "_version", "log.showc_pb2"},
+}
+
+
+def imports(path):
+    """Modules of showc that a file imports, as dotted names without the package."""
+    package = path.relative_to(PACKAGE.parent).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(
+                package[: len(package) - node.level + 1] if node.level else ()
+            )
+            module = ".".join(part for part in (base, node.module) if part)
+            names = [f"{module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        yield from (
+            name.removeprefix("showc.") for name in names if name.startswith("showc.")
+        )
+
+
+def allowed(name, part):
+    if name.split(".")[0] == part or name == "__version__":
+        return True
+    return any(
+        name == other or name.startswith(f"{other}.") for other in MAY_IMPORT[part]
+    )
+
+
+@pytest.mark.parametrize("part", MAY_IMPORT)
+def test_imports_follow_the_data(part):
+    folder = PACKAGE / part
+    files = list(folder.rglob("*.py")) if folder.is_dir() else [PACKAGE / f"{part}.py"]
+    assert files
+    against = [
+        f"{path.relative_to(PACKAGE.parent)} imports showc.{name}"
+        for path in files
+        if not path.name.endswith("_pb2.py")
+        for name in imports(path)
+        if not allowed(name, part)
+    ]
+    assert against == []
+
+
+def test_every_part_has_a_rule():
+    parts = {
+        path.stem if path.is_file() else path.name
+        for path in PACKAGE.iterdir()
+        if path.suffix == ".py" or (path.is_dir() and (path / "__init__.py").exists())
+    }
+    assert parts - set(MAY_IMPORT) <= {"__init__", "__main__", "cli", "api"}
+
+
+def loaded(statement):
+    """Modules in memory after a statement, in a fresh interpreter."""
+    code = f"import sys\n{statement}\nprint('\\n'.join(sys.modules))"
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import showc.__main__",
+        "from showc.__main__ import run; run(['--help'])",
+        "from showc.__main__ import run; run(['check', 'shows/grid.yaml'])",
+    ],
+)
+def test_start_up_is_light(statement):
+    heavy = {"casadi", "scipy", "rich.progress", "pymavlink", "mcap"}
+    assert loaded(statement) & heavy == set()
+
+
+def test_verify_shares_no_code_with_the_planner():
+    ours = {name for name in loaded("import showc.verify") if name.startswith("showc")}
+    shared = {
+        name for name in ours if not name.startswith(("showc.verify", "showc.log"))
+    }
+    assert shared <= {"showc", "showc._version", "showc.errors"}
+    assert {name for name in ours if name.startswith("showc.log")} <= {
+        "showc.log",
+        "showc.log.showc_pb2",
+    }
