@@ -1,0 +1,217 @@
+"""The light program: which drone shows which colour when.
+
+A drone takes the colour of its place. Over a move the colour fades from the one it
+has to the one of the place it flies to (evenly in linear light, or at the start or
+the end of the move, as the script says). Over a hold it stays, or an effect plays.
+From the launch until the first picture, and from above the pads down, all is dark.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import tau
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from showc.light.colour import drive_bytes, full_hue, srgb_bytes
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from showc.flight import Flight
+    from showc.plan.itinerary import Leg
+    from showc.script.show import Effect, Show
+
+    FloatArray = NDArray[np.float64]
+    ByteArray = NDArray[np.uint8]
+
+EASE = 0.5
+"""Greatest time over which an effect sets in [s]; a quarter of the hold if shorter."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightSpan:
+    """The light of some drones over one leg."""
+
+    start: float
+    """Show time at which it begins [s]."""
+    duration: float
+    """How long it lasts [s]."""
+    drones: NDArray[np.int64]
+    """Which drones, counting from 0, shape (n,)."""
+    begin: FloatArray
+    """Their linear colours at the start, shape (n, 3)."""
+    end: FloatArray
+    """Their linear colours at the end, effects aside, shape (n, 3)."""
+    fade: str
+    """``linear``, ``start`` or ``end``: when the colour changes."""
+    effect: Effect | None
+    """Effect that plays over it."""
+    places: FloatArray
+    """Where the drones hover at the end, shape (n, 3), show frame [m]."""
+
+    def linear(self, time: FloatArray) -> FloatArray:
+        """Linear colours at show times (T,) within the span, shape (T, n, 3)."""
+        elapsed = np.clip(time - self.start, 0.0, self.duration)
+        if self.fade == "start":
+            share = (elapsed > 0.0).astype(np.float64)
+        elif self.fade == "end":
+            share = (elapsed >= self.duration).astype(np.float64)
+        else:
+            share = elapsed / self.duration
+        weight = share[:, None, None]
+        colours = (1.0 - weight) * self.begin + weight * self.end
+        if self.effect is None:
+            return np.asarray(colours)
+        ease = min(EASE, 0.25 * self.duration)
+        strength = np.clip(elapsed / ease, 0.0, 1.0)[:, None, None]
+        played = _play(self.effect, elapsed, self.places, colours)
+        return np.asarray((1.0 - strength) * colours + strength * played)
+
+
+def _play(
+    effect: Effect, elapsed: FloatArray, places: FloatArray, colours: FloatArray
+) -> FloatArray:
+    """Colours (T, n, 3) under ``effect`` at times (T,) since its start [s].
+
+    With turns w = t / period - (place . direction) / wavelength (pulses without the
+    second term), pulse and sweep dim to 1 - depth (1 - cos 2 pi w) / 2, and a rainbow
+    shows the hue w in the brightness of the colour it replaces.
+    """
+    turns = np.broadcast_to(
+        (elapsed / effect.period)[:, None], (elapsed.size, places.shape[0])
+    )
+    if effect.kind != "pulse":
+        axis = np.asarray(effect.direction)
+        turns = turns - places @ axis / effect.wavelength
+    if effect.kind == "rainbow":
+        brightness = colours.max(axis=-1, keepdims=True)
+        return np.asarray(full_hue(turns) * brightness)
+    dimming = 1.0 - effect.depth * (0.5 - 0.5 * np.cos(tau * turns))
+    return np.asarray(colours * dimming[..., None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightProgram:
+    """Colours of a whole fleet over a whole show."""
+
+    drones: int
+    """Size of the fleet."""
+    duration: float
+    """Length of the show [s]; dark before and after."""
+    spans: tuple[LightSpan, ...]
+    """In order of their start; those of one drone follow each other."""
+
+    @classmethod
+    def of(cls, flight: Flight) -> Self:
+        """Lay out the light of ``flight`` as its show describes it."""
+        show = flight.itinerary.show
+        present = np.zeros((show.drones, 3))
+        spans = []
+        for start, flown in zip(flight.starts, flight.legs, strict=True):
+            leg = flown.leg
+            holding = leg.kind == "hold"
+            begin = present[leg.drones]
+            span = LightSpan(
+                start=float(start),
+                duration=flown.duration,
+                drones=leg.drones,
+                begin=begin,
+                end=begin if holding else _place_colours(show, leg),
+                fade=_fade(show, leg),
+                effect=_effect(show, leg) if holding else None,
+                places=leg.goal,
+            )
+            spans.append(span)
+            # A fade starts from what an effect leaves, so that nothing jumps.
+            present[leg.drones] = span.linear(np.array([span.start + span.duration]))[0]
+        return cls(show.drones, flight.duration, tuple(spans))
+
+    def linear(self, times: ArrayLike) -> FloatArray:
+        """Linear light, 0 to 1, at show times (T,) [s]; shape (T, drones, 3).
+
+        Where one span ends and the next begins, the later one counts.
+        """
+        moment = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        colours = np.zeros((moment.size, self.drones, 3))
+        for span in self.spans:
+            inside = (moment >= span.start) & (moment <= span.start + span.duration)
+            if inside.any():
+                rows = np.flatnonzero(inside)
+                colours[np.ix_(rows, span.drones)] = span.linear(moment[rows])
+        return colours
+
+    def sample(self, times: ArrayLike) -> ByteArray:
+        """Linear LED drive values, 0 to 255, at ``times`` (T,) [s]: (T, drones, 3)."""
+        return drive_bytes(self.linear(times))
+
+    def srgb(self, times: ArrayLike) -> ByteArray:
+        """Screen (sRGB) bytes of the same light at ``times`` (T,) [s]."""
+        return srgb_bytes(self.linear(times))
+
+    def changes(
+        self, drone: int, *, step: float = 0.1, tolerance: int = 8
+    ) -> tuple[FloatArray, ByteArray]:
+        """Light of one drone as steps, for receivers that can only set a colour.
+
+        Parameters
+        ----------
+        drone
+            Counting from 0.
+        step
+            Shortest time between two changes within one span [s].
+        tolerance
+            Greatest difference of a drive value, of 255, that is let stand within a
+            span; the colour at the end of each span is met exactly.
+
+        Returns
+        -------
+        times, colours
+            Show times (n,) [s], increasing from 0, and the linear drive values (n, 3)
+            that hold from there on.
+        """
+        times, colours = [0.0], [np.zeros(3, dtype=np.uint8)]
+        for span in self.spans:
+            position = int(np.searchsorted(span.drones, drone))
+            if position == span.drones.size or span.drones[position] != drone:
+                continue
+            count = max(1, int(np.ceil(span.duration / step - 1e-9)))
+            moment = span.start + span.duration * np.arange(count + 1) / count
+            shown = drive_bytes(span.linear(moment)[:, position])
+            for index, colour in enumerate(shown):
+                limit = 0 if index in (0, count) else tolerance
+                if np.abs(colour.astype(int) - colours[-1]).max() > limit:
+                    if times[-1] == moment[index]:
+                        colours[-1] = colour
+                    else:
+                        times.append(float(moment[index]))
+                        colours.append(colour)
+        return np.array(times), np.array(colours)
+
+
+def _place_colours(show: Show, leg: Leg) -> FloatArray:
+    """Colours of the places that ``leg`` reaches, (n, 3); dark where parked."""
+    formation = show.formations[leg.to_formation]
+    colours = formation.colours
+    if leg.kind in ("launch", "approach", "land"):
+        return np.zeros((leg.drones.size, 3))
+    if leg.transition is not None:
+        transition = show.transitions[leg.transition]
+        if transition.colours is not None and transition.to == formation.name:
+            colours = transition.colours
+    parked = leg.places < 0
+    return np.where(parked[:, None], 0.0, colours[np.where(parked, 0, leg.places)])
+
+
+def _fade(show: Show, leg: Leg) -> str:
+    return "linear" if leg.transition is None else show.transitions[leg.transition].fade
+
+
+def _effect(show: Show, leg: Leg) -> Effect | None:
+    """Effect over a hold: the transition's, else the formation's."""
+    if leg.transition is not None:
+        effect = show.transitions[leg.transition].effect
+        if effect is not None:
+            return effect
+    return show.formations[leg.to_formation].effect
