@@ -12,6 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from showc.pipeline.compile import Compiled
+    from showc.script import LoadResult
 
 
 class UtcTime(click.ParamType[datetime]):
@@ -115,7 +116,7 @@ def command(
       showc compile shows/grid.yaml
       showc compile my-show.yaml -o night.mcap --start 2026-06-01T20:00:00Z
     """
-    from showc.cli.console import colour_wanted, progress
+    from showc.cli.console import progress
     from showc.pipeline.compile import (
         CompileOptions,
         RejectedScriptError,
@@ -137,14 +138,7 @@ def command(
         with progress(quiet=quiet or as_json) as watcher:
             compiled = compile_script(script, log, options, watcher)
     except RejectedScriptError as rejected:
-        result = rejected.result
-        style = "json" if as_json else "text"
-        colour = not as_json and colour_wanted(sys.stderr)
-        text = render(
-            result.diagnostics, {result.path: result.text}, style, colour=colour
-        )
-        click.echo(text.rstrip("\n"), err=not as_json, color=colour)
-        return result.exit_code(strict=strict) or 1
+        return reject(rejected.result, as_json=as_json, strict=strict)
     if as_json:
         click.echo(json.dumps(summary(compiled), indent=1))
         return 0
@@ -154,6 +148,22 @@ def command(
         click.echo(text.rstrip("\n"), err=True)
     click.echo(table(compiled))
     return 0
+
+
+def reject(result: LoadResult, *, as_json: bool, strict: bool) -> int:
+    """Print why a script cannot be compiled; return the exit code."""
+    from showc.cli.console import colour_wanted
+    from showc.script.render import render
+
+    colour = not as_json and colour_wanted(sys.stderr)
+    text = render(
+        result.diagnostics,
+        {result.path: result.text},
+        "json" if as_json else "text",
+        colour=colour,
+    )
+    click.echo(text.rstrip("\n"), err=not as_json, color=colour)
+    return result.exit_code(strict=strict) or 1
 
 
 def summary(compiled: Compiled) -> dict[str, Any]:
@@ -166,7 +176,7 @@ def summary(compiled: Compiled) -> dict[str, Any]:
 
 
 def table(compiled: Compiled) -> str:
-    """Result for people: a line a leg, and where everything lies."""
+    """Lay the result out for people: a line a leg, and where everything lies."""
     manifest = compiled.manifest
     rows = [("leg", "starts", "takes", "bound", "over", "closest pair")]
     for leg in manifest["segments"]:
@@ -200,9 +210,11 @@ def table(compiled: Compiled) -> str:
     minutes, seconds = divmod(manifest["duration"], 60.0)
     lines += [
         "",
-        f"{manifest['show']['name']}: {manifest['drones']} drones, "
-        f"{int(minutes)} min {seconds:.1f} s, "
-        f"up to {manifest['greatest_height']:.1f} m high",
+        (
+            f"{manifest['show']['name']}: {manifest['drones']} drones, "
+            f"{int(minutes)} min {seconds:.1f} s, "
+            f"up to {manifest['greatest_height']:.1f} m high"
+        ),
         f"  log       {compiled.log}",
         f"  missions  {compiled.folder / 'missions'}",
         f"  manifest  {compiled.folder / 'manifest.json'}",

@@ -81,8 +81,7 @@ def compile_script(
     UsageError
         If a file cannot be read or written.
     """
-    from showc.light import LightProgram  # noqa: PLC0415 - heavy, and not for check
-    from showc.log import write_log  # noqa: PLC0415
+    from showc.log import write_log  # noqa: PLC0415 - heavy, and not for check
     from showc.mission import mission_files  # noqa: PLC0415
     from showc.plan import build_itinerary  # noqa: PLC0415
     from showc.script import load_show  # noqa: PLC0415
@@ -115,8 +114,8 @@ def compile_script(
             flight,
             stream,
             manifest=manifest,
-            lights=LightProgram.from_flight(flight),
             predicted=missions.predicted,
+            progress=watcher,
         )
 
     place(log, write, {**missions.files, "manifest.json": manifest})

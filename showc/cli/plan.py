@@ -1,0 +1,57 @@
+"""``showc plan``: what compile would solve, and bounds before solving."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command(name="plan")
+@click.argument("script", metavar="SHOW.yaml")
+@click.option("--json", "as_json", is_flag=True, help="Print the plan as JSON.")
+@click.option(
+    "--cache-dir",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of solved transitions, as for compile.",
+)
+@click.option(
+    "--detailed-exitcode",
+    is_flag=True,
+    help="End with 3 if compile would solve anything.",
+)
+def command(
+    script: str, as_json: bool, cache_dir: Path | None, detailed_exitcode: bool
+) -> int:
+    """Say what compile would solve and why, and bounds on each transition's time.
+
+    Gives out the places and bounds every leg's time from below (a proof) and from
+    above (a straight flight that always exists), without solving anything.
+
+    \b
+      showc plan my-show.yaml
+    """
+    from showc.cli.compile import reject
+    from showc.pipeline.outlook import outlook
+    from showc.script import load_show
+    from showc.solve.options import SolveOptions
+
+    result = load_show(script)
+    if result.show is None:
+        return reject(result, as_json=as_json, strict=False)
+    legs = outlook(result.show, SolveOptions(cache=cache_dir))
+    pending = sum(leg.solve for leg in legs)
+    if as_json:
+        click.echo(
+            json.dumps({"pending": pending, "legs": [leg.to_json() for leg in legs]})
+        )
+    else:
+        width = max(len(leg.name) for leg in legs)
+        for leg in legs:
+            click.echo(
+                f"{leg.name:<{width}}  {leg.lower:8.3f} s to {leg.upper:8.3f} s  "
+                f"{leg.reason}"
+            )
+        click.echo(f"compile would solve {pending} of {len(legs)} legs")
+    return 3 if detailed_exitcode and pending else 0

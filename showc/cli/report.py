@@ -1,0 +1,69 @@
+"""``showc report``: the page for the person who signs the show off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="report")
+@click.argument(
+    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PAGE.html",
+    help="Where to put the page.  [default: OUTPUT-report.html]",
+)
+@click.option(
+    "--leg",
+    type=click.IntRange(min=0),
+    help="Draw this leg's solution instead: states, controls, margins, mesh.",
+)
+@click.option("--drone", type=click.IntRange(min=1), default=1, help="Drone for --leg.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+def command(
+    log: Path, output: Path | None, leg: int | None, drone: int, quiet: bool
+) -> int:
+    """Make the page for the person who signs the show off.
+
+    Verifies the log first, and shows what was proved: site map with fence, table of
+    transitions (time, bound, gap, smallest separation, greatest speed and tilt),
+    margins, mission prediction, hashes. Prints well.
+
+    \b
+      showc report output.mcap                   writes output-report.html
+      showc report output.mcap --leg 2 --drone 5    one drone's solution, as plots
+    """
+    from showc.cli.console import progress
+    from showc.errors import UsageError
+    from showc.log.reader import read_log
+    from showc.pipeline.artifact import write_file
+    from showc.verify import verify_log
+    from showc.view import render_leg, render_report
+
+    logged = read_log(log)
+    if leg is not None:
+        if leg >= len(logged.segments):
+            raise UsageError(
+                f"there is no leg {leg}; the log has legs 0 to "
+                f"{len(logged.segments) - 1}"
+            )
+        if drone > logged.rules.drones:
+            raise UsageError(
+                f"there is no drone {drone}; the fleet has {logged.rules.drones}"
+            )
+        page = output or log.with_name(f"{log.stem}-leg-{leg}-drone-{drone}.html")
+        write_file(page, render_leg(logged, leg, drone - 1).encode())
+        click.echo(f"wrote {page}; open it in a browser")
+        return 0
+    with progress(quiet=quiet) as watcher:
+        verification = verify_log(log, progress=watcher)
+    page = output or log.with_name(f"{log.stem}-report.html")
+    write_file(page, render_report(logged, verification.to_json()).encode())
+    verdict = "all is proved" if verification.exit_code == 0 else "verification FAILED"
+    click.echo(f"wrote {page} ({verdict}); open it in a browser")
+    return verification.exit_code
