@@ -10,6 +10,7 @@ from showc.errors import ShowError
 from showc.pipeline.artifact import folder_of, place
 from showc.pipeline.manifest import build_manifest
 from showc.progress import Silent
+from showc.solve.options import SolveOptions
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from showc.flight import Flight
     from showc.progress import Progress
     from showc.script import LoadResult
-    from showc.solve import SolveOptions
 
 
 class RejectedScriptError(ShowError):
@@ -34,7 +34,7 @@ class RejectedScriptError(ShowError):
 class CompileOptions:
     """What a user may choose about a compile, beyond the script."""
 
-    solve: SolveOptions
+    solve: SolveOptions = field(default_factory=SolveOptions)
     """How to solve."""
     start: datetime | None = None
     """UTC time at which the missions begin; None: relative delays only."""
@@ -65,7 +65,7 @@ class Compiled:
 def compile_script(
     script: Path | str,
     log: Path,
-    options: CompileOptions,
+    options: CompileOptions | None = None,
     progress: Progress | None = None,
 ) -> Compiled:
     """Compile ``script`` to the log at ``log`` and the folder beside it.
@@ -87,6 +87,7 @@ def compile_script(
     from showc.script import load_show  # noqa: PLC0415
     from showc.solve import solve_itinerary  # noqa: PLC0415
 
+    options = options or CompileOptions()
     watcher = progress or Silent()
     folder = folder_of(log)
     result = load_show(script)
