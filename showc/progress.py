@@ -9,10 +9,10 @@ class Progress(Protocol):
     """Receives the course of long work; the command line draws it."""
 
     def stage(self, title: str, total: int | None = None) -> None:
-        """A new stage begins, of ``total`` steps if that is known."""
+        """Begin a new stage, of ``total`` steps if that is known."""
 
     def advance(self, steps: int = 1) -> None:
-        """Steps of the present stage are done."""
+        """Count steps of the present stage as done."""
 
     def note(self, text: str) -> None:
         """Say something worth a line of its own."""
