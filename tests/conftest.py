@@ -1,0 +1,66 @@
+"""What all tests share: the shows compiled once, in a cache of the session's own."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SHOWS = sorted((ROOT / "shows").glob("*.yaml"))
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    """Cache folder shared by the whole session, over all worker processes."""
+    return tmp_path_factory.getbasetemp().parent / "showc-test-cache"
+
+
+@pytest.fixture(scope="session")
+def run_showc(cache):
+    """Run the command line in a process of its own."""
+
+    def run(*arguments, cwd=None, env=None, timeout=600):
+        environment = {**os.environ, "XDG_CACHE_HOME": str(cache), **(env or {})}
+        done = subprocess.run(
+            [sys.executable, "-m", "showc", *map(str, arguments)],
+            cwd=cwd,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        return Run(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def compiled(run_showc, tmp_path_factory):
+    """Compile a show of ``shows/`` once; return the path of its log."""
+    logs = {}
+
+    def compile_(name):
+        if name not in logs:
+            folder = tmp_path_factory.mktemp(name)
+            log = folder / f"{name}.mcap"
+            run = run_showc("compile", ROOT / "shows" / f"{name}.yaml", "-o", log)
+            assert run.code == 0, run.err
+            logs[name] = log
+        return logs[name]
+
+    return compile_

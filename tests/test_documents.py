@@ -1,0 +1,77 @@
+"""Every command in the documents runs, and every link leads somewhere."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "showc" / "docs").glob("*.md")])
+BLOCK = re.compile(
+    r"(?:<!-- file: (?P<file>\S+) -->\n)?```(?P<kind>\w*)\n(?P<text>.*?)```", re.DOTALL
+)
+LINK = re.compile(r"\]\((?!https?:|#)([^)#]+)")
+
+
+def blocks(document):
+    return list(BLOCK.finditer(document.read_text(encoding="utf-8")))
+
+
+def commands(document):
+    return [
+        line
+        for block in blocks(document)
+        if block["kind"] == "sh"
+        for line in block["text"].splitlines()
+        if line.strip() and not line.startswith("#")
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "document",
+    [document for document in DOCUMENTS if commands(document)],
+    ids=lambda document: document.name,
+)
+def test_commands_run(document, tmp_path, cache):
+    for name in ("shows", "Makefile", "pyproject.toml", "tests", "schemas", "showc"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for block in blocks(document):
+        if block["file"]:
+            (tmp_path / block["file"]).write_text(block["text"], encoding="utf-8")
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "XDG_CACHE_HOME": str(cache),
+    }
+    for line in commands(document):
+        words = shlex.split(line)
+        if words[0] == "make":  # building the environment again would prove little
+            words.insert(1, "--dry-run")
+        run = subprocess.run(
+            words, cwd=tmp_path, env=environment, capture_output=True, text=True,
+            timeout=600, check=False,
+        )  # fmt: skip
+        assert run.returncode == 0, f"$ {line}\n{run.stdout}\n{run.stderr}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_links_lead_somewhere(document):
+    text = document.read_text(encoding="utf-8")
+    missing = [
+        link for link in LINK.findall(text) if not (document.parent / link).exists()
+    ]
+    assert missing == []
+
+
+def test_bash_can_read_every_shell_block():
+    bash = shutil.which("bash")
+    assert bash
+    for document in DOCUMENTS:
+        for line in commands(document):
+            subprocess.run([bash, "-n", "-c", line], check=True)
