@@ -1,1 +1,39 @@
-"""showc.ocp."""
+"""General optimal control: hp-adaptive Legendre-Gauss pseudospectral collocation.
+
+Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of your
+own with :class:`Transcription`, or let :func:`solve` find the mesh.
+"""
+
+from showc.ocp.guess import Guess
+from showc.ocp.limits import Overrides
+from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.problem import HalfSpaces, Phase, Problem
+from showc.ocp.solution import (
+    ErrorEstimate,
+    MeshRecord,
+    Multipliers,
+    PhaseSolution,
+    Result,
+    Solution,
+)
+from showc.ocp.solver import SolverMissingError, SolverOptions
+from showc.ocp.transcription import Transcription
+
+__all__ = [
+    "ErrorEstimate",
+    "Guess",
+    "HalfSpaces",
+    "Mesh",
+    "MeshRecord",
+    "Multipliers",
+    "Overrides",
+    "Phase",
+    "PhaseMesh",
+    "PhaseSolution",
+    "Problem",
+    "Result",
+    "Solution",
+    "SolverMissingError",
+    "SolverOptions",
+    "Transcription",
+]

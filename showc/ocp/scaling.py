@@ -1,0 +1,28 @@
+"""Typical magnitudes, from bounds, end values and hints; never from derivatives.
+
+Every unknown is divided by the scale of its quantity, every row by the scale of the
+quantity it speaks of (Betts 2010, Practical methods, section 4.8). A scale taken
+from the Jacobian at the guess is useless where the guess happens to be flat.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+
+def from_bounds(lower: float, upper: float, *ends: float) -> float:
+    """Return the scale of a quantity with these bounds and end values."""
+    if isfinite(lower) and isfinite(upper) and upper > lower:
+        return 0.5 * (upper - lower)
+    known = [abs(value) for value in (lower, upper, *ends) if isfinite(value)]
+    largest = max(known, default=0.0)
+    return largest if largest > 0.0 else 1.0
+
+
+def of_duration(lower: float, upper: float) -> float:
+    """Return the scale of a duration between these bounds."""
+    if isfinite(upper) and lower > 0.0:
+        return (lower * upper) ** 0.5
+    if isfinite(upper):
+        return upper
+    return lower if lower > 0.0 else 1.0

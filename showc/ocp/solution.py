@@ -1,0 +1,153 @@
+"""What a solve gives back: polynomials, multipliers, and a result in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.mesh import Mesh, PhaseMesh
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+
+
+class Result(Enum):
+    """How a solve ended; the value is a sentence for the user."""
+
+    SOLVED = "The problem is solved to the tolerance asked for."
+    ACCEPTABLE = "The solver stopped near a solution, at a looser tolerance."
+    COARSE = "A solution is found, but the mesh does not reach the tolerance."
+    INFEASIBLE = "No trajectory keeps all constraints near the one the search ended at."
+    CONTRADICTION = "The bounds contradict each other before any search."
+    ITERATION_LIMIT = "The solver used all its iterations."
+    TIME_LIMIT = "The solver used all its time."
+    DIVERGED = "The iterates grow without limit; a bound is missing."
+    INVALID_NUMBER = "The problem's functions gave an invalid number."
+    FAILED = "The solver failed for a reason of its own."
+
+    @property
+    def usable(self) -> bool:
+        """Whether the trajectory satisfies the equations it was solved for."""
+        return self in {Result.SOLVED, Result.ACCEPTABLE, Result.COARSE}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseSolution:
+    """The trajectory of one phase."""
+
+    name: str
+    mesh: PhaseMesh
+    arc_durations: FloatArray
+    """Duration of each arc of the mesh, shape (arcs,)."""
+    state_names: tuple[str, ...]
+    control_names: tuple[str, ...]
+    states: PiecewisePolynomial
+    """All states, components in the order of ``state_names``."""
+    controls: PiecewisePolynomial
+    """All controls, components in the order of ``control_names``."""
+    costate_times: FloatArray
+    """Times of the collocation points, shape (points,)."""
+    costates: FloatArray
+    """Costates at those times, shape (points, states): the multipliers of the
+    dynamics over the quadrature weights."""
+    durations_shadow: float = 0.0
+    """Derivative of the optimum with respect to an active bound on the duration."""
+
+    @property
+    def start(self) -> float:
+        """Time at the start of the phase."""
+        return self.states.start
+
+    @property
+    def end(self) -> float:
+        """Time at the end of the phase."""
+        return self.states.end
+
+    @property
+    def duration(self) -> float:
+        """Duration of the phase."""
+        return self.states.end - self.states.start
+
+    def state(self, name: str) -> PiecewisePolynomial:
+        """Return the polynomial of the state ``name``, one component."""
+        return self.states.select([self.state_names.index(name)])
+
+    def control(self, name: str) -> PiecewisePolynomial:
+        """Return the polynomial of the control ``name``, one component."""
+        return self.controls.select([self.control_names.index(name)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Multipliers:
+    """The primal-dual point of the scaled program, for a warm start."""
+
+    unknowns: FloatArray
+    of_bounds: FloatArray
+    of_constraints: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorEstimate:
+    """How far a solution is from the true optimum, estimated a posteriori."""
+
+    dynamics: float
+    """Greatest distance, relative to each state's range, between the states and a
+    re-integration of the clipped controls from the start of each interval."""
+    shooting: float
+    """The same for one integration from the start of each phase to its end."""
+    path: float
+    """Greatest violation of a path constraint between the nodes, in its scale."""
+    objective: float
+    """Estimated relative error of the objective."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeshRecord:
+    """One pass of the refinement."""
+
+    intervals: int
+    points: int
+    objective: float
+    iterations: int
+    result: Result
+    error: ErrorEstimate | None
+    action: str
+    """What the refinement did next, and why."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Result of one solve, or of a refined sequence of solves."""
+
+    result: Result
+    message: str
+    """Result in a sentence; on failure also which constraint is violated, where."""
+    objective: float
+    phases: tuple[PhaseSolution, ...]
+    statics: dict[str, float]
+    multipliers: Multipliers
+    iterations: int
+    mesh: Mesh
+    parameters: dict[str, float] = field(default_factory=dict)
+    error: ErrorEstimate | None = None
+    history: tuple[MeshRecord, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Time from the start of the first phase to the end of the last."""
+        return self.phases[-1].end - self.phases[0].start
+
+    def phase(self, name: str) -> PhaseSolution:
+        """Return the phase of that name."""
+        for phase in self.phases:
+            if phase.name == name:
+                return phase
+        raise KeyError(
+            f"no phase {name!r}; there is {', '.join(p.name for p in self.phases)}"
+        )
