@@ -1,0 +1,237 @@
+"""Which shared profile suits a fleet: the fastest one all can fly, the best at a time.
+
+A profile's shape is two numbers, phase / T and ramp / T. For a fixed shape the strain
+on every limit falls as T grows (the thrust vector moves towards hover, rates and
+torques shrink), so the least T of a drone and shape is found by bisection; shapes are
+searched on a grid, over the drones that matter.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.solve.profile import BLEND, Profile
+from showc.solve.straight import attitude, fly_straight, keeps_limits
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.vehicle import Limits, Quadrotor
+
+    FloatArray = NDArray[np.float64]
+    BoolArray = NDArray[np.bool_]
+
+_PHASES = np.concatenate([np.geomspace(0.004, 0.3, 22), np.linspace(0.32, 0.5, 10)])
+_RAMPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
+SHAPES: FloatArray = np.array(
+    [(phase, phase * ramp) for phase in _PHASES for ramp in _RAMPS]
+)
+"""Shapes tried: phase / T and ramp / T, shape (m, 2)."""
+
+
+def strain(
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    displacement: FloatArray,
+    duration: FloatArray,
+    shape: FloatArray,
+) -> FloatArray:
+    """Greatest use of any limit by straight flights; at most 1 if they are kept.
+
+    Parameters
+    ----------
+    displacement
+        Shape (n, 3) [m].
+    duration
+        Shape (n,) [s].
+    shape
+        Phase / T and ramp / T of each flight, shape (n, 2).
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Slightly pessimistic for torques and rotors (greatest values are added up),
+        sampled for rates: a first look, before the proof on Bernstein coefficients.
+    """
+    phase, ramp = shape[:, 0] * duration, shape[:, 1] * duration
+    speed = 1.0 / (duration - phase)
+    peak = speed / (phase - ramp)
+    jerk = peak / (ramp * (1.0 - BLEND))
+    snap = jerk / (BLEND * ramp)
+    fraction = np.array([-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+    flat = attitude(displacement, peak[:, None] * fraction, heading, vehicle.gravity)
+    velocity = displacement * speed[:, None]
+    use = np.max(
+        np.maximum(
+            velocity / np.asarray(limits.velocity_max),
+            velocity / np.asarray(limits.velocity_min),
+        ),
+        axis=1,
+    )
+    roll = np.abs(flat.roll[0]).max(axis=1)
+    pitch = np.abs(flat.pitch[0]).max(axis=1)
+    use = np.maximum(use, np.maximum(roll, pitch) / limits.tilt)
+    rate_x = np.abs(flat.roll[1]) * jerk[:, None]
+    rate_y = np.abs(flat.pitch[1]) * jerk[:, None]
+    use = np.maximum(use, rate_x.max(axis=1) / limits.body_rate[0])
+    use = np.maximum(use, rate_y.max(axis=1) / limits.body_rate[1])
+    thrust = vehicle.mass * flat.acceleration
+    use = np.maximum(use, thrust.max(axis=1) / limits.thrust_max)
+    use = np.where(thrust.min(axis=1) < limits.thrust_min, np.inf, use)
+    torques = np.stack(
+        [
+            vehicle.inertia[axis]
+            / vehicle.torque_factor
+            * (
+                np.abs(angle[2]) * jerk[:, None] ** 2 + np.abs(angle[1]) * snap[:, None]
+            ).max(axis=1)
+            for axis, angle in enumerate((flat.roll, flat.pitch))
+        ]
+        + [
+            abs(vehicle.inertia[0] - vehicle.inertia[1])
+            * rate_x.max(axis=1)
+            * rate_y.max(axis=1)
+        ],
+        axis=1,
+    )
+    use = np.maximum(use, (torques / np.asarray(limits.torque_max)).max(axis=1))
+    rotors = vehicle.rotor_fractions()
+    most = (torques @ np.abs(rotors[:, 1:]).T).max(axis=1)
+    base = rotors[0, 0]
+    use = np.maximum(use, base * thrust.max(axis=1) + most)
+    return np.where(base * thrust.min(axis=1) < most, np.inf, use)
+
+
+def least_times(
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    displacement: FloatArray,
+    shapes: FloatArray,
+) -> FloatArray:
+    """Least duration of each drone for each shape, shape (n, m) [s], to 1e-4."""
+    drones, count = displacement.shape[0], shapes.shape[0]
+    way = np.repeat(displacement, count, axis=0)
+    shape = np.tile(shapes, (drones, 1))
+    low = np.full(way.shape[0], 1e-3)
+    high = np.ones(way.shape[0])
+    for _ in range(40):
+        bad = strain(vehicle, limits, heading, way, high, shape) > 1.0
+        if not bad.any():
+            break
+        low = np.where(bad, high, low)
+        high = np.where(bad, 2.0 * high, high)
+    for _ in range(14):
+        middle = np.sqrt(low * high)
+        good = strain(vehicle, limits, heading, way, middle, shape) <= 1.0
+        high = np.where(good, middle, high)
+        low = np.where(good, low, middle)
+    return np.asarray(high.reshape(drones, count))
+
+
+def shared_profile(
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    start: FloatArray,
+    goal: FloatArray,
+    working: int = 12,
+) -> Profile:
+    """Find the fastest profile of the family that every drone can fly straight.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (n, 3) [m].
+    working
+        Drones over which shapes are first compared; others join when they break it.
+
+    Returns
+    -------
+    Profile
+        Proved flyable for all drones on the Bernstein coefficients.
+    """
+    displacement = goal - start
+    moving = np.linalg.norm(displacement, axis=1) > 0.0
+    if not moving.any():
+        raise ValueError("no drone moves: a hold has no profile")
+    displacement = np.unique(displacement[moving], axis=0)
+    rough = least_times(vehicle, limits, heading, displacement, SHAPES[::17])
+    chosen = np.argsort(rough.min(axis=1))[::-1][:working]
+    for _ in range(8):
+        times = least_times(vehicle, limits, heading, displacement[chosen], SHAPES)
+        worst = times.max(axis=0)
+        best = int(np.argmin(worst))
+        shape = SHAPES[best : best + 1]
+        own = least_times(vehicle, limits, heading, displacement, shape)[:, 0]
+        if own.max() <= worst[best] * (1.0 + 1e-6):
+            break
+        chosen = np.union1d(chosen, np.argsort(own)[::-1][:working])
+    duration = float(own.max()) * (1.0 + 1e-6)
+    suspects = displacement[np.argsort(own)[::-1]]
+    profile = Profile(
+        duration, float(shape[0, 0]) * duration, float(shape[0, 1]) * duration
+    )
+    while not np.all(_proved(vehicle, limits, heading, suspects, profile)):
+        profile = profile.stretched(profile.duration * 1.002)
+    return profile
+
+
+def best_profile(
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    displacement: FloatArray,
+    duration: float,
+) -> tuple[Profile, BoolArray]:
+    """Choose the profile over ``duration`` that the most drones can fly straight.
+
+    Returns
+    -------
+    Profile
+        Among equals, the one under which the fleet is strained least.
+    ndarray of bool, shape (n,)
+        Drones for which a first look finds all limits kept.
+    """
+    distinct, inverse = np.unique(displacement, axis=0, return_inverse=True)
+    weights = np.bincount(inverse.ravel(), minlength=distinct.shape[0])
+    count = SHAPES.shape[0]
+    # All drones under all shapes, in blocks that bound the memory.
+    use = np.empty((distinct.shape[0], count))
+    for top in range(0, distinct.shape[0], 100):
+        way = distinct[top : top + 100]
+        use[top : top + 100] = strain(
+            vehicle,
+            limits,
+            heading,
+            np.repeat(way, count, axis=0),
+            np.full(way.shape[0] * count, duration),
+            np.tile(SHAPES, (way.shape[0], 1)),
+        ).reshape(way.shape[0], count)
+    fits = use <= 0.9999
+    score = weights @ fits - 1e-3 * np.minimum(use, 10.0).max(axis=0)
+    best = int(np.argmax(score))
+    phase, ramp = SHAPES[best]
+    profile = Profile(duration, float(phase) * duration, float(ramp) * duration)
+    return profile, np.asarray(fits[inverse.ravel(), best])
+
+
+def _proved(
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    displacement: FloatArray,
+    profile: Profile,
+) -> BoolArray:
+    """Whether straight flights keep all limits but the volume, shape (n,)."""
+    # Both ends lie in the volume, which is convex: so does every straight way.
+    origin = np.zeros_like(displacement)
+    flights = fly_straight(vehicle, heading, origin, displacement, profile)
+    state = flights.state.copy()
+    state[..., :3] = 0.5 * (
+        np.asarray(limits.position_min) + np.asarray(limits.position_max)
+    )
+    return keeps_limits(vehicle, limits, state, flights.control)

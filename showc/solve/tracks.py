@@ -1,0 +1,234 @@
+"""Positions of a fleet over one leg, cut into time slots for the search of conflicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import PiecewisePolynomial, restrict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.flight import Trajectory
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+_SLOTS_LEAST = 8
+_SLOTS_MOST = 240
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Positions of all drones, in groups that share their interval borders."""
+
+    moving: int
+    """Drones with a track; indices from here on stand still."""
+    count: int
+    """Drones in all."""
+    duration: float
+    """Of the leg [s]."""
+    groups: tuple[tuple[IntArray, FloatArray, FloatArray], ...]
+    """Indices (n,), breaks (K + 1,) [s], coefficients (n, K, degree + 1, 3) [m]."""
+
+    def at(self, time: float) -> FloatArray:
+        """Return all positions at one instant, shape (count, 3) [m]."""
+        points = np.empty((self.count, 3))
+        for members, breaks, coefficients in self.groups:
+            piece = int(
+                np.clip(
+                    np.searchsorted(breaks, time, side="right") - 1,
+                    0,
+                    breaks.size - 2,
+                )
+            )
+            drones, _, size, _ = coefficients.shape
+            merged = coefficients[:, piece].transpose(1, 0, 2).reshape(1, size, -1)
+            one = PiecewisePolynomial(breaks[piece : piece + 2], merged)
+            points[members] = one(time).reshape(drones, 3)
+        return points
+
+
+def tracks_of(
+    trajectories: Sequence[Trajectory], parked: FloatArray | None = None
+) -> Tracks:
+    """Take the positions out of trajectories of one common duration.
+
+    Parameters
+    ----------
+    parked
+        Positions of drones that stand still and take no part, shape (m, 3) [m].
+    """
+    duration = max((t.state.end for t in trajectories), default=0.0)
+    alike: dict[tuple[bytes, int], list[int]] = {}
+    for index, trajectory in enumerate(trajectories):
+        key = (trajectory.state.breaks.tobytes(), trajectory.state.degree)
+        alike.setdefault(key, []).append(index)
+    groups = [
+        (
+            np.array(members),
+            trajectories[members[0]].state.breaks,
+            np.stack([trajectories[i].state.coefficients[:, :, :3] for i in members]),
+        )
+        for members in alike.values()
+    ]
+    moving = count = len(trajectories)
+    if parked is not None and parked.shape[0] and moving:
+        count += parked.shape[0]
+        groups.append(
+            (
+                np.arange(moving, count),
+                np.array([0.0, duration]),
+                np.asarray(parked, dtype=np.float64)[:, None, None, :],
+            )
+        )
+    return Tracks(moving, count, duration, tuple(groups))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pieces:
+    """Pieces of tracks, none of which reaches beyond its slot, sorted by drone, time."""
+
+    slots: int
+    """Number of slots."""
+    begin: FloatArray
+    """Start of each piece, shape (p,) [s]."""
+    end: FloatArray
+    """End of each piece, shape (p,) [s]."""
+    coefficients: FloatArray
+    """Bernstein coefficients in metric coordinates, shape (p, degree + 1, 3)."""
+    head: IntArray
+    """First piece of each drone and slot, shape (count * slots + 1,)."""
+
+    def boxes(self, slot: int) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corners of what each drone sweeps in ``slot``, (count, 3)."""
+        heads = self.head[slot : -1 : self.slots]
+        tails = self.head[slot + 1 :: self.slots]
+        lower = self.coefficients[heads].min(axis=1)
+        upper = self.coefficients[heads].max(axis=1)
+        more = np.nonzero(tails - heads > 1)[0]
+        while more.size:
+            heads = heads + 1
+            lower[more] = np.minimum(
+                lower[more], self.coefficients[heads[more]].min(axis=1)
+            )
+            upper[more] = np.maximum(
+                upper[more], self.coefficients[heads[more]].max(axis=1)
+            )
+            more = more[tails[more] - heads[more] > 1]
+        return lower, upper
+
+    def relative(
+        self, slot: IntArray, first: IntArray, second: IntArray
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+        """Relative motion of pairs in slots, on intervals where both are polynomials.
+
+        Returns
+        -------
+        tuple
+            first, second (n,), begin, end (n,) [s], coefficients (n, degree + 1, 3).
+        """
+        a, b = first * self.slots + slot, second * self.slots + slot
+        size_a, size_b = (
+            self.head[a + 1] - self.head[a],
+            self.head[b + 1] - self.head[b],
+        )
+        product = size_a * size_b
+        origin = np.repeat(np.arange(a.size), product)
+        within = np.arange(origin.size) - np.repeat(
+            np.cumsum(product) - product, product
+        )
+        piece_a = self.head[a][origin] + within // size_b[origin]
+        piece_b = self.head[b][origin] + within % size_b[origin]
+        begin = np.maximum(self.begin[piece_a], self.begin[piece_b])
+        end = np.minimum(self.end[piece_a], self.end[piece_b])
+        # Breaks that differ by rounding alone leave slivers of no consequence: the
+        # tracks are continuous and slower than 1e9 m/s.
+        keep = end - begin > 1e-12
+        origin, begin, end = origin[keep], begin[keep], end[keep]
+        motion = self._part(piece_a[keep], begin, end) - self._part(
+            piece_b[keep], begin, end
+        )
+        return first[origin], second[origin], begin, end, motion
+
+    def _part(self, piece: IntArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+        coefficients = self.coefficients[piece]
+        width = self.end[piece] - self.begin[piece]
+        lower = (begin - self.begin[piece]) / width
+        upper = (end - self.begin[piece]) / width
+        partial = np.nonzero((lower > 1e-12) | (upper < 1.0 - 1e-12))[0]
+        if partial.size:
+            coefficients[partial] = restrict(
+                coefficients[partial],
+                lower[partial, None, None],
+                upper[partial, None, None],
+            )
+        return coefficients
+
+
+def cut(tracks: Tracks, scale: FloatArray, radius: float) -> Pieces:
+    """Cut tracks into slots in which drones move about ``radius``.
+
+    Parameters
+    ----------
+    scale
+        Factors (3,) on the axes that give metric coordinates.
+    radius
+        How near pairs of interest come [m].
+    """
+    length = (
+        max(
+            float(np.abs(np.diff(coefficients, axis=2)).sum(axis=(1, 2)).max())
+            for _, _, coefficients in tracks.groups
+            if coefficients.shape[2] > 1
+        )
+        if any(c.shape[2] > 1 for _, _, c in tracks.groups)
+        else 0.0
+    )
+    wanted = length / max(min(radius, 1e6), 1e-3)
+    slots = int(np.clip(np.ceil(wanted), _SLOTS_LEAST, _SLOTS_MOST))
+    edges = np.linspace(0.0, tracks.duration, slots + 1)
+    degree = max(coefficients.shape[2] for _, _, coefficients in tracks.groups) - 1
+    drone, begin, end, parts = [], [], [], []
+    for members, breaks, coefficients in tracks.groups:
+        inner = edges[1:-1]
+        fine = np.unique(np.concatenate([breaks, inner]))
+        fine = fine[np.concatenate([[True], np.diff(fine) > 1e-9 * tracks.duration])]
+        fine[-1] = breaks[-1]
+        left, right = fine[:-1], fine[1:]
+        index = np.clip(
+            np.searchsorted(breaks, 0.5 * (left + right), side="right") - 1,
+            0,
+            breaks.size - 2,
+        )
+        width = breaks[index + 1] - breaks[index]
+        lower = np.clip((left - breaks[index]) / width, 0.0, 1.0)
+        upper = np.clip((right - breaks[index]) / width, 0.0, 1.0)
+        drones, size = members.size, coefficients.shape[2]
+        whole = coefficients[:, index].reshape(-1, size, 3)
+        part = restrict(
+            whole,
+            np.tile(lower, drones)[:, None, None],
+            np.tile(upper, drones)[:, None, None],
+        )
+        merged = PiecewisePolynomial(
+            np.arange(part.shape[0] + 1, dtype=np.float64), part * scale
+        )
+        parts.append(merged.elevated(degree).coefficients)
+        drone.append(np.repeat(members, left.size))
+        begin.append(np.tile(left, drones))
+        end.append(np.tile(right, drones))
+    drones_all, begins = np.concatenate(drone), np.concatenate(begin)
+    order = np.lexsort((begins, drones_all))
+    begins, ends = begins[order], np.concatenate(end)[order]
+    slot = np.clip(
+        np.searchsorted(edges, 0.5 * (begins + ends), side="right") - 1, 0, slots - 1
+    )
+    keys = drones_all[order] * slots + slot
+    head = np.searchsorted(keys, np.arange(tracks.count * slots + 1))
+    return Pieces(slots, begins, ends, np.concatenate(parts)[order], head)
