@@ -46,20 +46,22 @@ class Rules(_message.Message):
     def __init__(self, format_version: _Optional[int] = ..., name: _Optional[str] = ..., drones: _Optional[int] = ..., duration: _Optional[float] = ..., site: _Optional[_Union[Site, _Mapping]] = ..., vehicle: _Optional[_Union[Vehicle, _Mapping]] = ..., separation: _Optional[_Union[Separation, _Mapping]] = ..., yaw_held: _Optional[bool] = ..., heading: _Optional[float] = ..., log_rate: _Optional[float] = ..., formations: _Optional[_Iterable[_Union[Formation, _Mapping]]] = ..., limits: _Optional[_Iterable[_Union[Limits, _Mapping]]] = ...) -> None: ...
 
 class Site(_message.Message):
-    __slots__ = ("latitude", "longitude", "altitude", "heading", "volume_min", "volume_max")
+    __slots__ = ("latitude", "longitude", "altitude", "heading", "volume_min", "volume_max", "fence")
     LATITUDE_FIELD_NUMBER: _ClassVar[int]
     LONGITUDE_FIELD_NUMBER: _ClassVar[int]
     ALTITUDE_FIELD_NUMBER: _ClassVar[int]
     HEADING_FIELD_NUMBER: _ClassVar[int]
     VOLUME_MIN_FIELD_NUMBER: _ClassVar[int]
     VOLUME_MAX_FIELD_NUMBER: _ClassVar[int]
+    FENCE_FIELD_NUMBER: _ClassVar[int]
     latitude: float
     longitude: float
     altitude: float
     heading: float
     volume_min: Vector3
     volume_max: Vector3
-    def __init__(self, latitude: _Optional[float] = ..., longitude: _Optional[float] = ..., altitude: _Optional[float] = ..., heading: _Optional[float] = ..., volume_min: _Optional[_Union[Vector3, _Mapping]] = ..., volume_max: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+    fence: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, latitude: _Optional[float] = ..., longitude: _Optional[float] = ..., altitude: _Optional[float] = ..., heading: _Optional[float] = ..., volume_min: _Optional[_Union[Vector3, _Mapping]] = ..., volume_max: _Optional[_Union[Vector3, _Mapping]] = ..., fence: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Vehicle(_message.Message):
     __slots__ = ("name", "mass", "arm_length", "thrust_coefficient", "torque_coefficient", "inertia", "rotor_speed_max", "gravity", "torque_factor")

@@ -1,0 +1,394 @@
+"""Write a flight as MCAP: samples that any viewer draws, and the exact solution.
+
+Same input, same bytes: every time stamp comes from the script's epoch, every order
+is fixed, and the compression has one thread and one level.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, BinaryIO, Protocol
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.writer import CompressionType, IndexType, Writer
+
+from showc._version import __version__
+from showc.light import LightProgram, srgb_bytes
+from showc.light.colour import GREATEST, drive_bytes
+from showc.log import schema
+from showc.log import showc_pb2 as pb
+from showc.log.content import rules_message, segment_message, trajectory_message
+from showc.log.layout import layout_json
+from showc.log.sample import GRID, pack_drone_states, pack_places, pack_points
+from showc.log.sampling import NANOSECONDS, FleetSampler, nanoseconds, sample_times
+from showc.log.scene import (
+    fleet_transforms,
+    point_cloud,
+    root_transform,
+    scene_update,
+)
+from showc.progress import Silent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from google.protobuf.message import Message
+    from numpy.typing import NDArray
+
+    from showc.flight import Flight
+    from showc.progress import Progress
+    from showc.script.show import Show
+
+    FloatArray = NDArray[np.float64]
+
+CHUNK_SIZE = 1 << 20
+"""Uncompressed bytes after which a chunk is closed."""
+SMALL_FLEET = 100
+"""Fleets up to this size are logged drone by drone as well."""
+TRANSFORM_RATE = 5.0
+"""Frames of single drones per second [Hz]."""
+WINDOW_SAMPLES = 100_000
+"""Samples (times x drones) that are evaluated and held at a time."""
+PREDICTED_COLOUR = (128, 128, 128)
+"""Screen colour of the predicted fleet."""
+MEDIA_TYPES = {
+    ".yaml": "application/yaml",
+    ".yml": "application/yaml",
+    ".json": "application/json",
+    ".csv": "text/csv",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+}
+"""Of attachments, by suffix; others are plain bytes."""
+
+
+class PositionSource(Protocol):
+    """A second flight of the same fleet, for instance what the autopilots will fly."""
+
+    @property
+    def duration(self) -> float:
+        """Its length [s]."""
+
+    def position(self, times: FloatArray) -> FloatArray:
+        """Positions (T, drones, 3), show frame [m], at ``times`` (T,) [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """Which drones have topics of their own."""
+
+    states: tuple[int, ...]
+    """Drones with samples on /drone/NNNN/state, counting from 0."""
+    transforms: tuple[int, ...]
+    """Drones with a frame on /tf, counting from 0."""
+
+    @classmethod
+    def default(cls, drones: int) -> Topics:
+        """All drones of a small fleet, none of a great one."""
+        chosen = tuple(range(drones)) if drones <= SMALL_FLEET else ()
+        return cls(chosen, chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class LogSummary:
+    """What was written."""
+
+    messages: int
+    """Number of messages of all topics."""
+    samples: int
+    """Number of steps of the fleet."""
+    end_ns: int
+    """Show time of the last sample [ns]."""
+
+
+def write_log(
+    flight: Flight,
+    target: Path | BinaryIO,
+    *,
+    manifest: bytes,
+    lights: LightProgram | None = None,
+    topics: Topics | None = None,
+    predicted: PositionSource | None = None,
+    progress: Progress | None = None,
+) -> LogSummary:
+    """Write the trajectory log of ``flight``.
+
+    The fleet is sampled at k / log_rate for every k up to the end of the show, and at
+    the end itself if that is not on the grid. A step's messages come in this order:
+    rules, scene, frames, segments, exact trajectories, fleet, predicted fleet, single
+    drones.
+
+    Parameters
+    ----------
+    flight
+        A whole show, solved.
+    target
+        File to write, or a stream with ``write`` and ``tell``.
+    manifest
+        The bytes of manifest.json, attached as they are.
+    lights
+        Colours; by default those that the show describes.
+    topics
+        Which drones have topics of their own; by default ``Topics.default``.
+    predicted
+        A second flight, drawn grey on /fleet/predicted, in its own time.
+    progress
+        Advances once per second of show.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    if isinstance(target, Path):
+        with target.open("wb") as stream:
+            return write_log(
+                flight,
+                stream,
+                manifest=manifest,
+                lights=lights,
+                topics=topics,
+                predicted=predicted,
+                progress=progress,
+            )
+    log = _Log(flight, target)
+    show = flight.itinerary.show
+    wanted = topics or Topics.default(show.drones)
+    log.begin(manifest, plots=0 in wanted.states)
+    log.register(wanted, predicted=predicted is not None)
+    return _Steps(log, lights, wanted, predicted, progress or Silent()).write()
+
+
+class _Log:
+    """An MCAP file under way: schemas, channels, counters, time stamps."""
+
+    def __init__(self, flight: Flight, stream: BinaryIO) -> None:
+        self.flight = flight
+        self.show: Show = flight.itinerary.show
+        self.epoch = nanoseconds(self.show.epoch.timestamp())
+        self.messages = 0
+        self._writer = Writer(
+            stream,
+            chunk_size=CHUNK_SIZE,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.ALL,
+            enable_crcs=True,
+            enable_data_crcs=True,
+        )
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._sequence: defaultdict[str, int] = defaultdict(int)
+
+    def begin(self, manifest: bytes, *, plots: bool) -> None:
+        """Header, metadata and attachments: first, so that a torn file has them."""
+        self._writer.start(profile="", library=f"showc {__version__}")
+        show = self.show
+        script = PurePath(show.source.path).name
+        self._writer.add_metadata(
+            schema.METADATA_NAME,
+            {
+                "format_version": str(schema.FORMAT_VERSION),
+                "showc_version": __version__,
+                "name": show.name,
+                "drones": str(show.drones),
+                "rate_hz": repr(float(show.log_rate)),
+                "duration_s": repr(self.flight.duration),
+                "epoch_ns": str(self.epoch),
+                "frame": "map: origin at the site's origin, z up, +y along the heading",
+                "body_frame": "forward, left, up; quaternion from body to map, x y z w",
+                "origin_latitude": repr(float(show.site.latitude)),
+                "origin_longitude": repr(float(show.site.longitude)),
+                "origin_altitude": repr(float(show.site.altitude)),
+                "heading": repr(float(show.site.heading)),
+                "colours": "sRGB bytes on /fleet/state, linear on /drone/NNNN/state",
+                "script": script,
+                "script_sha256": hashlib.sha256(show.source.content).hexdigest(),
+                "manifest_sha256": hashlib.sha256(manifest).hexdigest(),
+                **{f"grid_{name}": repr(step) for name, step in GRID.items()},
+            },
+        )
+        attachments = {
+            script: show.source.content,
+            **dict(sorted(show.source.inputs.items())),
+            schema.MANIFEST_NAME: manifest,
+            schema.LAYOUT_NAME: layout_json(show, plots=plots),
+        }
+        for name, content in attachments.items():
+            suffix = PurePath(name).suffix.lower()
+            media = MEDIA_TYPES.get(suffix, "application/octet-stream")
+            self._writer.add_attachment(self.epoch, self.epoch, name, media, content)
+
+    def register(self, topics: Topics, *, predicted: bool) -> None:
+        """All schemas and channels, in one fixed order."""
+        channels: list[tuple[str, type[Message]]] = [
+            (schema.RULES, pb.Rules),
+            (schema.SCENE, SceneUpdate),
+            (schema.TRANSFORMS, FrameTransforms),
+            (schema.SEGMENTS, pb.Segment),
+            (schema.FLEET, PointCloud),
+        ]
+        if predicted:
+            channels.append((schema.PREDICTED, PointCloud))
+        fleet = range(self.show.drones)
+        channels += [(schema.trajectory_topic(i), pb.Trajectory) for i in fleet]
+        channels += [(schema.state_topic(i), pb.DroneState) for i in topics.states]
+        for topic, message in channels:
+            name = message.DESCRIPTOR.full_name
+            if name not in self._schemas:
+                self._schemas[name] = self._writer.register_schema(
+                    name, "protobuf", schema.descriptor_set(message)
+                )
+            self._channels[topic] = self._writer.register_channel(
+                topic, "protobuf", self._schemas[name], {}
+            )
+
+    def add(self, topic: str, ns: int, message: Message | bytes) -> None:
+        """Append one message at show time ``ns``."""
+        if not isinstance(message, bytes):
+            message = message.SerializeToString(deterministic=True)
+        time = self.epoch + ns
+        self._writer.add_message(
+            self._channels[topic], time, message, time, self._sequence[topic]
+        )
+        self._sequence[topic] += 1
+        self.messages += 1
+
+    def finish(self) -> None:
+        """Last chunk, summary, footer."""
+        self._writer.finish()
+
+
+class _Steps:
+    """Writes everything in the order of time, some steps at once."""
+
+    def __init__(
+        self,
+        log: _Log,
+        lights: LightProgram | None,
+        topics: Topics,
+        predicted: PositionSource | None,
+        progress: Progress,
+    ) -> None:
+        self.log = log
+        self.topics = topics
+        self.predicted = predicted
+        self.progress = progress
+        self.sampler = FleetSampler(log.flight)
+        self.lights = lights or LightProgram.of(log.flight)
+        self.state_topics = [schema.state_topic(drone) for drone in topics.states]
+        rate = log.show.log_rate
+        self.stride = max(1, round(rate / TRANSFORM_RATE))
+        self.show_times = sample_times(log.flight.duration, rate)
+        self.other_times = (
+            np.empty(0, dtype=np.int64)
+            if predicted is None
+            else sample_times(predicted.duration, rate)
+        )
+
+    def write(self) -> LogSummary:
+        """Write all steps and close the file."""
+        times = np.union1d(self.show_times, self.other_times)
+        events = self._events()
+        position, done = 0, 0
+        window = max(1, WINDOW_SAMPLES // self.log.show.drones)
+        self.progress.stage("write the log", int(times[-1] // NANOSECONDS) + 1)
+        for begin in range(0, times.size, window):
+            part = times[begin : begin + window]
+            steps = self._steps(part)
+            for ns in part.tolist():
+                while position < len(events) and events[position][0] <= ns:
+                    events[position][1]()
+                    position += 1
+                for write in steps.get(ns, ()):
+                    write()
+            seconds = int(part[-1]) // NANOSECONDS + 1
+            self.progress.advance(seconds - done)
+            done = seconds
+        self.log.finish()
+        end = int(self.show_times[-1])
+        return LogSummary(self.log.messages, int(self.show_times.size), end)
+
+    def _events(self) -> list[tuple[int, Callable[[], None]]]:
+        """List what is written once, at its time: rules, scene, segments, flights."""
+        log, flight = self.log, self.log.flight
+        epoch = log.epoch
+
+        def open_show() -> None:
+            log.add(schema.RULES, 0, rules_message(flight))
+            log.add(schema.SCENE, 0, scene_update(epoch, log.show))
+            root = FrameTransforms(transforms=[root_transform(epoch, log.show.site)])
+            log.add(schema.TRANSFORMS, 0, root)
+
+        def open_leg(number: int, ns: int) -> None:
+            flown = flight.legs[number]
+            log.add(schema.SEGMENTS, ns, segment_message(flight, number))
+            for place, drone in enumerate(flown.leg.drones.tolist()):
+                topic = schema.trajectory_topic(drone)
+                log.add(topic, ns, trajectory_message(flown, number, place))
+
+        events: list[tuple[int, Callable[[], None]]] = [(0, open_show)]
+        starts = [nanoseconds(float(start)) for start in flight.starts]
+        for number in sorted(range(len(starts)), key=lambda k: (starts[k], k)):
+            ns = starts[number]
+            events.append((ns, partial(open_leg, number, ns)))
+        return events
+
+    def _steps(self, times: NDArray[np.int64]) -> dict[int, list[Callable[[], None]]]:
+        """Writers of each step of a window, by time [ns]."""
+        steps: dict[int, list[Callable[[], None]]] = {ns: [] for ns in times.tolist()}
+        first = int(np.searchsorted(self.show_times, times[0]))
+        last = int(np.searchsorted(self.show_times, times[-1], side="right"))
+        if last > first:
+            self._fleet_steps(steps, first, last)
+        if self.predicted is not None:
+            chosen = np.intersect1d(times, self.other_times)
+            if chosen.size:
+                position = self.predicted.position(chosen / NANOSECONDS)
+                for ns, row in zip(
+                    chosen.tolist(),
+                    pack_places(position, PREDICTED_COLOUR),
+                    strict=True,
+                ):
+                    steps[ns].append(partial(self._cloud, ns, row))
+        return steps
+
+    def _cloud(self, ns: int, row: NDArray[np.void]) -> None:
+        self.log.add(schema.PREDICTED, ns, point_cloud(self.log.epoch + ns, row))
+
+    def _fleet_steps(
+        self, steps: dict[int, list[Callable[[], None]]], first: int, last: int
+    ) -> None:
+        seconds = self.show_times[first:last] / NANOSECONDS
+        state, control = self.sampler(seconds)
+        light = self.lights.linear(seconds)
+        points = pack_points(state, control, srgb_bytes(light))
+        chosen = list(self.topics.states)
+        single = pack_drone_states(
+            state[:, chosen],
+            control[:, chosen],
+            drive_bytes(light[:, chosen]) / GREATEST,
+        )
+        for row in range(last - first):
+            step = first + row
+            ns = int(self.show_times[step])
+            steps[ns].append(partial(self._fleet, step, ns, points[row], single[row]))
+
+    def _fleet(
+        self, step: int, ns: int, points: NDArray[np.void], single: NDArray[np.void]
+    ) -> None:
+        log = self.log
+        if self.topics.transforms and step % self.stride == 0:
+            frames = fleet_transforms(log.epoch + ns, points, self.topics.transforms)
+            log.add(schema.TRANSFORMS, ns, frames)
+        log.add(schema.FLEET, ns, point_cloud(log.epoch + ns, points))
+        for topic, state in zip(self.state_topics, single, strict=True):
+            log.add(topic, ns, state.tobytes())
