@@ -1,0 +1,266 @@
+"""From the timeline to the items of every drone's mission.
+
+DO items run while the navigation item after them is flown: a leg's speed is set before
+its clock slot, so it stands when the leg begins; its lights between slot and waypoint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+from math import degrees
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.mission.geodesy import GlobalPoints, SiteFrame, stored_height
+from showc.mission.items import (
+    Command,
+    Frame,
+    Mission,
+    MissionItem,
+    SpeedKind,
+    without_position,
+)
+from showc.mission.lights import (
+    change_moment,
+    leg_colours,
+    light_items,
+    pulse_widths,
+)
+from showc.mission.timing import SPIN_UP
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from numpy.typing import NDArray
+
+    from showc.mission.lights import Moment
+    from showc.mission.parameters import Parameters
+    from showc.mission.stage import Stage
+    from showc.mission.timeline import ScheduledLeg, Timeline
+    from showc.plan.itinerary import Leg
+    from showc.script.show import Show
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+SPEED_MARGIN = 1.02
+"""A speed limit that does not steer the leg stays above its need by this factor."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Encoder:
+    """What the missions of one fleet have in common."""
+
+    show: Show
+    timeline: Timeline
+    parameters: Parameters
+    home_altitude: FloatArray
+    """Altitude of each drone's home, shape (drones,) [m]."""
+    start: datetime | None
+    """UTC of mission time 0; None: relative delays."""
+    autopilot: str
+
+    def missions(self) -> list[Mission]:
+        """Return the mission of every drone, in order."""
+        frame = SiteFrame.of(self.show.site)
+        everyone = np.arange(self.show.drones)
+        home = frame.round_points(self.timeline.pads, self.home_altitude)
+        writers = [_Writer(self, int(drone), home, self._yaw()) for drone in everyone]
+        self._takeoff(writers, home)
+        for scheduled in self.timeline.legs:
+            self._leg(writers, scheduled)
+        for drone, row in zip(
+            self.timeline.land.drones,
+            range(self.timeline.land.drones.size),
+            strict=True,
+        ):
+            writers[drone].land(self.timeline.land.stored, row)
+        return [writer.mission() for writer in writers]
+
+    def _yaw(self) -> float:
+        """Fourth parameter of positions: PX4 turns to it, ArduPilot ignores it."""
+        if self.autopilot != "px4":
+            return 0.0
+        bearing = self.show.site.heading + 90.0 - degrees(self.show.heading)
+        return round(bearing % 360.0, 4) % 360.0
+
+    def _takeoff(self, writers: list[_Writer], home: GlobalPoints) -> None:
+        takeoff, staging = self.timeline.takeoff, self.timeline.staging
+        for row, drone in enumerate(takeoff.drones):
+            writers[drone].takeoff(home, int(takeoff.stored.height[row]))
+        launch = self.timeline.launch_leg
+        shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
+        for row, drone in enumerate(launch.drones):
+            writers[drone].show(shown[row])
+        for row, drone in enumerate(staging.drones):
+            writer = writers[drone]
+            writer.speeds(staging, row)
+            writer.waypoint(staging.stored, row)
+            writer.clock += float(staging.profile.duration[row])
+
+    def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
+        shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
+        moment = self._moment(scheduled.leg)
+        flown = scheduled.flown
+        # A bend changes its lights on its first, its middle or its last leg.
+        lit = {"start": 0, "middle": (len(flown) - 1) // 2, "end": len(flown) - 1}
+        for number, (release, stage) in enumerate(flown):
+            rows = {int(drone): row for row, drone in enumerate(stage.drones)}
+            for place, drone in enumerate(scheduled.leg.drones):
+                colour = shown[place] if number == lit[moment] else None
+                writers[drone].leg(release, stage, rows.get(int(drone)), colour, moment)
+
+    def _moment(self, leg: Leg) -> Moment:
+        moment = change_moment(self.show, leg)
+        # Nothing says that PX4 waits with single items during a leg.
+        return "start" if self.autopilot == "px4" and moment == "middle" else moment
+
+
+class _Writer:
+    """Collects the items of one drone and remembers what it has been told."""
+
+    def __init__(
+        self, encoder: Encoder, drone: int, home: GlobalPoints, yaw: float
+    ) -> None:
+        self.encoder = encoder
+        self.drone = drone
+        self.yaw = yaw
+        self.items: list[MissionItem] = []
+        self.clock = SPIN_UP
+        parameters = encoder.parameters
+        self.limits = {
+            SpeedKind.LEVEL: parameters.cruise_speed,
+            SpeedKind.CLIMB: parameters.speed_up,
+            SpeedKind.DESCENT: parameters.speed_down,
+        }
+        self.defaults = dict(self.limits)
+        self.pulses: IntArray | None = None
+        self.home = MissionItem(
+            Command.NAV_WAYPOINT,
+            Frame.GLOBAL,
+            latitude=int(home.latitude[drone]),
+            longitude=int(home.longitude[drone]),
+            height=round(float(encoder.home_altitude[drone]), 2),
+        )
+
+    def mission(self) -> Mission:
+        """Return what was collected."""
+        return Mission(self.drone, self.home, tuple(self.items))
+
+    def takeoff(self, home: GlobalPoints, height: int) -> None:
+        """Straight up to ``height`` [cm]."""
+        row = GlobalPoints(
+            home.latitude[[self.drone]],
+            home.longitude[[self.drone]],
+            np.array([height]),
+        )
+        self._position(Command.NAV_TAKEOFF, row, 0)
+        self.clock += float(self.encoder.timeline.takeoff.duration)
+
+    def land(self, stored: GlobalPoints, row: int) -> None:
+        """Pause, and straight down at explicit coordinates."""
+        pause = self.encoder.timeline.landing_pause
+        self.items.append(without_position(Command.NAV_DELAY, round(pause, 2)))
+        self._position(Command.NAV_LAND, stored, row)
+
+    def leg(
+        self,
+        release: float,
+        stage: Stage,
+        row: int | None,
+        colour: IntArray | None,
+        moment: Moment,
+    ) -> None:
+        """One clock slot: a leg, a change of colour, both or nothing."""
+        lights = [] if colour is None else self._lights(colour)
+        if row is None and not lights:
+            return
+        if row is not None:
+            self.speeds(stage, row)
+        self._wait(release)
+        if row is None:
+            self.items.extend(lights)
+            return
+        if moment == "start":
+            self.items.extend(lights)
+        elif moment == "middle" and lights:
+            half = round(0.5 * float(stage.profile.duration[row]), 2)
+            self.items.append(without_position(Command.CONDITION_DELAY, half))
+            self.items.extend(lights)
+        self.waypoint(stage.stored, row)
+        if moment == "end":
+            self.items.extend(lights)
+        self.clock = release + float(stage.profile.duration[row])
+
+    def waypoint(self, stored: GlobalPoints, row: int) -> None:
+        """One straight leg."""
+        self._position(Command.NAV_WAYPOINT, stored, row)
+
+    def show(self, colour: IntArray) -> None:
+        """Change colour at once."""
+        self.items.extend(self._lights(colour))
+
+    def speeds(self, stage: Stage, row: int) -> None:
+        """Set the limit that steers the leg, and lift the other out of its way."""
+        level = float(stage.level[row])
+        climb = float(stage.climb[row])
+        speed = float(stage.profile.speed[row])
+        rising = SpeedKind.CLIMB if climb > 0.0 else SpeedKind.DESCENT
+        command = round(float(stage.command[row]), 3)
+        if stage.by_climb[row]:
+            steered, other, need = rising, SpeedKind.LEVEL, speed * level
+        else:
+            steered, other, need = SpeedKind.LEVEL, rising, speed * abs(climb)
+        if self.limits[other] < SPEED_MARGIN * need:
+            self._speed(other, self.defaults[other])
+        if self.limits[steered] != command:
+            self._speed(steered, command)
+
+    def _speed(self, kind: SpeedKind, value: float) -> None:
+        self.limits[kind] = value
+        if self.encoder.autopilot == "px4" and kind is not SpeedKind.LEVEL:
+            return
+        self.items.append(
+            without_position(Command.DO_CHANGE_SPEED, float(kind), value, -1.0)
+        )
+
+    def _wait(self, release: float) -> None:
+        """Hold until ``release``, mission time [s]."""
+        start = self.encoder.start
+        if start is not None and self.encoder.autopilot == "ardupilot":
+            moment = start + timedelta(seconds=release)
+            self.items.append(
+                without_position(
+                    Command.NAV_DELAY,
+                    -1.0,
+                    float(moment.hour),
+                    float(moment.minute),
+                    float(moment.second),
+                )
+            )
+            return
+        pause = round(max(release - self.clock, 0.0), 2)
+        if pause > 0.0:
+            self.items.append(
+                without_position(Command.NAV_DELAY, pause, -1.0, -1.0, -1.0)
+            )
+        self.clock = release
+
+    def _lights(self, colour: IntArray) -> list[MissionItem]:
+        before = None if self.pulses is None else self.pulses.tolist()
+        self.pulses = colour
+        return light_items(self.encoder.show.mission, before, colour.tolist())
+
+    def _position(self, command: Command, stored: GlobalPoints, row: int) -> None:
+        self.items.append(
+            MissionItem(
+                command,
+                Frame.GLOBAL_RELATIVE,
+                (0.0, 0.0, 0.0, self.yaw),
+                int(stored.latitude[row]),
+                int(stored.longitude[row]),
+                stored_height(int(stored.height[row])),
+            )
+        )

@@ -1,0 +1,234 @@
+"""From a solved show to the mission files of its whole fleet, as bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from showc.errors import ExportError, UsageError
+from showc.mission.boards import check_budget
+from showc.mission.encode import Encoder
+from showc.mission.geodesy import SiteFrame
+from showc.mission.parameters import FIRMWARE, parameter_file, parameters_for
+from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
+from showc.mission.predict import PredictedFlight, prediction_summary
+from showc.mission.stage import StageBuilder
+from showc.mission.timeline import build_timeline
+from showc.mission.waypoints import waypoint_file
+from showc.progress import Silent
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from numpy.typing import NDArray
+
+    from showc.flight import Flight
+    from showc.mission.items import Mission
+    from showc.mission.timeline import Timeline
+    from showc.progress import Progress
+    from showc.script.show import Show
+
+    FloatArray = NDArray[np.float64]
+
+Autopilot = Literal["ardupilot", "px4"]
+
+SILENT = Silent()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionSet:
+    """The missions of a fleet, ready to be written."""
+
+    files: dict[str, bytes]
+    """By name relative to the output folder: ``missions/drone_0001.waypoints``, ..."""
+    fleet_token: str
+    """Hash over all missions, 64 hexadecimal digits: one for each compile."""
+    prediction: dict[str, Any]
+    """The predicted flight in numbers, for manifest and report; JSON-able."""
+    warnings: tuple[str, ...]
+    """What the user should know, one sentence each."""
+    predicted: PredictedFlight | None
+    """The predicted flight itself; None where the autopilot's law is not known."""
+
+
+def drone_name(drone: int) -> str:
+    """Return the stem of a drone's files, counting from 0: ``drone_0001``."""
+    return f"drone_{drone + 1:04d}"
+
+
+def mission_files(
+    flight: Flight,
+    *,
+    start: datetime | None = None,
+    autopilot: Autopilot = "ardupilot",
+    progress: Progress = SILENT,
+) -> MissionSet:
+    """Return all mission files of a solved show.
+
+    Parameters
+    ----------
+    flight
+        The solved show.
+    start
+        When the missions start, UTC, a whole second: every leg then waits for its slot
+        on the vehicle's clock. None: only relative delays, and nothing but equal
+        starts holds the drones together.
+    autopilot
+        Whose dialect the files speak. PX4 cannot wait for a clock time, and its leg
+        law is not known, so that nothing is predicted for it.
+    progress
+        Told of every leg.
+
+    Raises
+    ------
+    UsageError
+        If ``start`` has no time zone or is no whole second.
+    ExportError
+        If a mission has more items than its board holds, or the predicted flights of a
+        leg come too near each other in every encoding.
+    """
+    start = _checked_start(start, autopilot)
+    show = flight.itinerary.show
+    frame = SiteFrame.of(show.site)
+    parameters = parameters_for(show)
+    pads = np.asarray(show.formations[show.pads].points[: show.drones])
+    home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
+    builder = StageBuilder(frame, home_altitude, parameters)
+    timeline = build_timeline(flight, builder, progress)
+    encoder = Encoder(show, timeline, parameters, home_altitude, start, autopilot)
+    missions = encoder.missions()
+    home_row = autopilot == "ardupilot"
+    for mission in missions:
+        check_budget(
+            len(mission.items) + home_row, autopilot, show.mission.board, mission.drone
+        )
+    files = {
+        f"missions/{drone_name(mission.drone)}.waypoints": waypoint_file(
+            mission, home_row=home_row
+        )
+        for mission in missions
+    }
+    token = fleet_token(files)
+    files |= _plans(show, missions, autopilot, parameters.speed, token)
+    if autopilot == "px4":
+        return MissionSet(files, token, {"clock": "relative"}, PX4_WARNINGS, None)
+    files["missions/ardupilot.parm"] = parameter_file(parameters)
+    prediction = prediction_summary(flight, timeline, start)
+    return MissionSet(
+        files,
+        token,
+        prediction,
+        _warnings(show, timeline, prediction),
+        PredictedFlight(timeline, parameters),
+    )
+
+
+def fleet_token(files: dict[str, bytes]) -> str:
+    """Return the SHA-256 over names and bytes of all ``.waypoints`` files, sorted."""
+    digest = sha256()
+    for name in sorted(files):
+        if name.endswith(".waypoints"):
+            digest.update(name.encode())
+            digest.update(sha256(files[name]).digest())
+    return digest.hexdigest()
+
+
+def _checked_start(start: datetime | None, autopilot: Autopilot) -> datetime | None:
+    if start is None or autopilot == "px4":
+        return None
+    if start.tzinfo is None:
+        raise UsageError(
+            f"start {start.isoformat()} has no time zone; write UTC, for instance "
+            "2026-06-01T20:00:00Z"
+        )
+    if start.microsecond:
+        raise UsageError(
+            f"start {start.isoformat()} is no whole second; a clock slot is"
+        )
+    return start.astimezone(UTC)
+
+
+def _plans(
+    show: Show,
+    missions: list[Mission],
+    autopilot: Autopilot,
+    speed: float,
+    token: str,
+) -> dict[str, bytes]:
+    settings = PlanSettings(
+        autopilot,
+        fence_corners(show.site),
+        speed,
+        show.landing.altitude,
+        token,
+    )
+    return {
+        f"missions/{drone_name(mission.drone)}.plan": plan_file(mission, settings)
+        for mission in missions
+    }
+
+
+PX4_WARNINGS = (
+    (
+        "PX4 cannot wait for a clock time: the missions hold relative delays, and "
+        "nothing keeps the drones together"
+    ),
+    (
+        "the leg law of PX4 is not known: its flights are not predicted and their "
+        "separation is not proved; fly the show with `showc stream`"
+    ),
+)
+
+
+def _warnings(
+    show: Show, timeline: Timeline, prediction: dict[str, Any]
+) -> tuple[str, ...]:
+    found = [f"load missions/ardupilot.parm onto {FIRMWARE} before the missions"]
+    legs = prediction["legs"]
+    if prediction["start"] is None:
+        found.append(
+            "no start time: the missions hold relative delays, and nothing but equal "
+            "starts keeps the drones together; separation is proved for legs released "
+            f"within {2.0 * prediction['delay_spread']:.1f} s of each other"
+        )
+        loose = [
+            leg
+            for leg in legs
+            if leg["unclocked"]["closest"] is not None
+            and leg["unclocked"]["closest"]["distance"]
+            < show.separation.distance - 0.02
+        ]
+        if loose:
+            worst = min(loose, key=lambda leg: leg["unclocked"]["closest"]["distance"])
+            near = worst["unclocked"]["closest"]
+            found.append(
+                f"without a start time {len(loose)} of {len(legs)} legs are not proved "
+                f"apart: in {worst['name']} drones {near['drones'][0]} and "
+                f"{near['drones'][1]} can come as near as {near['distance']:.2f} m "
+                f"(releases {worst['unclocked']['spread']:.1f} s apart); compile with "
+                "--start"
+            )
+    elif timeline.legs:
+        found.append(
+            "a drone that misses a clock slot waits for it until the next day: start "
+            f"the missions no later than {prediction['latest_mission_start']:+.1f} s "
+            "from the show's start"
+        )
+    changed = [leg for leg in legs if leg["encoding"] != "straight"]
+    found.extend(
+        f"{leg['name']} is flown as {leg['encoding']}: straight legs in the solved "
+        "time would come too near each other"
+        for leg in changed
+    )
+    if show.mission.light_servos is not None and any(
+        formation.effect is not None for formation in show.formations.values()
+    ):
+        found.append("colour effects are not in the missions: servo items step")
+    return tuple(found)
+
+
+__all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]

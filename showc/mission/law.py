@@ -1,0 +1,312 @@
+"""The leg that ArduCopter's AUTO mode really flies: an S-curve from rest to rest.
+
+Jerk rises and falls as a raised cosine. A ramp from rest to speed V has jerk up over
+``jerk_time``, constant jerk over ``hold_time``, jerk down over ``jerk_time``, constant
+acceleration over ``push_time``, and the mirror image of the jerk part; two ramps and a
+cruise make a leg: ``T = L / V + T_ramp``. Own formulation of the law of ArduCopter 4.6
+(AP_Math, trigonometric S-curves); everything is vectorised over legs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from showc.mission.parameters import Parameters
+
+    FloatArray = NDArray[np.float64]
+
+BISECTIONS = 60
+"""Halvings when a speed is sought: below 1e-15 of the bracket."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegProfile:
+    """How far along each of n straight legs the autopilot is, over time.
+
+    Every attribute has shape (n,). A leg of length 0 takes no time.
+    """
+
+    length: FloatArray
+    """Length in the autopilot's metric [m]."""
+    speed: FloatArray
+    """Cruise speed [m/s]."""
+    acceleration: FloatArray
+    """Greatest acceleration reached [m/s²]."""
+    jerk: FloatArray
+    """Greatest jerk reached [m/s³]."""
+    jerk_time: FloatArray
+    """Time of a raised-cosine rise or fall of the jerk [s]."""
+    hold_time: FloatArray
+    """Time of constant jerk [s]."""
+    push_time: FloatArray
+    """Time of constant acceleration [s]."""
+    ramp_time: FloatArray
+    """Time from rest to cruise speed [s]."""
+    duration: FloatArray
+    """Time of the whole leg [s]."""
+
+    def __len__(self) -> int:
+        return int(self.length.size)
+
+    def select(self, index: NDArray[np.int64]) -> LegProfile:
+        """Return the legs at ``index`` (any number of them, repetition allowed)."""
+        return LegProfile(
+            *(getattr(self, name)[index] for name in self.__dataclass_fields__)
+        )
+
+    def distance(self, time: ArrayLike) -> FloatArray:
+        """Distance covered [m] at ``time`` [s] since the start, broadcast to (..., n).
+
+        Monotone in time; 0 before the start, ``length`` after the end.
+        """
+        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
+        near = np.minimum(t, self.duration - t)
+        ramp = self._ramp(np.minimum(near, self.ramp_time))
+        covered = ramp + self.speed * np.maximum(near - self.ramp_time, 0.0)
+        covered = np.where(t <= 0.5 * self.duration, covered, self.length - covered)
+        return np.asarray(np.clip(covered, 0.0, self.length))
+
+    def fraction(self, time: ArrayLike) -> FloatArray:
+        """Part of the leg covered, 0 to 1, at ``time`` [s], broadcast to (..., n)."""
+        whole = np.where(self.length > 0.0, self.length, 1.0)
+        return np.asarray(self.distance(time) / whole)
+
+    def velocity(self, time: ArrayLike) -> FloatArray:
+        """Speed along the leg [m/s] at ``time`` [s], broadcast to (..., n)."""
+        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
+        near = np.minimum(np.minimum(t, self.duration - t), self.ramp_time)
+        late = near > 0.5 * self.ramp_time
+        early = np.where(late, self.ramp_time - near, near)
+        _, speed = self._half_ramp(early)
+        return np.asarray(np.where(late, self.speed - speed, speed))
+
+    def _ramp(self, t: FloatArray) -> FloatArray:
+        """Distance covered ``t`` [s] after rest, within the ramp."""
+        # The ramp's speed is point-symmetric about (ramp_time / 2, speed / 2).
+        late = t > 0.5 * self.ramp_time
+        early = np.where(late, self.ramp_time - t, t)
+        covered, _ = self._half_ramp(early)
+        return np.asarray(
+            np.where(late, self.speed * (t - 0.5 * self.ramp_time) + covered, covered)
+        )
+
+    def _half_ramp(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance and speed in the first half of the ramp."""
+        rise = self.jerk_time
+        edge = rise + self.hold_time
+        top = edge + rise
+        distance_1, speed_1, acceleration_1 = self._raised_cosine(np.minimum(t, rise))
+        held = np.clip(t - rise, 0.0, self.hold_time)
+        distance_2 = held * (
+            speed_1 + held * (0.5 * acceleration_1 + held * self.jerk / 6.0)
+        )
+        speed_2 = held * (acceleration_1 + 0.5 * held * self.jerk)
+        distance = distance_1 + distance_2
+        speed = speed_1 + speed_2
+        # Jerk falls: the acceleration mirrors its rise about (top, acceleration).
+        full, full_speed, _ = self._raised_cosine(rise)
+        speed_top = 0.5 * self.acceleration * top
+        at_edge = full + self.hold_time * (
+            full_speed
+            + self.hold_time
+            * (0.25 * self.jerk * rise + self.hold_time * self.jerk / 6.0)
+        )
+        distance_top = (
+            at_edge + speed_top * rise - 0.5 * self.acceleration * rise**2 + full
+        )
+        left = np.maximum(top - t, 0.0)
+        mirror, mirror_speed, _ = self._raised_cosine(np.minimum(left, rise))
+        falling = (t > edge) & (t <= top)
+        distance = np.where(
+            falling,
+            distance_top
+            - speed_top * left
+            + 0.5 * self.acceleration * left**2
+            - mirror,
+            distance,
+        )
+        speed = np.where(
+            falling, speed_top - self.acceleration * left + mirror_speed, speed
+        )
+        pushed = np.maximum(t - top, 0.0)
+        pushing = t > top
+        distance = np.where(
+            pushing,
+            distance_top + pushed * (speed_top + 0.5 * self.acceleration * pushed),
+            distance,
+        )
+        speed = np.where(pushing, speed_top + self.acceleration * pushed, speed)
+        return np.asarray(distance), np.asarray(speed)
+
+    def _raised_cosine(
+        self, t: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distance, speed, acceleration while the jerk rises from rest."""
+        half = 0.5 * self.jerk
+        rate = np.pi / np.where(self.jerk_time > 0.0, self.jerk_time, 1.0)
+        acceleration = half * (t - np.sin(rate * t) / rate)
+        speed = half * (0.5 * t**2 + (np.cos(rate * t) - 1.0) / rate**2)
+        distance = half * (t**3 / 6.0 - t / rate**2 + np.sin(rate * t) / rate**3)
+        return distance, speed, acceleration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegLimits:
+    """The greatest speed and acceleration along each of n straight legs."""
+
+    length: FloatArray
+    """Length in the autopilot's metric, shape (n,) [m]."""
+    level: FloatArray
+    """Horizontal part of the direction, 0 to 1, shape (n,)."""
+    climb: FloatArray
+    """Vertical part of the direction, -1 to 1, shape (n,)."""
+    speed: FloatArray
+    """Greatest cruise speed, shape (n,) [m/s]."""
+    acceleration: FloatArray
+    """Greatest acceleration, shape (n,) [m/s²]."""
+
+
+def leg_limits(
+    displacement: FloatArray, parameters: Parameters, speed: FloatArray
+) -> LegLimits:
+    """Limits along legs of ``displacement`` north, east, up (n, 3) [m].
+
+    The law takes the largest that keep the horizontal and the vertical limits each;
+    ``speed`` (n,) [m/s] is a further limit along the leg.
+    """
+    length = np.linalg.norm(displacement, axis=1)
+    whole = np.where(length > 0.0, length, 1.0)
+    level = np.linalg.norm(displacement[:, :2], axis=1) / whole
+    climb = displacement[:, 2] / whole
+    rise = np.where(climb > 0.0, parameters.speed_up, parameters.speed_down)
+    with np.errstate(divide="ignore"):
+        fastest = np.minimum(parameters.speed / level, rise / np.abs(climb))
+        hardest = np.minimum(
+            parameters.acceleration / level,
+            parameters.acceleration_vertical / np.abs(climb),
+        )
+    return LegLimits(
+        length,
+        level,
+        climb,
+        np.minimum(fastest, speed),
+        np.where(np.isfinite(hardest), hardest, parameters.acceleration),
+    )
+
+
+def _ramp(
+    speed: FloatArray, acceleration: FloatArray, parameters: Parameters
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Acceleration, jerk, jerk time, hold time and push time of ramps to ``speed``."""
+    jerk, snap = parameters.jerk, parameters.snap
+    rise = np.pi * jerk / (2.0 * snap)
+    gentle = np.minimum(acceleration, speed / (2.0 * rise)) < jerk * rise
+    # Gentle ramps never reach the full jerk.
+    short = np.minimum(
+        np.minimum(np.cbrt(np.pi * speed / (4.0 * snap)), rise),
+        np.sqrt(np.pi * acceleration / (2.0 * snap)),
+    )
+    gentle_jerk = 2.0 * snap * short / np.pi
+    # Harder ones hold the full jerk; those to a low speed reach less acceleration.
+    reached = 0.5 * jerk * (np.sqrt(rise**2 + 4.0 * speed / jerk) - rise)
+    hard = np.minimum(acceleration, reached)
+    top = np.where(gentle, gentle_jerk * short, hard)
+    used_jerk = np.where(gentle, gentle_jerk, jerk)
+    jerk_time = np.where(gentle, short, rise)
+    hold = np.where(gentle, 0.0, np.maximum(hard / jerk - rise, 0.0))
+    safe = np.where(top > 0.0, top, 1.0)
+    push = np.maximum(speed / safe - 2.0 * jerk_time - hold, 0.0)
+    return top, used_jerk, jerk_time, hold, push
+
+
+def ramp_time(
+    speed: FloatArray, acceleration: FloatArray, parameters: Parameters
+) -> FloatArray:
+    """Time [s] from rest to ``speed`` [m/s]; all arrays of shape (n,)."""
+    _, _, jerk_time, hold, push = _ramp(speed, acceleration, parameters)
+    return np.asarray(4.0 * jerk_time + 2.0 * hold + push)
+
+
+def profile(
+    limits: LegLimits, parameters: Parameters, speed: FloatArray | None = None
+) -> LegProfile:
+    """Return the legs flown at cruise ``speed`` (n,) [m/s], or as fast as they may.
+
+    A speed at which two ramps do not fit the leg is lowered until they do, as the
+    autopilot does.
+    """
+    wanted = limits.speed if speed is None else np.minimum(speed, limits.speed)
+    cruise = _fitting_speed(limits, parameters, wanted)
+    top, jerk, jerk_time, hold, push = _ramp(cruise, limits.acceleration, parameters)
+    ramp = 4.0 * jerk_time + 2.0 * hold + push
+    moving = limits.length > 0.0
+    ramp = np.where(moving, ramp, 0.0)
+    safe = np.where(moving, cruise, 1.0)
+    # The speed is lowered to fit, so the cruise cannot be shorter than nothing.
+    duration = np.where(
+        moving, 2.0 * ramp + np.maximum(limits.length / safe - ramp, 0.0), 0.0
+    )
+    return LegProfile(
+        limits.length,
+        np.where(moving, cruise, 0.0),
+        np.where(moving, top, 0.0),
+        np.where(moving, jerk, 0.0),
+        np.where(moving, jerk_time, 0.0),
+        np.where(moving, hold, 0.0),
+        np.where(moving, push, 0.0),
+        ramp,
+        duration,
+    )
+
+
+def _fitting_speed(
+    limits: LegLimits, parameters: Parameters, speed: FloatArray
+) -> FloatArray:
+    """Greatest speed up to ``speed`` at which two ramps fit the leg."""
+
+    def covered(value: FloatArray) -> FloatArray:
+        return np.asarray(value * ramp_time(value, limits.acceleration, parameters))
+
+    fits = covered(speed) <= limits.length
+    if np.all(fits):
+        return speed
+    low, high = np.zeros_like(speed), speed.copy()
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        inside = covered(middle) <= limits.length
+        low = np.where(inside, middle, low)
+        high = np.where(inside, high, middle)
+    return np.where(fits, speed, low)
+
+
+def speed_for(
+    limits: LegLimits,
+    parameters: Parameters,
+    duration: FloatArray,
+    slowest: FloatArray,
+) -> FloatArray:
+    """Cruise speeds (n,) [m/s] at which the legs take ``duration`` (n,) [s].
+
+    The inverse of ``T = L / V + T_ramp(V)``, which falls with V up to the speed that
+    just fits; by bisection. A leg that cannot be so fast gets its greatest speed, one
+    that would have to be slower than ``slowest`` (n,) [m/s] gets that.
+    """
+    high = _fitting_speed(limits, parameters, limits.speed)
+    low = np.minimum(slowest, high)
+    floor = low
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        safe = np.where(middle > 0.0, middle, 1.0)
+        takes = limits.length / safe + ramp_time(
+            middle, limits.acceleration, parameters
+        )
+        slow = takes > duration
+        low = np.where(slow, middle, low)
+        high = np.where(slow, high, middle)
+    return np.where(limits.length > 0.0, np.maximum(high, floor), 0.0)

@@ -1,0 +1,104 @@
+"""The autopilot parameters a mission depends on, and the file that carries them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import floor, pi, tan
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from showc.script.show import Show
+
+FIRMWARE = "ArduCopter 4.6"
+"""The firmware whose parameter names, units and leg law these are."""
+
+GRAVITY = 9.80665
+"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """What the leg law of ArduCopter takes from the vehicle, in SI.
+
+    The defaults are those under which synchronised legs were measured.
+    """
+
+    speed: float = 8.0
+    """Greatest horizontal speed of a leg [m/s]: the law was held against flights up
+    to here."""
+    cruise_speed: float = 10.0
+    """WPNAV_SPEED [m/s], until a mission sets another."""
+    speed_up: float = 4.0
+    """WPNAV_SPEED_UP [m/s]."""
+    speed_down: float = 3.0
+    """WPNAV_SPEED_DN [m/s]."""
+    acceleration: float = 3.5
+    """WPNAV_ACCEL [m/s²]."""
+    acceleration_vertical: float = 2.5
+    """WPNAV_ACCEL_Z [m/s²]."""
+    jerk: float = 20.0
+    """WPNAV_JERK [m/s³]."""
+    input_time_constant: float = 0.15
+    """ATC_INPUT_TC [s]."""
+    angular_acceleration: float = 1100.0
+    """ATC_ACCEL_R_MAX and ATC_ACCEL_P_MAX [deg/s²]."""
+    descent_speed: float = 3.0
+    """LAND_SPEED_HIGH [m/s]."""
+
+    @property
+    def snap(self) -> float:
+        """Greatest rate of change of the jerk that the law allows [m/s⁴]."""
+        by_attitude = self.angular_acceleration * pi / 180.0 * GRAVITY
+        by_input = pi * self.jerk / (2.0 * max(self.input_time_constant, 0.1))
+        return 0.5 * min(by_input, by_attitude)
+
+
+def parameters_for(show: Show) -> Parameters:
+    """Return the measured set, lowered where the show's limits are stricter.
+
+    Acceleration stays below what the tilt limit gives, on whole cm/s² as the
+    parameter file stores it.
+    """
+    measured = Parameters()
+    tilt = floor(100.0 * GRAVITY * tan(show.limits.tilt)) / 100.0
+    return replace(
+        measured,
+        acceleration=max(0.5, min(measured.acceleration, tilt)),
+        speed_up=_on_grid(min(measured.speed_up, show.limits.velocity_max[2])),
+        speed_down=_on_grid(min(measured.speed_down, -show.limits.velocity_min[2])),
+        descent_speed=_on_grid(min(measured.speed_down, show.landing.descent_speed)),
+    )
+
+
+def _on_grid(speed: float) -> float:
+    """Round a speed down to whole cm/s [m/s], never below what ArduPilot heeds."""
+    return max(0.1, floor(speed * 100.0 + 1e-9) / 100.0)
+
+
+def parameter_file(parameters: Parameters) -> bytes:
+    """Return the ``.parm`` file to load onto every vehicle before the missions."""
+    centi = {
+        "WPNAV_SPEED": parameters.cruise_speed,
+        "WPNAV_SPEED_UP": parameters.speed_up,
+        "WPNAV_SPEED_DN": parameters.speed_down,
+        "WPNAV_ACCEL": parameters.acceleration,
+        "WPNAV_ACCEL_Z": parameters.acceleration_vertical,
+        "LAND_SPEED_HIGH": parameters.descent_speed,
+    }
+    plain = {
+        "WPNAV_JERK": parameters.jerk,
+        "WPNAV_ACCEL_C": 0.0,
+        "PSC_JERK_XY": 20.0,
+        "ATC_INPUT_TC": parameters.input_time_constant,
+        "ATC_ACCEL_R_MAX": 100.0 * parameters.angular_acceleration,
+        "ATC_ACCEL_P_MAX": 100.0 * parameters.angular_acceleration,
+        "WP_YAW_BEHAVIOR": 0.0,
+    }
+    values = {name: round(100.0 * value) for name, value in centi.items()} | plain
+    lines = [
+        f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
+        "# Names, units and the law of a leg differ between versions: load this file",
+        "# onto that firmware only, and before the missions.",
+        *(f"{name},{values[name]:g}" for name in sorted(values)),
+    ]
+    return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,0 +1,246 @@
+"""The flight that the autopilots will really make, as a trajectory of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.mission.encoding import stage_motion
+from showc.mission.separation import closest_encounter
+from showc.mission.timeline import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
+from showc.mission.timing import (
+    ARRIVAL_SPREAD,
+    CLOCKED,
+    SPIN_UP,
+    TAKEOFF_SPREAD,
+    Timing,
+)
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from showc.flight import Flight, LegFlight
+    from showc.mission.parameters import Parameters
+    from showc.mission.separation import Closest
+    from showc.mission.stage import Stage
+    from showc.mission.timeline import ScheduledLeg, Timeline
+
+    FloatArray = NDArray[np.float64]
+
+ARRIVED = 0.3
+"""A drone has arrived when it is this near its goal [m]."""
+
+SAMPLES = 60
+"""Instants per leg at which the prediction is held against the solved flight."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedFlight:
+    """Positions over mission time, every delay in the middle of its interval."""
+
+    timeline: Timeline
+    """What is flown when."""
+    parameters: Parameters
+    """The autopilot's."""
+
+    @property
+    def duration(self) -> float:
+        """Mission time at which the last drone is down [s]."""
+        return self.timeline.duration
+
+    def position(self, times: ArrayLike) -> FloatArray:
+        """Show-frame positions (n, drones, 3) [m] at mission times (n,) [s].
+
+        Take-off and landing are not timed; what they give here is nominal.
+        """
+        t = np.asarray(times, dtype=np.float64)[:, None]
+        line = self.timeline
+        place = np.broadcast_to(line.pads, (t.shape[0], *line.pads.shape)).copy()
+        climb = SPIN_UP + line.takeoff.profile.duration
+        _advance(place, line.takeoff, t - SPIN_UP)
+        follow = np.zeros(line.pads.shape[0])
+        follow[line.takeoff.drones] = climb
+        _advance(place, line.staging, t - follow[line.staging.drones] - CLOCKED.delay)
+        for scheduled in line.legs:
+            for release, stage in scheduled.flown:
+                _advance(place, stage, t - release - CLOCKED.delay)
+        height = line.land.begin[:, 2] - line.land.end[:, 2]
+        below = np.clip(t - line.land_start, 0.0, None)
+        slow = np.minimum(height, LAND_SLOW_HEIGHT)
+        fast_time = (height - slow) / self.parameters.descent_speed
+        sunk = np.minimum(below, fast_time) * self.parameters.descent_speed
+        sunk = sunk + np.maximum(below - fast_time, 0.0) * LAND_SLOW_SPEED
+        place[:, line.land.drones, 2] -= np.minimum(sunk, height)
+        return place
+
+
+def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
+    """Move the stage's drones in ``place`` (n, drones, 3) along, ``elapsed`` (n, m)."""
+    part = stage.profile.fraction(elapsed)[..., None]
+    place[:, stage.drones] += part * (stage.end - stage.begin)
+
+
+def prediction_summary(
+    flight: Flight,
+    timeline: Timeline,
+    start: datetime | None,
+) -> dict[str, Any]:
+    """Return what the report and the manifest say about the predicted flight."""
+    from showc.mission.parameters import FIRMWARE  # noqa: PLC0415
+
+    spread = TAKEOFF_SPREAD
+    legs = []
+    positions = timeline.pads.copy()
+    positions[timeline.takeoff.drones] = timeline.takeoff.end
+    positions[timeline.staging.drones] = timeline.staging.end
+    solved = {item.leg.index: item for item in flight.legs}
+    separation = flight.itinerary.show.separation
+    for scheduled in timeline.legs:
+        entry = _leg_entry(scheduled, solved[scheduled.leg.index], start)
+        if start is None:
+            worst = _unclocked(scheduled, positions, separation, spread)
+            entry["unclocked"] = {"spread": round(spread, 3), "closest": worst}
+            spread += ARRIVAL_SPREAD * len(scheduled.releases)
+        for _, stage in scheduled.flown:
+            positions[stage.drones] = stage.end
+        legs.append(entry)
+    return {
+        "firmware": FIRMWARE,
+        "clock": "UTC" if start is not None else "relative",
+        "start": None if start is None else start.isoformat(),
+        "latest_mission_start": _latest(timeline),
+        "duration": round(timeline.duration, 3),
+        "delay": CLOCKED.delay,
+        "delay_spread": CLOCKED.spread,
+        "required_separation": separation.distance,
+        "launch": _encounter(timeline.launch_closest),
+        "legs": legs,
+        "land": _encounter(timeline.land_closest),
+        "land_start": round(timeline.land_start, 3),
+    }
+
+
+def _latest(timeline: Timeline) -> float | None:
+    """Latest mission time at which a mission may be started and still make slot 1."""
+    if not timeline.legs:
+        return None
+    return round(timeline.legs[0].releases[0] - timeline.staged, 3)
+
+
+def _leg_entry(
+    scheduled: ScheduledLeg, solved: LegFlight, start: datetime | None
+) -> dict[str, Any]:
+    """One leg of the summary."""
+    position, arrival = _difference(scheduled, solved)
+    closest = [
+        _encounter(found, release)
+        for found, release in zip(
+            scheduled.encoding.closest, scheduled.releases, strict=True
+        )
+    ]
+    near = [item for item in closest if item is not None]
+    entry: dict[str, Any] = {
+        "leg": scheduled.leg.index,
+        "name": scheduled.leg.name,
+        "encoding": scheduled.encoding.name,
+        "slots": [round(release, 3) for release in scheduled.releases],
+        "durations": [round(stage.duration, 3) for stage in scheduled.encoding.stages],
+        "slot": round(scheduled.releases[0], 3),
+        "duration": round(scheduled.finish - scheduled.releases[0], 3),
+        "optimal_start": round(scheduled.planned_start, 3),
+        "optimal_duration": round(scheduled.planned_duration, 3),
+        "drones": [int(drone) + 1 for drone in scheduled.leg.drones],
+        "position_difference": [round(float(value), 3) for value in position],
+        "arrival_difference": [round(float(value), 3) for value in arrival],
+        "closest": min(near, key=lambda item: item["distance"]) if near else None,
+    }
+    if start is not None:
+        from datetime import timedelta  # noqa: PLC0415
+
+        entry["slots_utc"] = [
+            (start + timedelta(seconds=release)).isoformat()
+            for release in scheduled.releases
+        ]
+    return entry
+
+
+def _difference(
+    scheduled: ScheduledLeg, solved: LegFlight
+) -> tuple[FloatArray, FloatArray]:
+    """Greatest distance and difference of arrival to the solved flight, per drone.
+
+    Both are taken on the leg's own clock: release against the solved leg's start. A
+    drone has arrived when it is within 0.3 m of its goal for good.
+    """
+    drones = scheduled.leg.drones
+    span = max(
+        scheduled.finish - scheduled.releases[0] + CLOCKED.delay, solved.duration
+    )
+    times = np.linspace(0.0, span, SAMPLES)
+    wanted = np.stack(
+        [part.state.select([0, 1, 2])(times) for part in solved.trajectories], axis=1
+    )
+    start, goal = wanted[0], scheduled.leg.goal
+    fleet = int(drones.max()) + 1
+    place = np.zeros((SAMPLES, fleet, 3))
+    place[:, drones] = start
+    for release, stage in scheduled.flown:
+        _advance(
+            place,
+            stage,
+            times[:, None] - (release - scheduled.releases[0]) - CLOCKED.delay,
+        )
+    flown = place[:, drones]
+    difference = np.linalg.norm(flown - wanted, axis=2).max(axis=0)
+    return difference, _arrivals(times, flown, goal) - _arrivals(times, wanted, goal)
+
+
+def _arrivals(times: FloatArray, flown: FloatArray, goal: FloatArray) -> FloatArray:
+    """Time of each drone's last entry into the ball around its goal [s]."""
+    distance = np.linalg.norm(flown - goal, axis=2)
+    outside = distance > ARRIVED
+    last = np.where(
+        outside.any(axis=0), times.size - 1 - outside[::-1].argmax(axis=0), -1
+    )
+    after = np.clip(last + 1, 0, times.size - 1)
+    before = np.clip(last, 0, times.size - 1)
+    column = np.arange(goal.shape[0])
+    high, low = distance[before, column], distance[after, column]
+    fall = np.where(high > low, high - low, 1.0)
+    part = np.clip((high - ARRIVED) / fall, 0.0, 1.0)
+    moment = times[before] + part * (times[after] - times[before])
+    return np.where(last < 0, 0.0, moment)
+
+
+def _unclocked(
+    scheduled: ScheduledLeg,
+    positions: FloatArray,
+    separation: Any,  # noqa: ANN401
+    spread: float,
+) -> dict[str, Any] | None:
+    """Nearest encounter when no clock holds the drones together."""
+    worst: Closest | None = None
+    place = positions.copy()
+    for release, stage in scheduled.flown:
+        timing = Timing(CLOCKED.delay, CLOCKED.spread + spread)
+        found = closest_encounter(
+            stage_motion(stage, place, timing, release), separation
+        )
+        if found is not None and (worst is None or found.distance < worst.distance):
+            worst = found
+        place[stage.drones] = stage.end
+    return _encounter(worst)
+
+
+def _encounter(found: Closest | None, offset: float = 0.0) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "drones": [found.drone_a + 1, found.drone_b + 1],
+        "time": round(found.time + offset, 3),
+        "distance": round(found.distance, 3),
+    }

@@ -1,0 +1,268 @@
+"""Separation of predicted flights, over all times and all delays.
+
+A drone's delay is only known to lie in an interval. Progress along a leg is monotone
+in time minus delay, so over the times [a, b] and the delays [l, h] the drone is
+exactly on the part of its straight leg between its nominal places at a - h and b - l.
+The distance of two such parts bounds the distance of the pair from below, and at a
+single time it is the least distance that any two delays give. Branch and bound over
+time makes both ends meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.mission.law import LegProfile
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+TOLERANCE = 1e-3
+"""How far below the true least distance the proved one may lie [m]."""
+
+FIRST_PIECES = 32
+"""Pieces of the window that a pair is looked at in first."""
+
+BLOCK = 400_000
+"""Pairs handled at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What every drone of the fleet does during a stretch of time."""
+
+    begin: FloatArray
+    """Start of each one's leg, shape (n, 3), show frame [m]."""
+    end: FloatArray
+    """End of it; equal to ``begin`` for a drone at rest."""
+    profile: LegProfile
+    """Progress of each, of length 0 for a drone at rest."""
+    start: FloatArray
+    """Mission time at which each leg is released, shape (n,) [s]."""
+    delay_low: FloatArray
+    """Least delay after that, shape (n,) [s]; -inf with ``delay_high`` inf: the leg may
+    be anywhere at any time."""
+    delay_high: FloatArray
+    """Greatest delay, shape (n,) [s]."""
+    window: tuple[float, float]
+    """First and last instant looked at, mission time [s]."""
+
+    def reach(
+        self, index: IntArray, first: FloatArray, last: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the ends (m, 3) of where drones can be between two times (m,) [s]."""
+        profile = self.profile.select(index)
+        start = self.start[index]
+        low = profile.fraction(first - start - self.delay_high[index])
+        high = profile.fraction(last - start - self.delay_low[index])
+        begin = self.begin[index]
+        along = self.end[index] - begin
+        return begin + low[:, None] * along, begin + high[:, None] * along
+
+
+@dataclass(frozen=True, slots=True)
+class Closest:
+    """The pair that comes nearest, and how near it can come."""
+
+    drone_a: int
+    drone_b: int
+    time: float
+    """Mission time [s]."""
+    distance: float
+    """Proved lower bound of every pair's distance, in the separation's metric [m]."""
+
+
+def closest_encounter(
+    motion: Motion, separation: Separation, *, enough: float = -np.inf
+) -> Closest | None:
+    """Return the nearest encounter of ``motion``; None when nobody moves.
+
+    Pairs that both rest are left out. The search ends early, with a valid encounter
+    but not the nearest, as soon as one nearer than ``enough`` [m] is found.
+    """
+    moving = np.any(motion.begin != motion.end, axis=1)
+    if motion.begin.shape[0] < 2 or not np.any(moving):
+        return None
+    best = _nearest_at_rest(motion, separation, moving)
+    everywhere = np.nextafter(best.distance, np.inf)
+    found_a, found_b, swept = [], [], []
+    for a, b in _pairs(moving):
+        bound = part_distance(
+            (motion.begin[a], motion.end[a]), (motion.begin[b], motion.end[b]),
+            separation,
+        )  # fmt: skip
+        near = bound < everywhere
+        found_a.append(a[near])
+        found_b.append(b[near])
+        swept.append(bound[near])
+    a, b = np.concatenate(found_a), np.concatenate(found_b)
+    return _branch_and_bound(motion, separation, (a, b), best, enough)
+
+
+def _branch_and_bound(
+    motion: Motion,
+    separation: Separation,
+    pairs: tuple[IntArray, IntArray],
+    best: Closest,
+    enough: float,
+) -> Closest:
+    """Refine ``best`` over the ``pairs`` that could come nearer."""
+    a, b = pairs
+    first, last = motion.window
+    edges = np.linspace(first, last, FIRST_PIECES + 1)
+    low = np.tile(edges[:-1], a.size)
+    high = np.tile(edges[1:], a.size)
+    a, b = np.repeat(a, FIRST_PIECES), np.repeat(b, FIRST_PIECES)
+    while a.size:
+        pieces = [
+            _examine(motion, separation, (a[part], b[part]), (low[part], high[part]))
+            for part in _parts(a.size)
+        ]
+        bound = np.concatenate([piece[0] for piece in pieces])
+        value = np.concatenate([piece[1] for piece in pieces])
+        least = int(np.argmin(value))
+        if value[least] < best.distance:
+            middle = 0.5 * (low[least] + high[least])
+            best = Closest(
+                int(a[least]), int(b[least]), float(middle), float(value[least])
+            )
+        if best.distance < enough:
+            break
+        # A piece is done once it cannot hold anything nearer by the tolerance.
+        left = bound < best.distance - TOLERANCE
+        a, b, low, high = a[left], b[left], low[left], high[left]
+        middle = 0.5 * (low + high)
+        a, b = np.tile(a, 2), np.tile(b, 2)
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    return Closest(
+        min(best.drone_a, best.drone_b),
+        max(best.drone_a, best.drone_b),
+        best.time,
+        max(best.distance - TOLERANCE, 0.0),
+    )
+
+
+def _examine(
+    motion: Motion,
+    separation: Separation,
+    pairs: tuple[IntArray, IntArray],
+    span: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Lower bounds over the time ``span`` and least distances in its middle."""
+    (a, b), (low, high) = pairs, span
+    bound = part_distance(
+        motion.reach(a, low, high), motion.reach(b, low, high), separation
+    )
+    middle = 0.5 * (low + high)
+    value = part_distance(
+        motion.reach(a, middle, middle), motion.reach(b, middle, middle), separation
+    )
+    return bound, value
+
+
+def _parts(size: int) -> Iterator[slice]:
+    for first in range(0, size, BLOCK):
+        yield slice(first, first + BLOCK)
+
+
+def _pairs(moving: NDArray[np.bool_]) -> Iterator[tuple[IntArray, IntArray]]:
+    """All pairs of which at least one moves, in blocks."""
+    count = moving.size
+    rows = max(1, BLOCK // count)
+    for top in range(0, count, rows):
+        a, b = np.meshgrid(
+            np.arange(top, min(top + rows, count)), np.arange(count), indexing="ij"
+        )
+        wanted = (a < b) & (moving[a] | moving[b])
+        yield a[wanted], b[wanted]
+
+
+def _nearest_at_rest(
+    motion: Motion, separation: Separation, moving: NDArray[np.bool_]
+) -> Closest:
+    """Nearest pair before the window's legs begin or after they end."""
+    best = Closest(0, 0, motion.window[0], np.inf)
+    for a, b in _pairs(moving):
+        for points, time in (
+            (motion.begin, motion.window[0]),
+            (motion.end, motion.window[1]),
+        ):
+            value = part_distance(
+                (points[a], points[a]), (points[b], points[b]), separation
+            )
+            if value.size and value.min() < best.distance:
+                least = int(np.argmin(value))
+                best = Closest(int(a[least]), int(b[least]), time, float(value[least]))
+    return best
+
+
+def part_distance(
+    first: tuple[FloatArray, FloatArray],
+    second: tuple[FloatArray, FloatArray],
+    separation: Separation,
+) -> FloatArray:
+    """Least distance (m,) of straight parts, in the separation's metric.
+
+    Exact for the sphere and the ellipsoid; for the forms per axis the parts' boxes
+    give a lower bound.
+    """
+    if separation.shape in {"any-axis", "all-axes"}:
+        gap = np.maximum(
+            np.minimum(*first) - np.maximum(*second),
+            np.minimum(*second) - np.maximum(*first),
+        )
+        gap = np.maximum(gap, 0.0)
+        return np.asarray(
+            gap.max(axis=1) if separation.shape == "any-axis" else gap.min(axis=1)
+        )
+    scale = np.array(separation.metric_scale)
+    p, q = first[0] * scale, second[0] * scale
+    return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
+
+
+def segment_distance(
+    p: FloatArray, u: FloatArray, q: FloatArray, v: FloatArray
+) -> FloatArray:
+    """Least distance (m,) between segments p + [0, 1] u and q + [0, 1] v, all (m, 3).
+
+    Either the lines' common normal ends inside both, or the least distance is at an
+    end of one of them (Ericson 2005, Real-Time Collision Detection, section 5.1.9).
+    """
+    w = p - q
+    uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
+    uw, vw = _dot(u, w), _dot(v, w)
+    determinant = uu * vv - uv * uv
+    regular = determinant > 1e-12 * uu * vv
+    safe = np.where(regular, determinant, 1.0)
+    s = np.where(regular, (uv * vw - vv * uw) / safe, 0.0)
+    t = np.where(regular, (uu * vw - uv * uw) / safe, 0.0)
+    s, t = np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0)
+    gap = w + s[:, None] * u - t[:, None] * v
+    squared = _dot(gap, gap)
+    for point, base, along, length in (
+        (w, np.zeros_like(w), v, vv),
+        (w + u, np.zeros_like(w), v, vv),
+    ):
+        at = np.clip(
+            _dot(point - base, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0
+        )
+        rest = point - at[:, None] * along
+        squared = np.minimum(squared, _dot(rest, rest))
+    for point in (-w, v - w):
+        at = np.clip(_dot(point, u) / np.where(uu > 0.0, uu, 1.0), 0.0, 1.0)
+        rest = point - at[:, None] * u
+        squared = np.minimum(squared, _dot(rest, rest))
+    return np.asarray(np.sqrt(squared))
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ij,ij->i", a, b))

@@ -1,0 +1,156 @@
+"""A stage: a set of drones flies one straight leg each, released at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.mission import law
+from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.mission.law import LegProfile
+    from showc.mission.parameters import Parameters
+    from showc.vehicle import Limits
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+SLOWEST_COMMAND = 0.15
+"""Speeds that are commanded stay above this [m/s]: ArduPilot ignores any below 0.1."""
+
+STEEP = 0.5
+"""A leg whose direction has less than this horizontal part is steered by its vertical
+speed."""
+
+COMMAND_STEP = 1e-3
+"""Commanded speeds are whole multiples of this [m/s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """One straight leg of each of n drones, all released together."""
+
+    drones: IntArray
+    """Who flies, counting from 0, shape (n,)."""
+    begin: FloatArray
+    """Where from, shape (n, 3), show frame [m], on the mission's grid."""
+    end: FloatArray
+    """Where to, likewise."""
+    stored: GlobalPoints
+    """The ends as the mission stores them."""
+    profile: LegProfile
+    """How they fly."""
+    level: FloatArray
+    """Horizontal part of the direction, 0 to 1, shape (n,)."""
+    climb: FloatArray
+    """Vertical part of the direction, -1 to 1, shape (n,)."""
+    by_climb: NDArray[np.bool_]
+    """Who is steered by the vertical instead of the horizontal speed, shape (n,)."""
+    command: FloatArray
+    """Commanded horizontal or vertical speed, shape (n,) [m/s]."""
+
+    @property
+    def duration(self) -> float:
+        """Time of the slowest leg [s]."""
+        return float(self.profile.duration.max(initial=0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageBuilder:
+    """What stages of one show have in common."""
+
+    frame: SiteFrame
+    """The show frame on the globe."""
+    home_altitude: FloatArray
+    """Altitude of each drone's home, shape (drones,) [m]."""
+    parameters: Parameters
+    """The autopilot's."""
+
+    def on_grid(
+        self, drones: IntArray, points: FloatArray
+    ) -> tuple[GlobalPoints, FloatArray]:
+        """Round ``points`` (n, 3) [m] to the mission's grid: stored, and as places."""
+        home = self.home_altitude[drones]
+        stored = self.frame.round_points(points, home)
+        return stored, self.frame.place(stored, home)
+
+    def build(
+        self,
+        drones: IntArray,
+        begin: FloatArray,
+        end: FloatArray,
+        limits: Limits,
+        *,
+        duration: float = 0.0,
+        speed: float = np.inf,
+    ) -> Stage:
+        """Return the stage that takes ``duration`` [s], or the shortest that may be.
+
+        Parameters
+        ----------
+        drones
+            Shape (n,). Those that do not move are left out.
+        begin, end
+            Shape (n, 3), show frame [m].
+        limits
+            Whose velocities hold.
+        duration
+            Wanted time [s]; where a drone needs longer, all take as long as it does.
+        speed
+            Further limit of the speed along the leg [m/s].
+        """
+        start, _ = self.on_grid(drones, begin)
+        goal, _ = self.on_grid(drones, end)
+        moves = (
+            (start.latitude != goal.latitude)
+            | (start.longitude != goal.longitude)
+            | (start.height != goal.height)
+        )
+        drones = drones[moves]
+        start, begin = self.on_grid(drones, begin[moves])
+        goal, end = self.on_grid(drones, end[moves])
+        displacement = autopilot_displacement(start, goal, self.frame.latitude)
+        fastest = np.minimum(_box_speed(end - begin, limits), speed)
+        leg = law.leg_limits(displacement, self.parameters, fastest)
+        shortest = law.profile(leg, self.parameters)
+        wanted = max(duration, float(shortest.duration.max(initial=0.0)))
+        by_climb = leg.level < STEEP
+        steering = np.where(by_climb, np.abs(leg.climb), leg.level)
+        chosen = law.speed_for(
+            leg,
+            self.parameters,
+            np.full(drones.size, wanted),
+            SLOWEST_COMMAND / steering,
+        )
+        command = np.maximum(
+            np.floor(chosen * steering / COMMAND_STEP + 1e-6) * COMMAND_STEP,
+            SLOWEST_COMMAND,
+        )
+        return Stage(
+            drones,
+            begin,
+            end,
+            goal,
+            law.profile(leg, self.parameters, command / steering),
+            leg.level,
+            leg.climb,
+            by_climb,
+            command,
+        )
+
+
+def _box_speed(displacement: FloatArray, limits: Limits) -> FloatArray:
+    """Greatest speed (n,) [m/s] along ``displacement`` (n, 3) inside the limits."""
+    length = np.linalg.norm(displacement, axis=1)
+    direction = displacement / np.where(length > 0.0, length, 1.0)[:, None]
+    box = np.where(
+        direction > 0.0, np.array(limits.velocity_max), np.array(limits.velocity_min)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.abs(direction) > 1e-9, box / direction, np.inf)
+    return np.asarray(ratio.min(axis=1))

@@ -1,0 +1,260 @@
+"""The missions' own timeline: when each leg is released, and what is flown then.
+
+An autopilot's legs take other times than the solved ones, and every clock slot needs
+slack before it, so mission time runs apart from show time. Mission time 0 is the start
+of the missions: take-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import ExportError
+from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
+from showc.mission.separation import Closest, Motion, closest_encounter
+from showc.mission.timing import CLOCKED, SPIN_UP, Timing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.flight import Flight, LegFlight
+    from showc.mission.stage import Stage, StageBuilder
+    from showc.plan.itinerary import Leg
+    from showc.progress import Progress
+
+    FloatArray = NDArray[np.float64]
+
+TAKEOFF_HEIGHT = 2.5
+"""Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
+
+ANYTIME = Timing(0.0, np.inf)
+"""Nothing is known about when the leg is flown."""
+
+LAND_SLOW_HEIGHT = 10.0
+"""Below this ArduCopter lands slowly [m]."""
+
+LAND_SLOW_SPEED = 0.5
+"""How slowly [m/s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScheduledLeg:
+    """One timed leg of the show with its stages on the mission clock."""
+
+    leg: Leg
+    """What the show wants."""
+    encoding: Encoding
+    """How it is flown."""
+    releases: tuple[float, ...]
+    """Mission time at which each stage is released, whole seconds [s]."""
+    planned_start: float
+    """Show time at which the solved leg starts [s]."""
+    planned_duration: float
+    """Time of the solved leg [s]."""
+
+    @property
+    def finish(self) -> float:
+        """Mission time at which the last stage nominally ends, without delay [s]."""
+        return self.releases[-1] + self.encoding.stages[-1].duration
+
+    @property
+    def flown(self) -> list[tuple[float, Stage]]:
+        """Release and stage, in order."""
+        return list(zip(self.releases, self.encoding.stages, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timeline:
+    """All missions of a fleet, from the pads to the pads."""
+
+    pads: FloatArray
+    """Where the drones stand before, shape (drones, 3), on the grid [m]."""
+    launch_leg: Leg
+    """The climb as the show wants it."""
+    takeoff: Stage
+    """Straight up, untimed."""
+    staging: Stage
+    """The rest of the climb, untimed, straight after it."""
+    legs: tuple[ScheduledLeg, ...]
+    """Everything timed, in order."""
+    landing_pause: float
+    """Hover between the last arrival and the landing [s]."""
+    land: Stage
+    """Straight down, untimed."""
+    land_start: float
+    """Mission time at which the landing nominally begins [s]."""
+    duration: float
+    """Mission time at which the last drone is nominally down [s]."""
+    launch_closest: Closest | None
+    """Nearest encounter of the climb, at any timing."""
+    land_closest: Closest | None
+    """Nearest encounter of the landing, at any timing."""
+
+    @property
+    def staged(self) -> float:
+        """Mission time at which the slowest drone has climbed [s]."""
+        climb = SPIN_UP + self.takeoff.duration + self.staging.duration
+        return climb + 2.0 * CLOCKED.high
+
+
+def build_timeline(
+    flight: Flight, builder: StageBuilder, progress: Progress
+) -> Timeline:
+    """Lay out the missions of ``flight``.
+
+    Raises
+    ------
+    ExportError
+        If the predicted flights of a leg cannot be kept apart, or the show is not one
+        launch, transitions and one landing.
+    """
+    moves = [item for item in flight.legs if item.leg.kind != "hold"]
+    if (
+        len(moves) < 2
+        or moves[0].leg.kind != "launch"
+        or moves[-1].leg.kind != "land"
+        or any(item.leg.kind in {"launch", "land"} for item in moves[1:-1])
+    ):
+        raise ExportError(
+            "a mission goes from one launch of all drones to one landing of all; "
+            f"found {', '.join(item.leg.kind for item in moves)}"
+        )
+    return _Layout(flight, builder, progress).run(moves)
+
+
+class _Layout:
+    """Carries the clock and everyone's place while the legs are laid out."""
+
+    def __init__(
+        self, flight: Flight, builder: StageBuilder, progress: Progress
+    ) -> None:
+        self.flight = flight
+        self.builder = builder
+        self.progress = progress
+        self.show = flight.itinerary.show
+        self.arrival = 0.0
+        self.free = 0.0
+
+    def run(self, moves: list[LegFlight]) -> Timeline:
+        launch, land = moves[0].leg, moves[-1].leg
+        everyone = np.arange(self.show.drones)
+        _, pads = self.builder.on_grid(everyone, launch.start)
+        self.progress.stage("missions", len(moves))
+        takeoff, staging, launch_closest = self._launch(launch, pads)
+        positions = pads.copy()
+        positions[takeoff.drones] = takeoff.end
+        positions[staging.drones] = staging.end
+        climbed = SPIN_UP + takeoff.duration + staging.duration
+        self._reached(climbed + CLOCKED.delay, climbed + 2.0 * CLOCKED.high)
+        legs = []
+        for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
+            if item.leg.kind == "hold":
+                self.free = max(self.free, self.arrival + item.duration)
+            elif item.leg.kind not in {"launch", "land"}:
+                scheduled, positions = self._timed(item, float(start), positions)
+                if scheduled is not None:
+                    legs.append(scheduled)
+            if item.leg.kind != "hold":
+                self.progress.advance()
+        pause = max(self.show.landing.hold, 1.0)
+        descent = self.builder.build(
+            land.drones, positions[land.drones], land.goal, land.limits
+        )
+        land_closest = self._untimed(descent, positions, "landing")
+        land_start = self.arrival + pause
+        height = descent.begin[:, 2] - descent.end[:, 2]
+        slow = np.minimum(height, LAND_SLOW_HEIGHT)
+        fast = self.builder.parameters.descent_speed
+        down = slow / LAND_SLOW_SPEED + (height - slow) / fast
+        return Timeline(
+            pads,
+            launch,
+            takeoff,
+            staging,
+            tuple(legs),
+            pause,
+            descent,
+            land_start,
+            land_start + float(down.max(initial=0.0)),
+            launch_closest,
+            land_closest,
+        )
+
+    def _launch(
+        self, leg: Leg, pads: FloatArray
+    ) -> tuple[Stage, Stage, Closest | None]:
+        """Untimed climb: a short take-off and a waypoint above it."""
+        climb = leg.goal - pads[leg.drones]
+        part = np.minimum(TAKEOFF_HEIGHT / np.maximum(climb[:, 2], 1e-9), 0.5)
+        middle = pads[leg.drones] + part[:, None] * climb
+        speed = self.show.launch.climb_speed
+        takeoff = self.builder.build(leg.drones, pads[leg.drones], middle, leg.limits)
+        staging = self.builder.build(
+            leg.drones, middle, leg.goal, leg.limits, speed=speed
+        )
+        whole = self.builder.build(leg.drones, pads[leg.drones], leg.goal, leg.limits)
+        return takeoff, staging, self._untimed(whole, pads, "launch")
+
+    def _untimed(
+        self, stage: Stage, positions: FloatArray, name: str
+    ) -> Closest | None:
+        """Nearest encounter of a stage that may be flown at any time."""
+        around = Surroundings(positions, self.show.separation, ANYTIME)
+        motion = stage_motion(stage, positions, ANYTIME)
+        found = closest_encounter(
+            _at_rest(motion), self.show.separation, enough=around.required
+        )
+        if found is not None and found.distance < around.required - 2e-3:
+            raise ExportError(
+                f"{name}: drones {found.drone_a + 1} and {found.drone_b + 1} could "
+                f"come as near as {found.distance:.2f} m, for an autopilot's {name} is "
+                f"not timed; wanted {self.show.separation.distance:g} m. Give the pads "
+                "more room"
+            )
+        return found
+
+    def _timed(
+        self, item: LegFlight, planned_start: float, positions: FloatArray
+    ) -> tuple[ScheduledLeg | None, FloatArray]:
+        """Encode one leg and put its stages on the clock."""
+        around = Surroundings(positions, self.show.separation, CLOCKED)
+        encoding = choose_encoding(item.leg, item, self.builder, around)
+        stages = [stage for stage in encoding.stages if stage.drones.size]
+        if not stages:
+            self.free = max(self.free, self.arrival + item.duration)
+            return None, positions
+        releases = []
+        positions = positions.copy()
+        for stage in stages:
+            release = float(ceil(self.free - 1e-6))
+            releases.append(release)
+            nominal = release + stage.duration
+            self._reached(nominal + CLOCKED.delay, nominal + CLOCKED.high)
+            positions[stage.drones] = stage.end
+        kept = tuple(
+            found
+            for found, stage in zip(encoding.closest, encoding.stages, strict=True)
+            if stage.drones.size
+        )
+        scheduled = ScheduledLeg(
+            item.leg,
+            Encoding(encoding.name, tuple(stages), kept),
+            tuple(releases),
+            planned_start,
+            item.duration,
+        )
+        return scheduled, positions
+
+    def _reached(self, likely: float, latest: float) -> None:
+        """Note an arrival: the next release waits for the slack."""
+        self.arrival = likely
+        self.free = latest + self.show.mission.slack
+
+
+def _at_rest(motion: Motion) -> Motion:
+    """Narrow the window of a motion that may happen at any time to one instant."""
+    return replace(motion, window=(0.0, 1.0))
