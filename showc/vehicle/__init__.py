@@ -1,6 +1,7 @@
-"""The aircraft: physical parameters, limits, presets."""
+"""The aircraft: physical parameters, limits, presets, equations of motion."""
 
 from showc.vehicle.limits import Limits, Separation, SeparationShape, Vector
+from showc.vehicle.presets import DEFAULT_PRESET, PRESETS, Preset
 from showc.vehicle.quadrotor import (
     CONTROL_NAMES,
     STANDARD_GRAVITY,
@@ -10,9 +11,12 @@ from showc.vehicle.quadrotor import (
 
 __all__ = [
     "CONTROL_NAMES",
+    "DEFAULT_PRESET",
+    "PRESETS",
     "STANDARD_GRAVITY",
     "STATE_NAMES",
     "Limits",
+    "Preset",
     "Quadrotor",
     "Separation",
     "SeparationShape",

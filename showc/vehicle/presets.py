@@ -1,0 +1,94 @@
+"""Known aircraft: physical parameters and the limits they are flown with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, radians, sqrt
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from showc.vehicle.limits import Limits
+from showc.vehicle.quadrotor import Quadrotor
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """An aircraft and the limits it is flown with unless a script says otherwise."""
+
+    description: str
+    """One line for people: what it is and where its numbers come from."""
+    vehicle: Quadrotor
+    """Its physical parameters."""
+    limits: Limits
+    """Its limits; the flight volume is unbounded, the site sets it."""
+
+
+_UNBOUNDED = ((-inf, -inf, -inf), (inf, inf, inf))
+
+FORMATION = Preset(
+    "625 g quadrotor of the literature on formation flight, with the limits printed "
+    "there: 5 m/s per axis, 20 deg, 1.7 rad/s",
+    Quadrotor(
+        name="formation-625g",
+        mass=0.625,
+        arm_length=0.1275,
+        thrust_coefficient=2.103e-6,
+        torque_coefficient=2.091e-8,
+        inertia=(2.3e-3, 2.4e-3, 2.6e-3),
+        # 4 kF w² is the printed greatest thrust of 21.03 N.
+        rotor_speed_max=sqrt(2.5e6),
+    ),
+    Limits(
+        velocity_min=(-5.0, -5.0, -5.0),
+        velocity_max=(5.0, 5.0, 5.0),
+        tilt=radians(20.0),
+        body_rate=(1.7, 1.7, 1.7),
+        thrust_min=0.0,
+        thrust_max=21.03,
+        torque_max=(0.67, 0.67, 0.105),
+        position_min=_UNBOUNDED[0],
+        position_max=_UNBOUNDED[1],
+    ),
+)
+
+CRAZYFLIE = Preset(
+    "28 g Crazyflie 2.x (Foerster 2015, System identification of the Crazyflie 2.0), "
+    "1.5 m/s per axis for indoor shows",
+    Quadrotor(
+        name="crazyflie-28g",
+        mass=0.028,
+        # The motors stand on the diagonals; 46 mm is the arm, its projection on the
+        # body axes the lever of the allocation.
+        arm_length=0.046 / sqrt(2.0),
+        thrust_coefficient=2.88e-8,
+        torque_coefficient=7.24e-10,
+        inertia=(1.395e-5, 1.436e-5, 2.173e-5),
+        rotor_speed_max=2272.0,
+    ),
+    Limits(
+        velocity_min=(-1.5, -1.5, -1.0),
+        velocity_max=(1.5, 1.5, 1.5),
+        tilt=radians(20.0),
+        body_rate=(3.0, 3.0, 3.0),
+        thrust_min=0.0,
+        thrust_max=4.0 * 2.88e-8 * 2272.0**2,
+        torque_max=(
+            2.88e-8 * 0.046 / sqrt(2.0) * 2272.0**2,
+            2.88e-8 * 0.046 / sqrt(2.0) * 2272.0**2,
+            2.0 * 7.24e-10 * 2272.0**2,
+        ),
+        position_min=_UNBOUNDED[0],
+        position_max=_UNBOUNDED[1],
+    ),
+)
+
+PRESETS: Mapping[str, Preset] = MappingProxyType(
+    {preset.vehicle.name: preset for preset in (FORMATION, CRAZYFLIE)}
+)
+"""All presets by name."""
+
+DEFAULT_PRESET = FORMATION.vehicle.name
+"""What flies when a script names nothing else."""
