@@ -17,7 +17,12 @@ import numpy as np
 from showc.errors import ExportError
 from showc.mission.geodesy import POSITION_RESOLUTION
 from showc.mission.law import LegProfile
-from showc.mission.separation import Closest, Motion, closest_encounter
+from showc.mission.separation import (
+    TOLERANCE,
+    Closest,
+    Motion,
+    closest_encounter,
+)
 from showc.mission.timing import Timing
 from showc.mission.waves import conflict_colours, waves
 
@@ -72,9 +77,10 @@ class Surroundings:
         """Least distance that a proof must show [m].
 
         Places that are as near as the separation allows can be nearer by the
-        resolution of the mission's numbers.
+        resolution of the mission's numbers; a proof may fall short of the truth by its
+        tolerance.
         """
-        return self.separation.distance - POSITION_RESOLUTION
+        return self.separation.distance - POSITION_RESOLUTION - TOLERANCE
 
 
 def stage_motion(
@@ -131,7 +137,7 @@ def choose_encoding(
                 enough=around.required,
             )
             closest.append(found)
-            if found is not None and found.distance < around.required - 2e-3:
+            if found is not None and found.distance < around.required:
                 if best is None or found.distance > best.distance:
                     best = found
                 break

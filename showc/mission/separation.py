@@ -4,8 +4,9 @@ A drone's delay is only known to lie in an interval. Progress along a leg is mon
 in time minus delay, so over the times [a, b] and the delays [l, h] the drone is
 exactly on the part of its straight leg between its nominal places at a - h and b - l.
 The distance of two such parts bounds the distance of the pair from below, and at a
-single time it is the least distance that any two delays give. Branch and bound over
-time makes both ends meet.
+single time it is the least distance that any two delays give. From there it changes no
+faster than the pair's greatest relative speed. Branch and bound over time makes both
+ends meet.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-TOLERANCE = 1e-3
+TOLERANCE = 2e-3
 """How far below the true least distance the proved one may lie [m]."""
 
 FIRST_PIECES = 32
@@ -55,18 +56,6 @@ class Motion:
     """Greatest delay, shape (n,) [s]."""
     window: tuple[float, float]
     """First and last instant looked at, mission time [s]."""
-
-    def reach(
-        self, index: IntArray, first: FloatArray, last: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the ends (m, 3) of where drones can be between two times (m,) [s]."""
-        profile = self.profile.select(index)
-        start = self.start[index]
-        low = profile.fraction(first - start - self.delay_high[index])
-        high = profile.fraction(last - start - self.delay_low[index])
-        begin = self.begin[index]
-        along = self.end[index] - begin
-        return begin + low[:, None] * along, begin + high[:, None] * along
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,33 +105,29 @@ def _branch_and_bound(
     enough: float,
 ) -> Closest:
     """Refine ``best`` over the ``pairs`` that could come nearer."""
-    a, b = pairs
+    pieces = FIRST_PIECES
+    a, b = (np.repeat(drones, pieces) for drones in pairs)
+    piece = np.tile(np.arange(pieces), pairs[0].size)
     first, last = motion.window
-    edges = np.linspace(first, last, FIRST_PIECES + 1)
-    low = np.tile(edges[:-1], a.size)
-    high = np.tile(edges[1:], a.size)
-    a, b = np.repeat(a, FIRST_PIECES), np.repeat(b, FIRST_PIECES)
     while a.size:
-        pieces = [
-            _examine(motion, separation, (a[part], b[part]), (low[part], high[part]))
-            for part in _parts(a.size)
-        ]
-        bound = np.concatenate([piece[0] for piece in pieces])
-        value = np.concatenate([piece[1] for piece in pieces])
+        width = (last - first) / pieces
+        bound, value = _examine(motion, separation, (a, b), piece, width)
         least = int(np.argmin(value))
         if value[least] < best.distance:
-            middle = 0.5 * (low[least] + high[least])
             best = Closest(
-                int(a[least]), int(b[least]), float(middle), float(value[least])
+                int(a[least]),
+                int(b[least]),
+                first + (float(piece[least]) + 0.5) * width,
+                float(value[least]),
             )
         if best.distance < enough:
             break
         # A piece is done once it cannot hold anything nearer by the tolerance.
         left = bound < best.distance - TOLERANCE
-        a, b, low, high = a[left], b[left], low[left], high[left]
-        middle = 0.5 * (low + high)
-        a, b = np.tile(a, 2), np.tile(b, 2)
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        a, b = np.repeat(a[left], 2), np.repeat(b[left], 2)
+        piece = np.repeat(2 * piece[left], 2)
+        piece[1::2] += 1
+        pieces *= 2
     return Closest(
         min(best.drone_a, best.drone_b),
         max(best.drone_a, best.drone_b),
@@ -155,23 +140,100 @@ def _examine(
     motion: Motion,
     separation: Separation,
     pairs: tuple[IntArray, IntArray],
-    span: tuple[FloatArray, FloatArray],
+    piece: IntArray,
+    width: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Lower bounds over the time ``span`` and least distances in its middle."""
-    (a, b), (low, high) = pairs, span
-    bound = part_distance(
-        motion.reach(a, low, high), motion.reach(b, low, high), separation
-    )
-    middle = 0.5 * (low + high)
-    value = part_distance(
-        motion.reach(a, middle, middle), motion.reach(b, middle, middle), separation
-    )
-    return bound, value
+    """Lower bounds over pieces of time and least distances in their middles.
+
+    Piece k is ``width`` [s] long and starts k widths into the window; all arrays have
+    shape (m,).
+    """
+    a, b = pairs
+    count = int(piece.max()) + 1
+    keys = np.concatenate([a, b]) * count + np.concatenate([piece, piece])
+    # A drone is in many pairs: its part of a piece is worked out once.
+    unique, place = np.unique(keys, return_inverse=True)
+    reach = _reach(motion, unique // count, unique % count, width)
+    bounds, values = [np.zeros(0)], [np.zeros(0)]
+    for top in range(0, a.size, BLOCK):
+        rows = slice(top, min(top + BLOCK, a.size))
+        one, other = place[: a.size][rows], place[a.size :][rows]
+        value = part_distance(
+            (reach.back[one], reach.front[one]),
+            (reach.back[other], reach.front[other]),
+            separation,
+        )
+        whole = part_distance(
+            (reach.first[one], reach.last[one]),
+            (reach.first[other], reach.last[other]),
+            separation,
+        )
+        closing = _relative_speed(reach, one, other, separation)
+        bounds.append(np.maximum(whole, value - 0.5 * width * closing))
+        values.append(value)
+    return np.concatenate(bounds), np.concatenate(values)
 
 
-def _parts(size: int) -> Iterator[slice]:
-    for first in range(0, size, BLOCK):
-        yield slice(first, first + BLOCK)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reach:
+    """Where drones can be during pieces of time; shapes (m, 3) and (m,)."""
+
+    first: FloatArray
+    """Rearmost place in the piece."""
+    last: FloatArray
+    """Foremost place in the piece."""
+    back: FloatArray
+    """Rearmost place at its middle."""
+    front: FloatArray
+    """Foremost place at its middle."""
+    direction: FloatArray
+    """Of the leg, show metres for each of the autopilot's."""
+    slow: FloatArray
+    """Least speed [m/s]."""
+    fast: FloatArray
+    """Greatest speed [m/s]."""
+
+
+def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _Reach:
+    """Work out where ``drone`` can be during ``piece``, both (m,)."""
+    profile = motion.profile.select(drone)
+    since = motion.window[0] - motion.start[drone] + piece * width
+    late, early = since - motion.delay_high[drone], since - motion.delay_low[drone]
+    begin = motion.begin[drone]
+    along = motion.end[drone] - begin
+    first, last, back, front = (
+        begin + profile.fraction(time)[:, None] * along
+        for time in (late, early + width, late + 0.5 * width, early + 0.5 * width)
+    )
+    # The speed rises, stays and falls: least at an end, greatest next to the middle.
+    peak = np.clip(0.5 * profile.duration, late, early + width)
+    return _Reach(
+        first,
+        last,
+        back,
+        front,
+        along / np.where(profile.length > 0.0, profile.length, 1.0)[:, None],
+        np.minimum(profile.velocity(late), profile.velocity(early + width)),
+        profile.velocity(peak),
+    )
+
+
+def _relative_speed(
+    reach: _Reach, one: IntArray, other: IntArray, separation: Separation
+) -> FloatArray:
+    """Upper bound (m,) of the pairs' relative speed, in the separation's metric [m/s].
+
+    The speed of a difference of velocities is convex in both speeds: greatest at a
+    corner of their intervals.
+    """
+    scale = np.array(separation.metric_scale)
+    first, second = reach.direction[one] * scale, reach.direction[other] * scale
+    greatest = np.zeros(one.size)
+    for speed_a in (reach.slow[one], reach.fast[one]):
+        for speed_b in (reach.slow[other], reach.fast[other]):
+            gap = speed_a[:, None] * first - speed_b[:, None] * second
+            greatest = np.maximum(greatest, _dot(gap, gap))
+    return np.asarray(np.sqrt(greatest))
 
 
 def _pairs(moving: NDArray[np.bool_]) -> Iterator[tuple[IntArray, IntArray]]:
@@ -196,9 +258,7 @@ def _nearest_at_rest(
             (motion.begin, motion.window[0]),
             (motion.end, motion.window[1]),
         ):
-            value = part_distance(
-                (points[a], points[a]), (points[b], points[b]), separation
-            )
+            value = _point_distance(points[a], points[b], separation)
             if value.size and value.min() < best.distance:
                 least = int(np.argmin(value))
                 best = Closest(int(a[least]), int(b[least]), time, float(value[least]))
@@ -227,6 +287,19 @@ def part_distance(
     scale = np.array(separation.metric_scale)
     p, q = first[0] * scale, second[0] * scale
     return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
+
+
+def _point_distance(
+    first: FloatArray, second: FloatArray, separation: Separation
+) -> FloatArray:
+    """Distance (m,) of points (m, 3), in the separation's metric."""
+    gap = np.abs(first - second)
+    if separation.shape == "any-axis":
+        return np.asarray(gap.max(axis=1))
+    if separation.shape == "all-axes":
+        return np.asarray(gap.min(axis=1))
+    gap *= np.array(separation.metric_scale)
+    return np.asarray(np.sqrt(_dot(gap, gap)))
 
 
 def segment_distance(

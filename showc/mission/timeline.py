@@ -208,7 +208,7 @@ class _Layout:
         found = closest_encounter(
             _at_rest(motion), self.show.separation, enough=around.required
         )
-        if found is not None and found.distance < around.required - 2e-3:
+        if found is not None and found.distance < around.required:
             raise ExportError(
                 f"{name}: drones {found.drone_a + 1} and {found.drone_b + 1} could "
                 f"come as near as {found.distance:.2f} m, for an autopilot's {name} is "
