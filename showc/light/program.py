@@ -51,9 +51,9 @@ class LightSpan:
     places: FloatArray
     """Where the drones hover at the end, shape (n, 3), show frame [m]."""
 
-    def linear(self, time: FloatArray) -> FloatArray:
-        """Linear colours at show times (T,) within the span, shape (T, n, 3)."""
-        elapsed = np.clip(time - self.start, 0.0, self.duration)
+    def linear(self, elapsed: FloatArray) -> FloatArray:
+        """Linear colours at times (T,) since the start [s], shape (T, n, 3)."""
+        elapsed = np.clip(elapsed, 0.0, self.duration)
         if self.fade == "start":
             share = (elapsed > 0.0).astype(np.float64)
         elif self.fade == "end":
@@ -125,7 +125,7 @@ class LightProgram:
             )
             spans.append(span)
             # A fade starts from what an effect leaves, so that nothing jumps.
-            present[leg.drones] = span.linear(np.array([span.start + span.duration]))[0]
+            present[leg.drones] = span.linear(np.array([span.duration]))[0]
         return cls(show.drones, flight.duration, tuple(spans))
 
     def linear(self, times: ArrayLike) -> FloatArray:
@@ -139,7 +139,9 @@ class LightProgram:
             inside = (moment >= span.start) & (moment <= span.start + span.duration)
             if inside.any():
                 rows = np.flatnonzero(inside)
-                colours[np.ix_(rows, span.drones)] = span.linear(moment[rows])
+                colours[np.ix_(rows, span.drones)] = span.linear(
+                    moment[rows] - span.start
+                )
         return colours
 
     def sample(self, times: ArrayLike) -> ByteArray:
@@ -177,8 +179,9 @@ class LightProgram:
             if position == span.drones.size or span.drones[position] != drone:
                 continue
             count = max(1, int(np.ceil(span.duration / step - 1e-9)))
-            moment = span.start + span.duration * np.arange(count + 1) / count
-            shown = drive_bytes(span.linear(moment)[:, position])
+            elapsed = span.duration * np.arange(count + 1) / count
+            moment = span.start + elapsed
+            shown = drive_bytes(span.linear(elapsed)[:, position])
             for index, colour in enumerate(shown):
                 limit = 0 if index in (0, count) else tolerance
                 if np.abs(colour.astype(int) - colours[-1]).max() > limit:

@@ -1,0 +1,167 @@
+"""Colours in time: places, fades, holds, effects, darkness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from synthetic import gliding_flight, vertical_flight
+
+from showc.flight import Flight
+from showc.light import LightProgram, srgb_bytes
+from showc.light.colour import drive_bytes, full_hue, linear_light
+from showc.plan.itinerary import Itinerary
+from showc.script.show import Effect
+
+FLIGHT = vertical_flight(4)
+PROGRAM = LightProgram.of(FLIGHT)
+STARTS = FLIGHT.starts
+ORANGE, BLUE = [1.0, 0.25, 0.0], [0.0, 0.5, 1.0]
+FIRST, FIRST_HOLD, SECOND, SECOND_HOLD, APPROACH = 2, 3, 4, 5, 6
+
+
+def changed(**options) -> LightProgram:
+    """Program of the same flight with other options of its first transition."""
+    show = FLIGHT.itinerary.show
+    first = replace(show.transitions[0], **options)
+    show = replace(show, transitions=(first, *show.transitions[1:]))
+    itinerary = Itinerary(show, FLIGHT.itinerary.legs)
+    return LightProgram.of(Flight(itinerary, FLIGHT.legs, FLIGHT.starts))
+
+
+def test_dark_until_the_first_picture_and_after_the_approach():
+    before = PROGRAM.linear(np.linspace(-1.0, STARTS[FIRST], 20))
+    after = PROGRAM.linear(np.linspace(STARTS[APPROACH + 1], FLIGHT.duration + 5.0, 20))
+    assert not before.any() and not after.any()
+
+
+def test_places_give_their_colour():
+    middle = 0.5 * (STARTS[FIRST_HOLD] + STARTS[SECOND])
+    assert np.allclose(PROGRAM.linear([middle]), ORANGE)
+    assert np.allclose(PROGRAM.linear([STARTS[SECOND_HOLD] + 0.3]), BLUE)
+
+
+def test_linear_fade_is_even_in_light():
+    time = STARTS[SECOND] + np.array([0.25, 0.5, 0.75]) * FLIGHT.legs[SECOND].duration
+    share = np.array([0.25, 0.5, 0.75])[:, None]
+    wanted = (1.0 - share) * ORANGE + share * np.array(BLUE)
+    assert np.allclose(PROGRAM.linear(time)[:, 2], wanted)
+
+
+@pytest.mark.parametrize(("fade", "shown"), [("start", ORANGE), ("end", [0, 0, 0])])
+def test_fades_at_one_end(fade, shown):
+    program = changed(fade=fade)
+    inside = STARTS[FIRST] + np.array([0.001, 1.0, FLIGHT.legs[FIRST].duration - 0.001])
+    assert np.allclose(program.linear(inside), np.array(shown))
+    assert np.allclose(program.linear([STARTS[FIRST_HOLD] + 0.1]), ORANGE)
+
+
+def test_transition_colours_override_the_formation():
+    colours = np.eye(4, 3)
+    shown = changed(colours=colours).linear([STARTS[FIRST_HOLD] + 0.5])[0]
+    places = FLIGHT.legs[FIRST].leg.places
+    assert np.allclose(shown, colours[places])
+
+
+def test_parked_drones_are_dark_and_places_are_assigned():
+    leg = FLIGHT.legs[FIRST].leg
+    places = np.array([2, -1, 0, 1])
+    show = FLIGHT.itinerary.show
+    colours = np.diag([1.0, 0.5, 0.25, 0.125])[:, :3]
+    steps = replace(show.formations["steps"], colours=colours)
+    show = replace(show, formations={**show.formations, "steps": steps})
+    legs = [
+        replace(flown, leg=replace(flown.leg, places=places))
+        if flown.leg.to_formation == "steps"
+        else flown
+        for flown in FLIGHT.legs
+    ]
+    itinerary = Itinerary(show, tuple(flown.leg for flown in legs))
+    program = LightProgram.of(Flight(itinerary, tuple(legs), STARTS))
+    shown = program.linear([STARTS[FIRST_HOLD] + 0.5])[0]
+    assert leg.drones.size == 4
+    assert np.allclose(shown[[0, 2, 3]], colours[[2, 0, 1]])
+    assert not shown[1].any()
+
+
+def test_pulse_darkens_in_the_middle_of_its_period():
+    program = changed(effect=Effect("pulse", period=1.0, depth=0.6))
+    start = STARTS[FIRST_HOLD]
+    shown = program.linear(start + np.array([0.5, 1.0, 1.25]))[:, 0]
+    factor = np.array([0.4, 1.0, 0.7])[:, None]
+    assert np.allclose(shown, factor * ORANGE)
+
+
+def test_sweep_runs_along_its_axis():
+    effect = Effect("sweep", period=2.0, direction=(0.0, 0.0, 1.0), wavelength=4.0)
+    program = changed(effect=effect)
+    time = 1.0
+    height = FLIGHT.legs[FIRST_HOLD].leg.goal[:, 2]
+    turns = time / 2.0 - height / 4.0
+    wanted = 0.5 + 0.5 * np.cos(2.0 * np.pi * turns)
+    shown = program.linear([STARTS[FIRST_HOLD] + time])[0, :, 0]
+    assert np.allclose(shown, wanted)
+
+
+def test_rainbow_turns_the_hue():
+    effect = Effect("rainbow", period=3.0, wavelength=1e9)
+    program = changed(effect=effect, hold=1.5)
+    shown = program.linear([STARTS[FIRST_HOLD] + 1.0])[0]
+    assert np.allclose(shown, full_hue(np.array(1.0 / 3.0)), atol=1e-6)
+    assert np.allclose(shown[0], [0.0, 1.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["pulse", "sweep", "rainbow"])
+def test_nothing_jumps_with_linear_fades(kind):
+    program = changed(effect=Effect(kind, period=1.7, wavelength=3.0))
+    step = 1e-4
+    times = np.arange(0.0, FLIGHT.duration, step)
+    for part in np.array_split(times, 60):
+        shown = program.linear(part)
+        assert np.abs(np.diff(shown, axis=0)).max(initial=0.0) < 30.0 * step
+
+
+def test_drive_values_are_linear_and_screens_get_srgb():
+    light = np.array([0.0, 0.2140411, 0.5, 1.0])
+    assert drive_bytes(light).tolist() == [0, 55, 128, 255]
+    assert srgb_bytes(light).tolist() == [0, 127, 188, 255]
+
+
+def test_every_screen_byte_survives_the_round_trip():
+    every = np.arange(256, dtype=np.uint8)
+    assert np.array_equal(srgb_bytes(linear_light(every)), every)
+
+
+@given(arrays(np.float64, (3, 2), elements=st.floats(-2.0, 2.0)))
+def test_bytes_never_wrap(values):
+    for encoded in (drive_bytes(values), srgb_bytes(values)):
+        assert np.all(encoded[values <= 0.0] == 0)
+        assert np.all(encoded[values >= 1.0] == 255)
+
+
+def test_changes_follow_the_light():
+    flight = gliding_flight(9)
+    program = LightProgram.of(flight)
+    for drone in (0, 5):
+        times, colours = program.changes(drone, step=0.1, tolerance=8)
+        assert times[0] == 0.0 and np.all(np.diff(times) > 0.0)
+        every = np.arange(0.0, flight.duration, 0.02)
+        held = colours[np.searchsorted(times, every, side="right") - 1].astype(int)
+        shown = program.sample(every)[:, drone].astype(int)
+        # Within one step of 0.1 s the light itself may move: compare to its range.
+        for index, time in enumerate(every):
+            near = program.sample(np.linspace(time - 0.1, time, 11))[:, drone]
+            low = np.minimum(near.min(axis=0), shown[index]).astype(int) - 8
+            high = np.maximum(near.max(axis=0), shown[index]).astype(int) + 8
+            assert np.all((held[index] >= low) & (held[index] <= high))
+        assert not colours[-1].any()
+
+
+def test_changes_are_few_while_nothing_changes():
+    times, _ = PROGRAM.changes(0)
+    holding = (times > STARTS[FIRST_HOLD]) & (times < STARTS[SECOND])
+    assert not holding.any()
