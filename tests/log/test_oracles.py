@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from io import BytesIO
 from pathlib import Path
@@ -95,8 +96,13 @@ def test_rerun_finds_nothing_to_complain_about(gliding_bytes, tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed (extra 'viewers')")
     path = tmp_path / "show.mcap"
     path.write_bytes(gliding_bytes)
-    command = ["rerun", "mcap", "check", str(path)]
+    command = [Path(sys.executable).with_name("rerun"), "mcap", "check", path]
     result = subprocess.run(
         command, capture_output=True, text=True, timeout=60, check=False
     )
     assert result.returncode == 0, result.stdout + result.stderr
+    damaged = bytearray(gliding_bytes)
+    damaged[len(damaged) // 2] ^= 0x10
+    path.write_bytes(damaged)
+    result = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert result.returncode != 0
