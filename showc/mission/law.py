@@ -25,6 +25,10 @@ BISECTIONS = 60
 """Halvings when a speed is sought: below 1e-15 of the bracket."""
 
 
+SHORTEST = 1e-6
+"""What is shorter is no leg [m]; the mission's grid is a centimetre."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LegProfile:
     """How far along each of n straight legs the autopilot is, over time.
@@ -181,11 +185,12 @@ def leg_limits(
     ``speed`` (n,) [m/s] is a further limit along the leg.
     """
     length = np.linalg.norm(displacement, axis=1)
+    length = np.where(length > SHORTEST, length, 0.0)
     whole = np.where(length > 0.0, length, 1.0)
     level = np.linalg.norm(displacement[:, :2], axis=1) / whole
     climb = displacement[:, 2] / whole
     rise = np.where(climb > 0.0, parameters.speed_up, parameters.speed_down)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         fastest = np.minimum(parameters.speed / level, rise / np.abs(climb))
         hardest = np.minimum(
             parameters.acceleration / level,

@@ -1,0 +1,377 @@
+"""What stands in the files of a whole fleet, checked from their bytes."""
+
+import itertools
+import json
+from dataclasses import replace
+from datetime import datetime, timedelta, timezone
+
+import numpy as np
+import pytest
+from mission.flights import START, rows, shift_flight, swap_flight
+
+from showc.errors import ExportError, UsageError
+from showc.flight import Flight
+from showc.mission import mission_files
+from showc.mission.fleet import fleet_token
+from showc.mission.geodesy import SiteFrame
+from showc.plan.itinerary import Itinerary
+from showc.script.show import MissionOptions
+
+WAYPOINT, LAND, TAKEOFF, DELAY = 16, 21, 22, 93
+CONDITION_DELAY, SPEED, SERVO = 112, 178, 183
+LIGHTS = MissionOptions(light_servos=(9, 10, 11))
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return shift_flight(6, options=LIGHTS)
+
+
+@pytest.fixture(scope="module")
+def missions(flight):
+    return mission_files(flight, start=START)
+
+
+def commands(table):
+    return [int(row[3]) for row in table]
+
+
+def text(missions, drone=1, kind="waypoints"):
+    return missions.files[f"missions/drone_{drone:04d}.{kind}"]
+
+
+def with_options(flight, options):
+    show = replace(flight.itinerary.show, mission=options)
+    return Flight(Itinerary(show, flight.itinerary.legs), flight.legs, flight.starts)
+
+
+def test_every_drone_has_both_files_and_the_parameters_are_there(missions):
+    names = set(missions.files)
+    assert names == {"missions/ardupilot.parm"} | {
+        f"missions/drone_{n:04d}.{kind}"
+        for n in range(1, 7)
+        for kind in ("waypoints", "plan")
+    }
+
+
+def test_a_mission_starts_at_home_and_lands_at_named_coordinates(missions, flight):
+    frame = SiteFrame.of(flight.itinerary.show.site)
+    pads = flight.itinerary.show.formations["pads"].points
+    for drone in range(6):
+        table = rows(text(missions, drone + 1))
+        assert [row[0] for row in table] == list(range(len(table)))
+        assert [row[1] for row in table] == [1] + [0] * (len(table) - 1)
+        assert commands(table)[:2] == [WAYPOINT, TAKEOFF]
+        assert commands(table)[-1] == LAND
+        assert table[0][2] == 0
+        assert table[0][10] == pytest.approx(520.0, abs=0.01)
+        for row in (table[0], table[1], table[-1]):
+            place = frame.from_geodetic([row[8], row[9], 520.0])
+            np.testing.assert_allclose(place[:2], pads[drone][:2], atol=0.012)
+
+
+def test_frames_tell_positions_from_the_rest(missions):
+    for row in rows(text(missions))[1:]:
+        positional = row[3] in {WAYPOINT, LAND, TAKEOFF}
+        assert row[2] == (3 if positional else 2)
+        if not positional:
+            assert row[8:11] == [0, 0, 0]
+
+
+def test_every_leg_waits_for_its_clock_slot_with_its_speed_already_set(missions):
+    table = rows(text(missions, 3))
+    order = commands(table)
+    slots = [i for i, row in enumerate(table) if row[3] == DELAY and row[4] < 0]
+    assert len(slots) == 3
+    for slot in slots:
+        assert order[slot - 1] == SPEED
+        after = [c for c in order[slot + 1 :] if c not in {SERVO, CONDITION_DELAY}]
+        assert after[0] == WAYPOINT
+    clock = [
+        START.replace(hour=int(row[5]), minute=int(row[6]), second=int(row[7]))
+        for row in (table[i] for i in slots)
+    ]
+    slots_utc = [leg["slots_utc"][0] for leg in missions.prediction["legs"]]
+    assert [moment.isoformat() for moment in clock] == slots_utc
+
+
+def test_slots_leave_the_slack_after_the_latest_arrival(missions, flight):
+    legs = missions.prediction["legs"]
+    slack = flight.itinerary.show.mission.slack
+    for before, after in itertools.pairwise(legs):
+        latest = before["slot"] + before["duration"] + 0.55
+        assert after["slot"] >= latest + slack - 1e-6
+    # The script holds the last formation for five seconds.
+    assert legs[2]["slot"] - legs[1]["slot"] - legs[1]["duration"] >= 5.0
+
+
+def straight_leg_times(missions, drone):
+    """Times of the timed legs from one file's numbers and the law's closed form."""
+    table = rows(text(missions, drone))
+    degree = 111318.845
+    times, place, limits = [], None, {1: 10.0, 2: 4.0, 3: 3.0}
+    timed = False
+    for row in table[1:]:
+        if row[3] == SPEED:
+            limits[int(row[4])] = row[5]
+        if row[3] == DELAY:
+            timed = row[4] < 0
+        if row[3] in {TAKEOFF, WAYPOINT}:
+            here = np.array(
+                [
+                    row[8] * degree,
+                    row[9] * degree * np.cos(np.radians(48.1374)),
+                    np.trunc(np.float32(row[10]) * np.float32(100)) / 100,
+                ]
+            )
+            if timed and row[3] == WAYPOINT:
+                times.append(closed_form(here - place, limits))
+            place, timed = here, False
+    return times
+
+
+def closed_form(step, limits):
+    """T = L / V + V / a + 2 sqrt(pi a / (2 S)): all legs here reach their speed."""
+    length = np.linalg.norm(step)
+    level, climb = np.hypot(step[0], step[1]) / length, step[2] / length
+    rise = limits[2] if climb > 0 else limits[3]
+    with np.errstate(divide="ignore"):
+        speed = min(np.divide(limits[1], level), np.divide(rise, abs(climb)), key=float)
+        push = min(np.divide(3.5, level), np.divide(2.5, abs(climb)), key=float)
+    snap = 0.5 * min(np.pi * 20 / 0.3, np.radians(1100) * 9.80665)
+    ramp = speed / push + 2.0 * np.sqrt(np.pi * push / (2.0 * snap))
+    assert speed * ramp <= length
+    assert push < 20.0 * np.pi * 20.0 / (2.0 * snap)
+    return length / speed + ramp
+
+
+def test_all_drones_of_a_leg_need_the_same_time(missions):
+    times = np.array([straight_leg_times(missions, drone) for drone in range(1, 7)])
+    assert times.shape == (6, 3)
+    # Speeds are given to the millimetre a second.
+    assert np.ptp(times, axis=0).max() < 0.01
+    wanted = [leg["duration"] for leg in missions.prediction["legs"]]
+    np.testing.assert_allclose(times.max(axis=0), wanted, atol=0.01)
+
+
+def test_lights_change_when_the_formation_does(missions):
+    table = rows(text(missions))
+    order = commands(table)
+    servos = [(i, int(r[4]), int(r[5])) for i, r in enumerate(table) if r[3] == SERVO]
+    # Dark after take-off, red with the first leg, green with the second, then dark.
+    assert [(output, pwm) for _, output, pwm in servos] == [
+        (9, 1000),
+        (10, 1000),
+        (11, 1000),
+        (9, 2000),
+        (9, 1000),
+        (10, 2000),
+        (10, 1000),
+    ]
+    for index, _, _ in servos[3:]:
+        back = next(c for c in reversed(order[:index]) if c != SERVO)
+        ahead = next(c for c in order[index:] if c != SERVO)
+        assert (back, ahead) == (DELAY, WAYPOINT)
+
+
+@pytest.mark.parametrize(
+    ("fade", "neighbours"),
+    [("linear", (CONDITION_DELAY, WAYPOINT)), ("end", (WAYPOINT, SPEED))],
+)
+def test_fades_place_the_servo_items(fade, neighbours):
+    missions = mission_files(
+        shift_flight(4, options=LIGHTS, fades=(fade,)), start=START
+    )
+    table = rows(text(missions))
+    order = commands(table)
+    red = next(i for i, row in enumerate(table) if row[3] == SERVO and row[5] == 2000)
+    back = next(c for c in reversed(order[:red]) if c != SERVO)
+    ahead = next(c for c in order[red:] if c != SERVO)
+    assert (back, ahead) == neighbours
+    if fade == "linear":
+        pause = next(row[4] for row in table if row[3] == CONDITION_DELAY)
+        half = missions.prediction["legs"][0]["duration"] / 2
+        assert pause == pytest.approx(half, abs=0.02)
+
+
+def test_without_a_start_delays_are_relative_and_it_is_said(flight):
+    missions = mission_files(flight)
+    table = rows(text(missions))
+    delays = [row[4:8] for row in table if row[3] == DELAY]
+    assert all(delay[0] > 0 for delay in delays)
+    assert missions.prediction["start"] is None
+    assert any("no start time" in line for line in missions.warnings)
+    spreads = [leg["unclocked"]["spread"] for leg in missions.prediction["legs"]]
+    assert spreads == sorted(spreads) and spreads[-1] > spreads[0]
+
+
+def test_relative_delays_add_up_to_the_slots(flight):
+    missions = mission_files(flight)
+    legs = missions.prediction["legs"]
+    delays = [
+        row[4] for row in rows(text(missions)) if row[3] == DELAY and row[5] == -1
+    ]
+    assert len(delays) == 3
+    for before, after, delay in zip(legs, legs[1:], delays[1:], strict=False):
+        assert before["slot"] + before["duration"] + delay == pytest.approx(
+            after["slot"], abs=0.02
+        )
+
+
+def test_the_predicted_flight_goes_from_pad_to_pad(missions, flight):
+    predicted = missions.predicted
+    assert predicted is not None
+    places = predicted.position([-5.0, 0.0, predicted.duration, 1e4])
+    pads = flight.itinerary.show.formations["pads"].points
+    np.testing.assert_allclose(places, np.broadcast_to(pads, (4, 6, 3)), atol=0.02)
+    legs = missions.prediction["legs"]
+    reached = predicted.position([leg["slot"] + leg["duration"] + 0.36 for leg in legs])
+    for leg, place in zip(legs, reached, strict=True):
+        goal = flight.legs[leg["leg"]].leg.goal
+        np.testing.assert_allclose(place, goal, atol=0.012)
+    # No jump anywhere.
+    steps = np.diff(predicted.position(np.arange(0, predicted.duration, 0.05)), axis=0)
+    assert np.linalg.norm(steps, axis=2).max() < 0.05 * 8.0
+
+
+def test_predicted_positions_keep_the_proved_separation(missions):
+    predicted, required = missions.predicted, 1.0
+    times = np.arange(0.0, predicted.duration, 0.02)
+    places = predicted.position(times)
+    least = min(
+        np.linalg.norm(places[:, a] - places[:, b], axis=1).min()
+        for a in range(6)
+        for b in range(a)
+    )
+    proved = min(leg["closest"]["distance"] for leg in missions.prediction["legs"])
+    assert required - 0.022 <= proved <= least
+
+
+def test_drones_that_would_meet_in_the_middle_get_another_encoding():
+    missions = mission_files(swap_flight(6), start=START)
+    leg = missions.prediction["legs"][1]
+    assert leg["encoding"] != "straight"
+    assert 1 < len(leg["slots"]) <= 4
+    assert leg["closest"]["distance"] >= 0.978
+    assert any(leg["name"] in line for line in missions.warnings)
+
+
+def test_a_fleet_that_cannot_be_kept_apart_is_refused():
+    flight = swap_flight(6)
+    show = flight.itinerary.show
+    low = replace(show.limits, position_min=(-9, -9, 5.9), position_max=(9, 9, 8.1))
+    legs = tuple(replace(leg, limits=low) for leg in flight.itinerary.legs)
+    parts = tuple(
+        replace(part, leg=leg) for part, leg in zip(flight.legs, legs, strict=True)
+    )
+    caged = Flight(Itinerary(show, legs), parts, flight.starts)
+    with pytest.raises(ExportError, match=r"drones \d+ and \d+ come as near as .* at"):
+        mission_files(caged, start=START)
+
+
+def test_more_items_than_the_board_holds_are_refused():
+    flight = shift_flight(1, options=LIGHTS)
+    legs, parts, starts = [], [], []
+    repeated = [flight.legs[0], *flight.legs[1:-2] * 20, *flight.legs[-2:]]
+    for index, part in enumerate(repeated):
+        leg = replace(part.leg, index=index)
+        legs.append(leg)
+        parts.append(replace(part, leg=leg))
+        starts.append(10.0 * index)
+    small = MissionOptions(light_servos=(9, 10, 11), board="4k")
+    show = replace(flight.itinerary.show, mission=small)
+    long = Flight(Itinerary(show, tuple(legs)), tuple(parts), np.array(starts))
+    with pytest.raises(
+        ExportError, match=r"drone 1 has \d+ items, board '4k' holds 161"
+    ):
+        mission_files(long, start=START)
+    with pytest.raises(ExportError, match="board 'toaster' is not known"):
+        mission_files(with_options(long, MissionOptions(board="toaster")))
+
+
+def test_a_start_without_a_zone_or_with_a_fraction_is_refused(flight):
+    with pytest.raises(UsageError, match="no time zone"):
+        mission_files(flight, start=START.replace(tzinfo=None))
+    with pytest.raises(UsageError, match="whole second"):
+        mission_files(flight, start=START + timedelta(milliseconds=3))
+
+
+def test_a_start_in_another_zone_is_the_same_instant(missions, flight):
+    there = datetime(2026, 6, 1, 22, tzinfo=timezone(timedelta(hours=2)))
+    assert mission_files(flight, start=there).files == missions.files
+
+
+def test_slots_go_over_midnight(flight):
+    late = START.replace(hour=23, minute=59, second=45)
+    table = rows(text(mission_files(flight, start=late)))
+    clock = [row[5:8] for row in table if row[3] == DELAY and row[4] < 0]
+    assert clock[0][0] == 23 and clock[-1][0] == 0
+
+
+def test_same_input_same_bytes(missions, flight):
+    again = mission_files(flight, start=START)
+    assert again.files == missions.files
+    assert json.dumps(again.prediction) == json.dumps(missions.prediction)
+    assert again.fleet_token == missions.fleet_token == fleet_token(missions.files)
+
+
+def test_the_token_tells_compiles_apart(missions, flight):
+    later = mission_files(flight, start=START + timedelta(seconds=1))
+    assert later.fleet_token != missions.fleet_token
+    assert len(missions.fleet_token) == 64
+
+
+def test_px4_speaks_its_own_dialect(flight):
+    missions = mission_files(flight, start=START, autopilot="px4")
+    table = rows(text(missions))
+    assert commands(table)[0] == TAKEOFF
+    assert all(row[4] >= 0 for row in table if row[3] == DELAY)
+    assert CONDITION_DELAY not in commands(table)
+    assert missions.predicted is None
+    assert "missions/ardupilot.parm" not in missions.files
+    assert any("not predicted" in line for line in missions.warnings)
+    plan = json.loads(text(missions, kind="plan"))
+    assert plan["mission"]["firmwareType"] == 12
+    # Drones look along the show's +x, a quarter turn right of the site's heading.
+    yaw = {row[7] for row in table if row[3] in {TAKEOFF, WAYPOINT, LAND}}
+    assert yaw == {120.0}
+
+
+def test_the_parameter_file_names_its_firmware(missions):
+    content = missions.files["missions/ardupilot.parm"].decode()
+    assert "ArduCopter 4.6" in content.splitlines()[0]
+    values = dict(
+        line.split(",") for line in content.splitlines() if not line.startswith("#")
+    )
+    assert values["WPNAV_ACCEL"] == "350" and values["WPNAV_JERK"] == "20"
+    assert values["WPNAV_SPEED_UP"] == "400" and values["WPNAV_SPEED_DN"] == "300"
+    assert values["WPNAV_ACCEL_Z"] == "250" and values["PSC_JERK_XY"] == "20"
+
+
+def test_a_strict_tilt_limit_lowers_the_acceleration(flight):
+    show = flight.itinerary.show
+    gentle = replace(show, limits=replace(show.limits, tilt=0.2))
+    other = Flight(Itinerary(gentle, flight.itinerary.legs), flight.legs, flight.starts)
+    content = mission_files(other).files["missions/ardupilot.parm"].decode()
+    assert "WPNAV_ACCEL,198" in content.splitlines()
+
+
+def test_the_plan_carries_fence_rally_and_token(missions):
+    plan = json.loads(text(missions, kind="plan"))
+    assert plan["fileType"] == "Plan" and plan["fleetToken"] == missions.fleet_token
+    assert plan["mission"]["firmwareType"] == 3
+    items = plan["mission"]["items"]
+    assert [item["doJumpId"] for item in items] == list(range(1, len(items) + 1))
+    table = rows(text(missions))[1:]
+    assert len(items) == len(table)
+    for item, row in zip(items, table, strict=True):
+        assert (item["command"], item["frame"]) == (row[3], row[2])
+        assert item["params"] == row[4:11]
+    corners = np.array(plan["geoFence"]["polygons"][0]["polygon"])
+    assert corners.shape == (5, 2)
+    north, east = corners[:, 0], corners[:, 1]
+    turned = np.roll(corners, -1, axis=0)
+    # Clockwise from above: the area in (east, north) is negative.
+    assert np.sum(east * turned[:, 0] - turned[:, 1] * north) < 0.0
+    rally = plan["rallyPoints"]["points"][0]
+    assert rally[:2] == plan["mission"]["plannedHomePosition"][:2]
