@@ -85,7 +85,8 @@ def control_degree(
 ) -> int:
     """Degree of a control on one interval: the mesh's, the problem's, or N - 1."""
     if name in mesh.control_degrees:
-        return mesh.control_degrees[name][interval]
+        chosen = mesh.control_degrees[name][interval]
+        return mesh.points[interval] - 1 if chosen < 0 else chosen
     return mesh.points[interval] - 1 if degree is None else degree
 
 

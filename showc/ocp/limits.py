@@ -172,6 +172,29 @@ class Table:
         at = self.slots[key]
         return float(self.values[at]), float(self.values[at + 1])
 
+    def with_bounds(self, problem: Problem, overrides: Overrides) -> Table:
+        """Return the same table with the overridden bounds of states and controls.
+
+        Raises
+        ------
+        ValueError
+            If a bound is given interval by interval, which needs a mesh.
+        """
+        values = self.values.copy()
+        for phase in problem.phases:
+            for name in [*phase.states, *phase.controls]:
+                new = _lookup(overrides.bounds, phase.name, name)
+                if new is None:
+                    continue
+                if any(np.ndim(bound) for bound in new):  # type: ignore[attr-defined]
+                    raise ValueError(
+                        f"bounds of {name!r} are given interval by interval; an "
+                        "adaptive solve wants two numbers"
+                    )
+                at = self.slots["bounds", phase.name, name]
+                values[at : at + 2] = new
+        return Table(self.slots, values)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:

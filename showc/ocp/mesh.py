@@ -31,7 +31,8 @@ class PhaseMesh:
     arcs: tuple[int, ...] = ()
     """Arc of each interval, 0, ..., rising by 0 or 1; empty means one arc."""
     control_degrees: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Degree of a control on each interval, where it differs from the problem's."""
+    """Degree of a control on each interval, where it differs from the problem's; -1
+    for one less than the number of points."""
     path_points: tuple[tuple[float, ...], ...] = ()
     """Fractions of each interval where path constraints hold besides the
     collocation points; empty means none."""

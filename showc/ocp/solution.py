@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.ocp.mesh import Mesh, PhaseMesh
+    from showc.ocp.nodes import Scheme
     from showc.trajectory import PiecewisePolynomial
 
     FloatArray = NDArray[np.float64]
@@ -54,10 +55,13 @@ class PhaseSolution:
     costate_times: FloatArray
     """Times of the collocation points, shape (points,)."""
     costates: FloatArray
-    """Costates at those times, shape (points, states): the multipliers of the
-    dynamics over the quadrature weights."""
-    durations_shadow: float = 0.0
-    """Derivative of the optimum with respect to an active bound on the duration."""
+    """Costates at those times, shape (points, states): derivative of the least
+    objective with respect to the state, for an objective that is minimised."""
+    scheme: Scheme = "gauss"
+    """Collocation points of the mesh."""
+    bound_gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """What the objective could gain where a state's bound is kept by its Bernstein
+    coefficients and not touched by the state itself, shape (K, states)."""
 
     @property
     def start(self) -> float:

@@ -25,7 +25,7 @@ from showc.ocp.solver import SolverOptions, make_solver, result_of
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -85,6 +85,7 @@ class Transcription:
         overrides: Overrides | None = None,
         guess: Guess | Solution | None = None,
         warm: Multipliers | None = None,
+        arcs: Sequence[FloatArray | None] | None = None,
     ) -> Solution:
         """Solve once.
 
@@ -99,6 +100,9 @@ class Transcription:
         warm
             Multipliers (with their point) of an earlier solve of this transcription;
             replaces ``guess``.
+        arcs
+            First guess of the arcs' durations of each phase, for a mesh with several
+            arcs.
 
         Returns
         -------
@@ -114,7 +118,7 @@ class Transcription:
         values = self._statement.parameters(parameters or {})
         table = self._statement.table(values)
         limits = box(self.problem, self.mesh, self.discretisation, table, changes)
-        start = self._starting_point(guess, limits, table, changes)
+        start = self._starting_point(guess, limits, table, changes, arcs)
         built = self.discretisation
         vector = parameter_vector(built, values, changes, built.program.parameters)
         scaled = {
@@ -178,6 +182,7 @@ class Transcription:
         limits: Box,
         table: Table,
         changes: Overrides,
+        arcs_given: Sequence[FloatArray | None] | None,
     ) -> FloatArray:
         point = np.zeros(self.discretisation.layout.size)
         given = Guess()
@@ -203,6 +208,8 @@ class Transcription:
                     duration = self._default_duration(p, phase, table, changes)
             low, high = limits.lower[place.start], limits.upper[place.start]
             point[place.start] = min(max(begin, low), high)
+            if arcs_given is not None and arcs_given[p] is not None:
+                arcs = arcs_given[p]
             if arcs is None:
                 if mesh.arc_count == 1:
                     arcs = np.array([duration])
@@ -323,7 +330,7 @@ class Transcription:
         # The solver keeps bounds to its tolerance only; the answer keeps them.
         unknowns = np.clip(unknowns, limits.lower, limits.upper)
         phases = tuple(
-            self._phase_solution(p, phase, unknowns, multipliers)
+            self._phase_solution(p, phase, unknowns, multipliers, limits)
             for p, phase in enumerate(self.problem.phases)
         )
         statics = {
@@ -345,7 +352,12 @@ class Transcription:
         )
 
     def _phase_solution(
-        self, index: int, phase: Phase, unknowns: FloatArray, multipliers: Multipliers
+        self,
+        index: int,
+        phase: Phase,
+        unknowns: FloatArray,
+        multipliers: Multipliers,
+        limits: Box,
     ) -> PhaseSolution:
         built = self.discretisation
         place, mesh = built.layout.phases[index], self.mesh.phases[index]
@@ -373,7 +385,39 @@ class Transcription:
             controls,
             times,
             costates,
+            self.scheme,
+            self._bound_gaps(index, keep, unknowns, limits, multipliers),
         )
+
+    def _bound_gaps(
+        self,
+        index: int,
+        keep: NDArray[np.bool_],
+        unknowns: FloatArray,
+        limits: Box,
+        multipliers: Multipliers,
+    ) -> FloatArray:
+        """Multipliers of the states' bounds times the distance that is left.
+
+        A Bernstein coefficient at its bound leaves the polynomial a little off it;
+        multiplier times that distance is what the objective could still gain.
+        """
+        place, mesh = self.discretisation.layout.phases[index], self.mesh.phases[index]
+        pull = multipliers.of_bounds / self.discretisation.unknown_scale
+        rows = []
+        for k in np.flatnonzero(keep):
+            table, n = place.states[k], mesh.points[k]
+            s = tuple(float(v) for v in np.arange(n + 1) / n)
+            value = bernstein_values(n, s) @ unknowns[table]
+            # A positive multiplier belongs to the upper bound, a negative one to the
+            # lower; borders count half for each of their intervals.
+            bound = np.where(
+                pull[table] > 0.0, limits.upper[table], limits.lower[table]
+            )
+            loss = np.abs(pull[table] * (bound - value))
+            loss[~np.isfinite(loss)] = 0.0
+            rows.append(loss[1:-1].sum(axis=0))
+        return np.stack(rows)
 
     def _costates(
         self,
@@ -394,7 +438,7 @@ class Transcription:
         )
         weights = np.concatenate([w for _, w in nodes])
         columns = [
-            multipliers.of_constraints[group.rows] / group.scale / weights
+            -multipliers.of_constraints[group.rows] / group.scale / weights
             for group in self.discretisation.groups
             if group.kind == "dynamics" and group.phase == index
         ]

@@ -1,0 +1,436 @@
+"""Solve a problem to a tolerance: mesh, audit, refine, place switches, repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.audit import PhaseAudit, PhaseAuditor, ranges
+from showc.ocp.guess import Guess
+from showc.ocp.limits import Overrides, Statement
+from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.refine import Rule, arc_mesh, refine
+from showc.ocp.solution import ErrorEstimate, MeshRecord, Result, Solution
+from showc.ocp.solver import SolverOptions
+from showc.ocp.switches import Structure, detect
+from showc.ocp.transcription import Transcription
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.nodes import Scheme
+    from showc.ocp.problem import Problem
+    from showc.ocp.solution import PhaseSolution
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a problem is solved; the defaults are meant for every problem."""
+
+    tolerance: float = 1e-6
+    """Wanted relative error: of every state between the nodes over its range, of
+    every path constraint over its scale, of the objective."""
+    mesh: Mesh | None = None
+    """First mesh; by default ten intervals of four points in each phase."""
+    meshes: int = 14
+    """Greatest number of meshes."""
+    points: int = 1500
+    """Greatest number of collocation points; refinement stops there."""
+    scheme: Scheme = "gauss"
+    """Collocation points."""
+    rule: Rule = "decay"
+    """How an interval is refined; see :mod:`showc.ocp.refine`."""
+    switches: bool = True
+    """Whether switch times may become unknowns."""
+    scales: Mapping[str, float] = field(default_factory=dict)
+    """Typical magnitudes by name, where bounds do not tell them."""
+    solver: SolverOptions = field(default_factory=SolverOptions)
+    """How each nonlinear program is solved."""
+    progress: Callable[[MeshRecord], None] | None = None
+    """Called after each mesh."""
+
+
+@dataclass(slots=True)
+class _Pass:
+    """One solved and audited mesh."""
+
+    solution: Solution
+    audits: list[PhaseAudit]
+    error: ErrorEstimate
+    indicators: list[FloatArray]
+    """Error over tolerance of each interval, phase by phase."""
+    structures: list[Structure | None]
+    """The arcs the mesh was made for, phase by phase."""
+
+
+class _Refinement:
+    """The state of one adaptive solve."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: Options,
+        parameters: Mapping[str, float],
+        overrides: Overrides,
+    ) -> None:
+        self.problem, self.options = problem, options
+        self.parameters, self.overrides = parameters, overrides
+        self.statement = Statement(problem)
+        table = self.statement.table(self.statement.parameters(parameters))
+        self.table = table.with_bounds(problem, overrides)
+        self.auditors = [
+            PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
+        ]
+        self.scales = dict(options.scales)
+        self.records: list[MeshRecord] = []
+        self.iterations = 0
+        self.restructured = 0
+        self.sign = -1.0 if problem.maximises else 1.0
+
+    # --- one mesh ----------------------------------------------------------------
+
+    def attempt(
+        self,
+        mesh: Mesh,
+        guess: Guess | Solution | None,
+        *,
+        arcs: list[FloatArray | None] | None = None,
+        structures: list[Structure | None] | None = None,
+        solver: SolverOptions | None = None,
+    ) -> Solution:
+        """Solve on one mesh."""
+        transcription = Transcription(
+            self.problem,
+            mesh,
+            scheme=self.options.scheme,
+            scales=self.scales,
+            options=solver or self.options.solver,
+        )
+        solution = transcription.solve(
+            parameters=self.parameters,
+            overrides=self._fixed_at_bounds(mesh, structures),
+            guess=guess,
+            arcs=arcs,
+        )
+        self.iterations += solution.iterations
+        return solution
+
+    def _fixed_at_bounds(
+        self, mesh: Mesh, structures: list[Structure | None] | None
+    ) -> Overrides:
+        """Overrides that hold controls at their bounds on the arcs found so."""
+        bounds = dict(self.overrides.bounds)
+        for i, phase in enumerate(self.problem.phases):
+            structure = structures[i] if structures else None
+            if structure is None:
+                continue
+            arcs = np.array(mesh.phases[i].arcs)
+            for j, name in enumerate(phase.controls):
+                kinds = structure.classes[arcs, j]
+                low, high = self.table["bounds", phase.name, name]
+                bounds.pop(name, None)
+                bounds[f"{phase.name}.{name}"] = (
+                    np.where(kinds == 1, high, low),
+                    np.where(kinds == -1, low, high),
+                )
+        return replace(self.overrides, bounds=bounds)
+
+    def first(self, guess: Guess | Solution | None) -> Solution:
+        """Solve the first mesh, by other ways where the plain one fails."""
+        count = len(self.problem.phases)
+        mesh = self.options.mesh or Mesh.uniform(10, 4, count)
+        solution = self.attempt(mesh, guess)
+        if solution.result.usable or solution.result is Result.CONTRADICTION:
+            return solution
+        best = solution
+        base = self.options.solver
+        for other, strategy in (
+            (mesh, {"mu_strategy": "monotone"}),
+            (Mesh.uniform(20, 3, count), {"mu_strategy": "adaptive"}),
+            (Mesh.uniform(30, 3, count), {"mu_strategy": "monotone"}),
+            (Mesh.uniform(6, 6, count), {"mu_strategy": "adaptive"}),
+        ):
+            self.note(best, None, "the solver failed; another way is tried")
+            extra = {**strategy, **base.extra}
+            solver = replace(base, extra=extra, iterations=2 * base.iterations)
+            solution = self.attempt(other, guess, solver=solver)
+            if solution.result.usable:
+                return solution
+        return best
+
+    def note(
+        self, solution: Solution, error: ErrorEstimate | None, action: str
+    ) -> None:
+        """Write one line of the history."""
+        record = MeshRecord(
+            solution.mesh.interval_count,
+            solution.mesh.point_count,
+            solution.objective,
+            solution.iterations,
+            solution.result,
+            error,
+            action,
+        )
+        self.records.append(record)
+        if self.options.progress is not None:
+            self.options.progress(record)
+
+    def judge(
+        self,
+        solution: Solution,
+        former: _Pass | None,
+        structures: list[Structure | None],
+    ) -> _Pass:
+        """Audit a solution and turn the errors into indicators.
+
+        The dual-weighted estimate of the objective's error is an upper bound in
+        practice; where the flagged intervals have just been refined and the
+        objective hardly moved, twice the move is the better estimate.
+        """
+        tolerance = self.options.tolerance
+        audits = [a.audit(solution, self.table) for a in self.auditors]
+        size = max(abs(solution.objective), 1e-3)
+        lost = [
+            a.objective_dynamics + a.objective_control + p.bound_gaps.sum(axis=1)
+            for a, p in zip(audits, solution.phases, strict=True)
+        ]
+        total = sum(float(part.sum()) for part in lost) / size
+        weight = 1.0
+        if former is not None:
+            moved = 2.0 * abs(solution.objective - former.solution.objective) / size
+            if moved < total:
+                weight = moved / total
+        indicators = []
+        for a, part in zip(audits, lost, strict=True):
+            share = weight * part / size * len(part) / 2.0
+            indicators.append(np.maximum(a.dynamics, share) / tolerance)
+        error = ErrorEstimate(
+            max(float(a.dynamics.max()) for a in audits),
+            0.0,
+            max(float(a.path.max()) for a in audits),
+            weight * total,
+        )
+        return _Pass(solution, audits, error, indicators, structures)
+
+    def reached(self, passed: _Pass) -> bool:
+        """Whether all errors are within the tolerance."""
+        return _greatest(passed.error) <= self.options.tolerance
+
+    def worse(self, solution: Solution, former: _Pass) -> bool:
+        """Whether the objective got worse than the former one's errors explain."""
+        error = former.error
+        if error.dynamics > 1e-3 or error.path > 1e-3:
+            return False
+        loss = self.sign * (solution.objective - former.solution.objective)
+        size = max(abs(former.solution.objective), 1e-3)
+        allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
+        return loss / size > allowed
+
+    # --- the next mesh -----------------------------------------------------------
+
+    def detect(self, passed: _Pass, index: int) -> Structure:
+        """Arcs of one phase of a solution."""
+        phase = self.problem.phases[index]
+        state_bounds = np.array(
+            [self.table["bounds", phase.name, name] for name in phase.states]
+        )
+        return detect(
+            passed.solution.phases[index],
+            self.auditors[index].control_bounds(self.table),
+            (state_bounds[:, 0], state_bounds[:, 1]),
+        )
+
+    def place_switches(self, passed: _Pass) -> _Proposal | None:
+        """Mesh whose arcs are those seen in the solution; ``None`` if nothing new."""
+        meshes: list[PhaseMesh] = []
+        arcs: list[FloatArray | None] = []
+        structures: list[Structure | None] = []
+        placed = 0
+        for i, phase in enumerate(self.problem.phases):
+            part, mesh = passed.solution.phases[i], passed.solution.mesh.phases[i]
+            known = passed.structures[i]
+            structure = self.detect(passed, i)
+            least = 0 if known is None else known.times.size
+            new = least <= structure.times.size <= max(8, mesh.intervals)
+            if known is not None and structure.same_as(known):
+                new = False
+            if not new or structure.times.size == 0:
+                meshes.append(mesh)
+                arcs.append(part.arc_durations)
+                structures.append(known)
+                continue
+            free = [
+                (j, name)
+                for j, (name, control) in enumerate(phase.controls.items())
+                if control.degree is None
+            ]
+            fresh, durations = arc_mesh(part, structure, free)
+            meshes.append(fresh)
+            arcs.append(durations)
+            structures.append(structure)
+            placed += structure.times.size
+        if not placed:
+            return None
+        words = f"{placed} switch times placed"
+        return _Proposal(Mesh(tuple(meshes)), arcs, structures, words)
+
+    def refine(self, passed: _Pass) -> _Proposal:
+        """Mesh with the intervals refined whose errors are too great."""
+        meshes: list[PhaseMesh] = []
+        arcs: list[FloatArray | None] = []
+        words = []
+        for i, part in enumerate(passed.solution.phases):
+            mesh = passed.solution.mesh.phases[i]
+            indicator = _per_interval(passed.indicators[i], part)
+            new, action = refine(
+                mesh,
+                part,
+                indicator,
+                rule=self.options.rule,
+                scale=ranges(part.states),
+            )
+            words.append(action)
+            arcs.append(part.arc_durations)
+            meshes.append(new)
+        return _Proposal(Mesh(tuple(meshes)), arcs, passed.structures, "; ".join(words))
+
+
+@dataclass(slots=True)
+class _Proposal:
+    """The next mesh to try."""
+
+    mesh: Mesh
+    arcs: list[FloatArray | None]
+    structures: list[Structure | None]
+    words: str
+
+
+def _greatest(error: ErrorEstimate) -> float:
+    return max(error.dynamics, error.path, error.objective)
+
+
+def _per_interval(indicator: FloatArray, part: PhaseSolution) -> FloatArray:
+    """Indicators for all mesh intervals; collapsed ones count as good."""
+    widths = part.mesh.widths(part.arc_durations)
+    keep = widths > 1e-12 * max(widths.sum(), 1e-300)
+    full = np.zeros(part.mesh.intervals)
+    full[keep] = indicator
+    return full
+
+
+def solve(
+    problem: Problem,
+    *,
+    guess: Guess | Solution | None = None,
+    parameters: Mapping[str, float] | None = None,
+    overrides: Overrides | None = None,
+    options: Options | None = None,
+) -> Solution:
+    """Solve ``problem`` to a tolerance.
+
+    Parameters
+    ----------
+    problem
+        What is to be solved.
+    guess
+        Where to start; by default straight lines between the end values.
+    parameters
+        Values of the problem's parameters.
+    overrides
+        Bounds and end values that differ from the problem's own.
+    options
+        Tolerance and limits of effort.
+
+    Returns
+    -------
+    Solution
+        With the history of its meshes and its error estimate. ``result`` is
+        ``SOLVED`` only if all errors are within the tolerance; ``COARSE`` if the best
+        mesh misses it; else what went wrong, with the constraint and place in
+        ``message``.
+
+    Raises
+    ------
+    ValueError
+        If the problem is not completely stated or a name is unknown.
+    """
+    chosen = options or Options()
+    work = _Refinement(problem, chosen, parameters or {}, overrides or Overrides())
+    solution = work.first(guess)
+    if not solution.result.usable:
+        work.note(solution, None, "no solution on any first mesh")
+        return replace(
+            solution, iterations=work.iterations, history=tuple(work.records)
+        )
+    none: list[Structure | None] = [None] * len(problem.phases)
+    best = current = work.judge(solution, None, none)
+    tries = 4 if chosen.switches else 0
+    while len(work.records) < chosen.meshes - 1 and not work.reached(current):
+        proposal = work.place_switches(current) if tries > 0 else None
+        switching = proposal is not None
+        tries -= switching
+        proposal = proposal or work.refine(current)
+        if proposal.mesh.point_count > chosen.points:
+            break
+        work.note(current.solution, current.error, proposal.words)
+        solution = work.attempt(
+            proposal.mesh,
+            current.solution,
+            arcs=proposal.arcs,
+            structures=proposal.structures,
+        )
+        if not solution.result.usable or work.worse(solution, current):
+            work.note(solution, None, "no better; back to the mesh before")
+            if not switching:
+                if any(current.structures) and tries >= 0:
+                    tries = -1
+                else:
+                    break
+            tries = min(tries, 0)
+            proposal = work.refine(current)
+            solution = work.attempt(
+                proposal.mesh,
+                current.solution,
+                arcs=proposal.arcs,
+                structures=proposal.structures,
+            )
+            if not solution.result.usable:
+                break
+            switching = False
+        former = None if switching else current
+        current = work.judge(solution, former, proposal.structures)
+        if _greatest(current.error) < _greatest(best.error) or switching:
+            best = current
+    best = min(best, current, key=lambda passed: _greatest(passed.error))
+    done = work.reached(best)
+    work.note(best.solution, best.error, "tolerance reached" if done else "stopped")
+    return _finished(work, best, done=done)
+
+
+def _finished(work: _Refinement, best: _Pass, *, done: bool) -> Solution:
+    result = Result.SOLVED if done else Result.COARSE
+    audits = [a.audit(best.solution, work.table, shoot=True) for a in work.auditors]
+    error = replace(best.error, shooting=max(a.shooting for a in audits))
+    message = result.value
+    if not done:
+        message += (
+            f" Dynamics {error.dynamics:.1e}, path constraints {error.path:.1e}, "
+            f"objective {error.objective:.1e}; wanted {work.options.tolerance:.0e}."
+        )
+        worst = next((a.worst_path for a in audits if a.worst_path), "")
+        if worst and error.path > work.options.tolerance:
+            message += f" Violated most between the nodes: {worst}."
+    return replace(
+        best.solution,
+        result=result,
+        message=message,
+        iterations=work.iterations,
+        error=error,
+        history=tuple(work.records),
+    )

@@ -1,0 +1,351 @@
+"""Proof of a solution between its nodes: dynamics, path constraints, optimality.
+
+Dynamics: the controls, clipped to their bounds, are integrated with the explicit
+Runge-Kutta method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner 1993,
+section II.5) from the start of every interval, and once through from the start of
+the phase; both are compared with the polynomials of the states.
+
+Optimality: with costate l and Hamiltonian H = L + l . f, the objective exceeds the
+optimum to first order by
+
+    sum over intervals of |l . (re-integrated - polynomial state)|          (dynamics)
+    integral of H(x, u, l) - min over v in bounds of H(x, v, l)             (control)
+
+The first is the dual-weighted residual (Becker, Rannacher 2001), the second the gap
+in Pontryagin's principle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi
+import numpy as np
+from scipy.integrate import DOP853
+
+from showc.ocp.nodes import bernstein_values, collocation
+from showc.trajectory import bernstein_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.limits import Table
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.solution import PhaseSolution, Solution
+
+    FloatArray = NDArray[np.float64]
+
+_STEPS = 3
+"""Runge-Kutta steps on each mesh interval."""
+_SAMPLES = tuple(float(s) for s in np.linspace(0.0, 1.0, 33))
+"""Places on each interval where path constraints are looked at."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseAudit:
+    """Errors of one phase, interval by interval."""
+
+    dynamics: FloatArray
+    """Greatest error of a state over its range, shape (K,)."""
+    objective_dynamics: FloatArray
+    """Dual-weighted residual, in units of the objective, shape (K,)."""
+    objective_control: FloatArray
+    """Gap in the minimum principle, in units of the objective, shape (K,)."""
+    path: FloatArray
+    """Greatest violation of a path constraint over its scale, shape (K,)."""
+    path_places: tuple[tuple[float, ...], ...]
+    """Fractions of each interval with a local maximum of a violation."""
+    worst_path: str
+    """Which path constraint is violated most, and when; empty if none."""
+    shooting: float
+    """Greatest error over range of one integration through the phase."""
+    shooting_end: FloatArray
+    """State where that integration ends, shape (states,)."""
+
+
+class PhaseAuditor:
+    """Compiled functions of a phase for audits; made once per problem."""
+
+    def __init__(self, problem: Problem, phase: Phase, index: int) -> None:
+        self.problem, self.phase, self.index = problem, phase, index
+        x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
+        u = casadi.vertcat(
+            casadi.SX(0, 1), *[c.quantity.symbol for c in phase.controls.values()]
+        )
+        p = casadi.vertcat(
+            casadi.SX(0, 1),
+            *[s for s, _ in problem.parameters.values()],
+            *[s.symbol for s in problem.statics],
+        )
+        t = phase.time
+        f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+        self.f = casadi.Function("f", [x, u, t, p], [f])
+        self.path = casadi.Function(
+            "path",
+            [x, u, t, p],
+            [
+                casadi.vertcat(
+                    casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
+                )
+            ],
+        )
+        costate = casadi.SX.sym("l", x.numel())
+        running = casadi.SX(0)
+        if phase.integrals:
+            symbols = casadi.vertcat(*[s for s, _ in phase.integrals])
+            factors = casadi.jacobian(problem.objective, symbols)
+            sign = -1.0 if problem.maximises else 1.0
+            integrands = casadi.vertcat(*[e for _, e in phase.integrals])
+            running = sign * casadi.mtimes(factors, integrands)
+        hamiltonian = running + casadi.dot(costate, f)
+        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
+        self.has_gap = (
+            not phase.path_constraints
+            and {str(s) for s in casadi.symvar(hamiltonian)} <= known
+        )
+        if not self.has_gap:
+            hamiltonian = casadi.SX(0)
+        slope = casadi.gradient(hamiltonian, u)
+        bend = casadi.diag(casadi.jacobian(slope, u))
+        self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])
+        self.h_slopes = casadi.Function("hs", [x, u, t, p, costate], [slope, bend])
+        self.sweep = self._sweep_function(x.numel(), u.numel(), p.numel())
+
+    def _sweep_function(self, nx: int, nu: int, np_: int) -> Any:  # noqa: ANN401
+        """(x0, controls at stages, t0, width, p) -> states after every step."""
+        x0 = casadi.MX.sym("x", nx)
+        stages = _STEPS * DOP853.n_stages
+        u = casadi.MX.sym("u", nu, stages)
+        t0, width, p = casadi.MX.sym("t"), casadi.MX.sym("h"), casadi.MX.sym("p", np_)
+        h = width / _STEPS
+        x, out = x0, []
+        for step in range(_STEPS):
+            slopes: list[Any] = []
+            for i in range(DOP853.n_stages):
+                at = x
+                for j in range(i):
+                    if DOP853.A[i, j] != 0.0:
+                        at += h * DOP853.A[i, j] * slopes[j]
+                time = t0 + h * (step + DOP853.C[i])
+                number = step * DOP853.n_stages + i
+                slopes.append(self.f(at, u[:, number], time, p))
+            for j in range(DOP853.n_stages):
+                if DOP853.B[j] != 0.0:
+                    x += h * DOP853.B[j] * slopes[j]
+            out.append(x)
+        function = casadi.Function("sweep", [x0, u, t0, width, p], [casadi.hcat(out)])
+        return function.expand()
+
+    def audit(
+        self, solution: Solution, table: Table, *, shoot: bool = False
+    ) -> PhaseAudit:
+        """Audit one phase of ``solution``."""
+        phase = solution.phases[self.index]
+        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        breaks = phase.states.breaks
+        widths = np.diff(breaks)
+        count = widths.size
+        control, step_states = self._stage_controls(phase, table), None
+        starts = phase.states.coefficients[:, 0, :]
+        swept = np.asarray(
+            self.sweep.map(count)(
+                starts.T,
+                control.transpose(2, 0, 1).reshape(control.shape[2], -1),
+                breaks[:-1][None, :],
+                widths[None, :],
+                np.repeat(p[:, None], count, axis=1),
+            )
+        )
+        step_states = swept.reshape(starts.shape[1], count, _STEPS)
+        places = np.arange(1, _STEPS + 1) / _STEPS
+        polynomial = _values(phase.states.coefficients, places)
+        deviation = np.nan_to_num(
+            step_states.transpose(1, 2, 0) - polynomial, nan=1e9, posinf=1e9, neginf=1e9
+        )
+        reference = ranges(phase.states)
+        dynamics = np.abs(deviation / reference).max(axis=(1, 2))
+        owner = _owners(phase)
+        costate_end = self._costates(phase, owner, (1.0,))
+        residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
+        path, path_places, worst = self._path(phase, p, table)
+        shooting, end = 0.0, starts[-1]
+        if shoot:
+            shooting, end = self._shoot(phase, control, p, reference)
+        return PhaseAudit(
+            dynamics,
+            residual,
+            self._gap(phase, owner, p, table),
+            path,
+            path_places,
+            worst,
+            shooting,
+            end,
+        )
+
+    def _stage_controls(self, phase: PhaseSolution, table: Table) -> FloatArray:
+        """Controls, clipped, at all Runge-Kutta stages: (K, stages, controls)."""
+        c = DOP853.C[: DOP853.n_stages]
+        places = np.concatenate([(step + c) / _STEPS for step in range(_STEPS)])
+        values = _values(phase.controls.coefficients, places)
+        lower, upper = self.control_bounds(table)
+        return np.clip(values, lower, upper)
+
+    def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the controls, each of shape (controls,)."""
+        pairs = [table["bounds", self.phase.name, name] for name in self.phase.controls]
+        bounds = np.array(pairs).reshape(-1, 2)
+        return bounds[:, 0], bounds[:, 1]
+
+    def _shoot(
+        self,
+        phase: PhaseSolution,
+        control: FloatArray,
+        p: FloatArray,
+        reference: FloatArray,
+    ) -> tuple[float, FloatArray]:
+        x = phase.states.coefficients[0, 0]
+        breaks, worst = phase.states.breaks, 0.0
+        for k in range(phase.states.intervals):
+            width = breaks[k + 1] - breaks[k]
+            x = np.asarray(self.sweep(x, control[k].T, breaks[k], width, p))[:, -1]
+            error = np.abs(x - phase.states.coefficients[k, -1]) / reference
+            worst = max(worst, float(np.nan_to_num(error, nan=1e9).max()))
+        return worst, x
+
+    def _costates(
+        self, phase: PhaseSolution, owner: list[int], places: tuple[float, ...]
+    ) -> FloatArray:
+        """Costate polynomials at fractions of each interval: (K, places, states)."""
+        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
+        out = []
+        for k in owner:
+            n = phase.mesh.points[k]
+            nodes = collocation(phase.scheme, n)[0]
+            from_nodes = np.linalg.inv(bernstein_basis(n - 1, nodes))
+            matrix = bernstein_values(n - 1, places) @ from_nodes
+            out.append(matrix @ phase.costates[first[k] : first[k + 1]])
+        return np.stack(out)
+
+    def _gap(
+        self, phase: PhaseSolution, owner: list[int], p: FloatArray, table: Table
+    ) -> FloatArray:
+        """Integral over each interval of the gap in the minimum principle."""
+        count = len(owner)
+        if not self.has_gap or not phase.control_names:
+            return np.zeros(count)
+        nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
+        x = _flat(_values(phase.states.coefficients, nodes))
+        u = _flat(_values(phase.controls.coefficients, nodes))
+        costate = _flat(self._costates(phase, owner, tuple(map(float, nodes))))
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
+        parameters = np.repeat(p[:, None], t.size, axis=1)
+        h = self.h.map(t.size)
+        here = np.asarray(h(x, u, t, parameters, costate)).ravel()
+        slope, bend = (
+            np.asarray(a)
+            for a in self.h_slopes.map(t.size)(x, u, t, parameters, costate)
+        )
+        lower, upper = self.control_bounds(table)
+        gap = np.zeros(t.size)
+        blocked = self._blocked(phase, x, table)
+        rate = np.asarray(self.f.map(t.size)(x, u, t, parameters))
+        for j in range(u.shape[0]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = np.where(bend[j] > 0.0, u[j] - slope[j] / bend[j], u[j])
+            best = here.copy()
+            for candidate in (newton, lower[j], upper[j]):
+                if not np.all(np.isfinite(candidate)):
+                    continue
+                trial = u.copy()
+                trial[j] = np.clip(candidate, lower[j], upper[j])
+                value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
+                change = np.asarray(self.f.map(t.size)(x, trial, t, parameters)) - rate
+                # A change that drives a state through its bound is no candidate.
+                value[np.any(blocked * change > 1e-12, axis=0)] = np.inf
+                best = np.fmin(best, value)
+            gap += here - best
+        return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+
+    def _blocked(self, phase: PhaseSolution, x: FloatArray, table: Table) -> FloatArray:
+        """Sign of the direction in which each state may not move, else 0."""
+        pairs = np.array([table["bounds", phase.name, n] for n in phase.state_names])
+        near = 1e-5 * ranges(phase.states)[:, None]
+        at_lower = x < pairs[:, :1] + near
+        at_upper = x > pairs[:, 1:] - near
+        return at_upper.astype(np.float64) - at_lower.astype(np.float64)
+
+    def _path(
+        self, phase: PhaseSolution, p: FloatArray, table: Table
+    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...], str]:
+        count = phase.states.intervals
+        constraints = self.phase.path_constraints
+        if not constraints:
+            return np.zeros(count), ((),) * count, ""
+        places = np.array(_SAMPLES)
+        x = _flat(_values(phase.states.coefficients, places))
+        u = _flat(_values(phase.controls.coefficients, places))
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
+        values = np.asarray(
+            self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
+        ).reshape(len(constraints), count, places.size)
+        bounds = np.array([table["path", phase.name, c.name] for c in constraints])
+        scale = np.array([path_scale(*pair) for pair in bounds])[:, None, None]
+        violation = (
+            np.maximum(
+                bounds[:, 0, None, None] - values, values - bounds[:, 1, None, None]
+            )
+            / scale
+        )
+        top = violation.max(axis=0)
+        found = []
+        for k in range(count):
+            row = np.concatenate([[-np.inf], top[k], [-np.inf]])
+            peak = (row[1:-1] > 0.0) & (row[1:-1] >= row[:-2]) & (row[1:-1] >= row[2:])
+            found.append(tuple(float(s) for s in places[peak]))
+        worst = ""
+        if violation.max() > 0.0:
+            c, k, s = np.unravel_index(int(np.argmax(violation)), violation.shape)
+            time = phase.states.breaks[k] + widths[k] * places[s]
+            worst = (
+                f"{constraints[int(c)].name!r} at t = {time:.6g} in phase "
+                f"{phase.name!r}, by {violation.max() * scale[c, 0, 0]:.3g}"
+            )
+        return np.maximum(top.max(axis=1), 0.0), tuple(found), worst
+
+
+def path_scale(lower: float, upper: float) -> float:
+    """Scale of a path constraint's violation."""
+    finite = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0.0]
+    if np.isfinite(lower) and np.isfinite(upper) and upper > lower:
+        return upper - lower
+    return max(finite, default=1.0)
+
+
+def ranges(states: Any) -> FloatArray:  # noqa: ANN401
+    """Range of each state over the phase; its magnitude, or 1, where constant."""
+    low, high = states.bounds()
+    size = np.maximum(np.abs(low), np.abs(high))
+    span = high - low
+    span = np.where(span > 1e-6 * size, span, size)
+    return np.where(span > 0.0, span, 1.0)
+
+
+def _values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
+    """Values (K, places, components) of Bernstein polynomials."""
+    basis = bernstein_basis(coefficients.shape[1] - 1, places)
+    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
+
+
+def _flat(values: FloatArray) -> FloatArray:
+    """Columns for a mapped function: (components, K * places)."""
+    return values.reshape(-1, values.shape[-1]).T
+
+
+def _owners(phase: PhaseSolution) -> list[int]:
+    """Mesh interval behind each interval of the polynomials."""
+    widths = phase.mesh.widths(phase.arc_durations)
+    keep = np.flatnonzero(widths > 1e-12 * max(widths.sum(), 1e-300))
+    return [int(k) for k in keep]

@@ -1,0 +1,297 @@
+"""The next mesh: where to cut, where to raise the degree, where to merge.
+
+Rules for an interval whose error exceeds the tolerance:
+
+- ``decay`` (default): the Legendre coefficients of states and controls on the
+  interval tell how smooth they are (Liu, Hager, Rao 2018, Adaptive mesh refinement
+  method for optimal control using decay rates of Legendre polynomial coefficients).
+  Fast decay: raise the degree by what the decay promises; slow: cut.
+- ``curvature``: ratio of the greatest to the mean curvature of the worst state
+  (Darby, Hager, Rao 2011, An hp-adaptive pseudospectral method for solving optimal
+  control problems). Large: cut; small: raise the degree.
+
+Cuts are placed where the solution bends most, so that a boundary layer is reached
+in a few meshes. Intervals far below the tolerance are merged with their neighbour
+if one polynomial of the same degree represents both (mesh reduction).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from showc.ocp.mesh import PhaseMesh
+from showc.ocp.nodes import bernstein_values
+from showc.trajectory import bernstein_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.solution import PhaseSolution
+    from showc.ocp.switches import Structure
+
+    FloatArray = NDArray[np.float64]
+
+Rule = Literal["decay", "curvature"]
+
+LEAST_POINTS = 3
+MOST_POINTS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One interval of a mesh under change."""
+
+    left: float
+    """Start as a fraction of the arc."""
+    right: float
+    points: int
+    arc: int
+    degrees: tuple[tuple[str, int], ...]
+    """Degrees of controls set by the mesh."""
+    path_points: tuple[float, ...] = ()
+
+
+def cells_of(mesh: PhaseMesh) -> list[Cell]:
+    """Take a mesh apart."""
+    cells, position, arc = [], 0.0, 0
+    for k in range(mesh.intervals):
+        if mesh.arcs[k] != arc:
+            position, arc = 0.0, mesh.arcs[k]
+        degrees = tuple((name, d[k]) for name, d in mesh.control_degrees.items())
+        right = position + mesh.fractions[k]
+        cells.append(
+            Cell(position, right, mesh.points[k], arc, degrees, mesh.path_points[k])
+        )
+        position = right
+    return cells
+
+
+def mesh_of(cells: list[Cell]) -> PhaseMesh:
+    """Put a mesh together."""
+    arcs = np.array([cell.arc for cell in cells])
+    widths = np.array([cell.right - cell.left for cell in cells])
+    widths = widths / np.bincount(arcs, weights=widths)[arcs]
+    names = [name for name, _ in cells[0].degrees]
+    return PhaseMesh(
+        tuple(float(w) for w in widths),
+        tuple(cell.points for cell in cells),
+        tuple(int(a) for a in arcs),
+        {name: tuple(dict(cell.degrees)[name] for cell in cells) for name in names},
+        tuple(cell.path_points for cell in cells),
+    )
+
+
+def _legendre(coefficients: FloatArray) -> FloatArray:
+    """Legendre coefficients (degree + 1, components) from Bernstein's."""
+    degree = coefficients.shape[0] - 1
+    x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+    values = bernstein_basis(degree, 0.5 * (x + 1.0)) @ coefficients
+    return np.asarray(np.linalg.solve(legendre.legvander(x, degree), values))
+
+
+def decay_rate(coefficients: FloatArray, scale: FloatArray) -> float:
+    """Decades by which the Legendre coefficients fall per degree; the slowest.
+
+    ``coefficients``: Bernstein, shape (degree + 1, components). Components that are
+    already represented to rounding count as smooth.
+    """
+    spectrum = np.abs(_legendre(coefficients)) / scale
+    degree = spectrum.shape[0] - 1
+    if degree < 2:
+        return 0.0
+    slowest = 4.0
+    for c in range(spectrum.shape[1]):
+        # A running maximum from the end: odd or even functions have gaps.
+        envelope = np.maximum.accumulate(spectrum[::-1, c])[::-1]
+        if envelope[-1] < 1e-9:
+            continue
+        n = np.arange(1, degree + 1)
+        slope = np.polyfit(n, np.log10(envelope[1:] + 1e-300), 1)[0]
+        slowest = min(slowest, -float(slope))
+    return slowest
+
+
+def curvature_ratio(coefficients: FloatArray) -> float:
+    """Greatest over mean curvature of a polynomial on the interval."""
+    degree = coefficients.shape[0] - 1
+    if degree < 2:
+        return 1.0
+    s = tuple(float(v) for v in np.linspace(0.0, 1.0, 41))
+    first = bernstein_values(degree - 1, s) @ (degree * np.diff(coefficients))
+    second = bernstein_values(degree - 2, s) @ (
+        degree * (degree - 1) * np.diff(coefficients, n=2)
+    )
+    curvature = np.abs(second) / (1.0 + first**2) ** 1.5
+    mean = float(curvature.mean())
+    return float(curvature.max()) / mean if mean > 1e-12 else 1.0
+
+
+def cut_places(coefficients: FloatArray, scale: FloatArray, pieces: int) -> FloatArray:
+    """Fractions at which to cut an interval so that each piece bends equally."""
+    degree = coefficients.shape[0] - 1
+    s = np.linspace(0.0, 1.0, 401)
+    if degree < 2:
+        return np.linspace(0.0, 1.0, pieces + 1)[1:-1]
+    second = bernstein_basis(degree - 2, s) @ np.diff(coefficients / scale, n=2, axis=0)
+    bend = np.sqrt(np.abs(second).max(axis=1))
+    top = bend.max()
+    if top <= 0.0:
+        return np.linspace(0.0, 1.0, pieces + 1)[1:-1]
+    density = bend + 0.15 * bend.mean()
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    places = np.interp(np.arange(1, pieces) / pieces, total / total[-1], s)
+    return np.asarray(np.clip(places, 0.02, 0.98))
+
+
+def refine(
+    mesh: PhaseMesh,
+    phase: PhaseSolution,
+    indicator: FloatArray,
+    *,
+    rule: Rule = "decay",
+    scale: FloatArray,
+) -> tuple[PhaseMesh, str]:
+    """Change the intervals by their ``indicator`` (error over tolerance).
+
+    Returns
+    -------
+    tuple
+        The new mesh and a sentence on what was done.
+    """
+    out: list[Cell] = []
+    cut = raised = 0
+    control_scale = np.maximum(
+        np.abs(phase.controls.coefficients).max(axis=(0, 1)), 1e-9
+    )
+    for k, cell in enumerate(cells_of(mesh)):
+        if not indicator[k] > 1.0:
+            out.append(cell)
+            continue
+        coefficients = phase.states.coefficients[k]
+        if rule == "curvature":
+            worst = int(np.argmax(np.ptp(coefficients, axis=0) / scale))
+            smooth = curvature_ratio(coefficients[:, worst] / scale[worst]) < 2.0
+            rate = 0.5
+        else:
+            rate = decay_rate(coefficients[: cell.points + 1], scale)
+            if phase.controls.degree >= 2:
+                rate = min(
+                    rate + 0.25,
+                    0.25 + decay_rate(phase.controls.coefficients[k], control_scale),
+                )
+            smooth = rate > 0.6
+        needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
+        needed = max(needed, 1)
+        if smooth and cell.points + min(needed, 4) <= MOST_POINTS and needed <= 8:
+            out.append(replace(cell, points=cell.points + min(needed, 4)))
+            raised += 1
+            continue
+        pieces = 2 if indicator[k] < 30.0 else 3 if indicator[k] < 1e4 else 4
+        inner = cut_places(coefficients, scale, pieces)
+        edges = np.concatenate([[0.0], inner, [1.0]])
+        points = min(cell.points, 6)
+        width = cell.right - cell.left
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            kept = tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b)
+            out.append(
+                Cell(
+                    cell.left + a * width,
+                    cell.left + b * width,
+                    points,
+                    cell.arc,
+                    cell.degrees,
+                    kept,
+                )
+            )
+        cut += 1
+    return mesh_of(out), f"cut {cut} intervals, raised the degree on {raised}"
+
+
+def merged(
+    mesh: PhaseMesh, phase: PhaseSolution, indicator: FloatArray, scale: FloatArray
+) -> PhaseMesh:
+    """Merge neighbours that are far below the tolerance and lie on one polynomial."""
+    cells = cells_of(mesh)
+    out = [cells[0]]
+    last_indicator = indicator[0]
+    for k in range(1, len(cells)):
+        cell, former = cells[k], out[-1]
+        alike = cell.arc == former.arc and cell.degrees == former.degrees
+        small = max(last_indicator, indicator[k]) < 1e-3
+        if alike and small and _one_polynomial(phase, k, scale):
+            out[-1] = replace(
+                former,
+                right=cell.right,
+                points=max(cell.points, former.points),
+                path_points=(),
+            )
+            last_indicator = np.inf
+        else:
+            out.append(cell)
+            last_indicator = indicator[k]
+    return mesh_of(out)
+
+
+def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
+    """Whether interval k continues the polynomial of interval k - 1."""
+    breaks, states = phase.states.breaks, phase.states.coefficients
+    left, right = breaks[k] - breaks[k - 1], breaks[k + 1] - breaks[k]
+    s = np.array([0.5, 1.0])
+    basis = bernstein_basis(phase.states.degree, 1.0 + s * right / left)
+    continued = basis @ states[k - 1]
+    actual = bernstein_basis(phase.states.degree, s) @ states[k]
+    return bool((np.abs(continued - actual) / scale).max() < 1e-4)
+
+
+def arc_mesh(
+    phase: PhaseSolution,
+    structure: Structure,
+    free_controls: list[tuple[int, str]],
+) -> tuple[PhaseMesh, FloatArray]:
+    """Mesh whose arcs are those of ``structure``, and the arcs' durations.
+
+    ``free_controls``: number and name of the controls whose degree the solver
+    chooses; at a bound they become constant on each interval.
+    """
+    borders = np.concatenate([[phase.start], structure.times, [phase.end]])
+    span = phase.end - phase.start
+    breaks, points = phase.states.breaks, _points(phase)
+    cells: list[Cell] = []
+    for arc in range(borders.size - 1):
+        left, right = borders[arc], borders[arc + 1]
+        width = max(right - left, 1e-9 * span)
+        inside = (breaks[:-1] < right) & (breaks[1:] > left)
+        own = points[inside]
+        inner = breaks[(breaks > left) & (breaks < right)]
+        gaps = np.diff(breaks)[inside].min() if inside.any() else width
+        inner = inner[(inner - left > 0.3 * gaps) & (right - inner > 0.3 * gaps)]
+        bang = bool(np.all(structure.classes[arc] != 0)) and structure.classes.size
+        inner = inner[1::2] if not bang else inner[2::3]
+        count = max(LEAST_POINTS, int(own.max()) if own.size else 4)
+        edges = np.concatenate([[left], inner, [left + width]])
+        degrees = {}
+        for j, name in free_controls:
+            at_bound = structure.classes[arc, j] != 0
+            degrees[name] = 0 if at_bound else -1
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            n = min(max(count, 5), MOST_POINTS)
+            cells.append(
+                Cell(
+                    (a - left) / width,
+                    (b - left) / width,
+                    n,
+                    arc,
+                    tuple(degrees.items()),
+                )
+            )
+    return mesh_of(cells), np.maximum(np.diff(borders), 1e-9 * span)
+
+
+def _points(phase: PhaseSolution) -> NDArray[np.int64]:
+    widths = phase.mesh.widths(phase.arc_durations)
+    keep = widths > 1e-12 * widths.sum()
+    return np.asarray(phase.mesh.points)[keep]

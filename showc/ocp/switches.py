@@ -1,0 +1,238 @@
+"""Where controls switch and state constraints begin to bind: the arcs of a phase.
+
+A control that is at a bound, or off it, over a stretch of time forms an arc. The
+borders of all arcs become unknowns of the problem (their durations), and on each
+arc a control at its bound is given the lowest degree. This is the idea of Agamawi,
+Hager, Rao 2019 (Mesh refinement method for solving bang-bang optimal control
+problems using direct collocation), with the structure read off the controls and the
+active state bounds, so that singular arcs and boundary arcs are covered as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import bernstein_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.solution import PhaseSolution
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+_SAMPLES = 16
+_CONTROL_CLOSE = 0.02
+"""Fraction of a control's range within which it counts as at its bound."""
+_STATE_CLOSE = 1e-4
+"""Fraction of a state's range within which it counts as at its bound."""
+_NEGLIGIBLE = 1e-5
+"""Fraction of the phase below which an interval is no arc of its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Structure:
+    """The arcs of a phase."""
+
+    times: FloatArray
+    """Inner borders of the arcs, increasing, shape (arcs - 1,)."""
+    classes: IntArray
+    """For each arc and control: -1 at the lower bound, 1 at the upper, 0 between;
+    shape (arcs, controls)."""
+
+    def same_as(self, other: Structure) -> bool:
+        """Whether both have the same sequence of arcs."""
+        return self.classes.shape == other.classes.shape and bool(
+            np.array_equal(self.classes, other.classes)
+        )
+
+
+@dataclass(slots=True)
+class _Run:
+    kind: int
+    start: float
+    end: float
+    width: float
+    """Greatest mesh interval in the run."""
+    mean: float
+    """Mean fraction of the range between the bounds."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    times: FloatArray
+    left: FloatArray
+    right: FloatArray
+    widths: FloatArray
+    """Width of the mesh interval around each sample."""
+    intervals: IntArray
+
+
+def _grid(curve: PiecewisePolynomial) -> _Grid:
+    breaks = curve.breaks
+    widths = np.diff(breaks)
+    chosen = np.flatnonzero(widths > _NEGLIGIBLE * (breaks[-1] - breaks[0]))
+    cells = np.arange(_SAMPLES) / _SAMPLES
+    step = widths[chosen, None] / _SAMPLES
+    left = breaks[chosen, None] + cells * widths[chosen, None]
+    return _Grid(
+        (left + 0.5 * step).ravel(),
+        left.ravel(),
+        (left + step).ravel(),
+        np.repeat(widths[chosen], _SAMPLES),
+        chosen,
+    )
+
+
+def _sampled(curve: PiecewisePolynomial, grid: _Grid, component: int) -> FloatArray:
+    basis = bernstein_basis(curve.degree, (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
+    return np.asarray(
+        (curve.coefficients[grid.intervals, :, component] @ basis.T).ravel()
+    )
+
+
+def _runs(kinds: IntArray, grid: _Grid, fraction: FloatArray) -> list[_Run]:
+    edges = np.flatnonzero(np.diff(kinds)) + 1
+    runs = []
+    for part in np.split(np.arange(kinds.size), edges):
+        first, last = int(part[0]), int(part[-1])
+        weights = grid.right[part] - grid.left[part]
+        runs.append(
+            _Run(
+                int(kinds[first]),
+                float(grid.left[first]),
+                float(grid.right[last]),
+                float(grid.widths[part].max()),
+                float(np.average(fraction[part], weights=weights)),
+            )
+        )
+    return runs
+
+
+def _joined(first: _Run, second: _Run, kind: int) -> _Run:
+    a, b = first.end - first.start, second.end - second.start
+    mean = (a * first.mean + b * second.mean) / max(a + b, 1e-300)
+    return _Run(kind, first.start, second.end, max(first.width, second.width), mean)
+
+
+def _merge_equal(runs: list[_Run]) -> list[_Run]:
+    merged = [runs[0]]
+    for run in runs[1:]:
+        if run.kind == merged[-1].kind:
+            merged[-1] = _joined(merged[-1], run, run.kind)
+        else:
+            merged.append(run)
+    return merged
+
+
+def _simplify(runs: list[_Run]) -> list[_Run]:
+    """Remove ramps that are artefacts of the mesh: shorter than one interval."""
+    changed = True
+    while changed and len(runs) > 1:
+        changed = False
+        for i, run in enumerate(runs):
+            length = run.end - run.start
+            before = runs[i - 1] if i > 0 else None
+            after = runs[i + 1] if i + 1 < len(runs) else None
+            if run.kind == 0 and length < 1.3 * run.width:
+                if before is None or after is None:
+                    run.kind = (before or after or run).kind
+                elif before.kind != after.kind and before.kind and after.kind:
+                    # Same impulse: where would a jump have to lie?
+                    low = 0.5 * (1 + before.kind)
+                    high = 0.5 * (1 + after.kind)
+                    share = (run.mean - high) / (low - high)
+                    border = run.start + min(max(share, 0.0), 1.0) * length
+                    before.end = after.start = border
+                    del runs[i]
+                    changed = True
+                    break
+                elif (
+                    before.kind == after.kind
+                    and abs(run.mean - 0.5 * (1 + before.kind)) < 0.1
+                ):
+                    run.kind = before.kind
+                else:
+                    continue
+            elif run.kind != 0 and length < 0.6 * run.width and len(runs) > 2:
+                neighbours = [r.kind for r in (before, after) if r is not None]
+                if any(neighbours) and 0 not in neighbours:
+                    continue
+                run.kind = 0
+            else:
+                continue
+            runs = _merge_equal(runs)
+            changed = True
+            break
+    return runs
+
+
+def detect(
+    phase: PhaseSolution,
+    control_bounds: tuple[FloatArray, FloatArray],
+    state_bounds: tuple[FloatArray, FloatArray],
+) -> Structure:
+    """Read the arcs off a solution."""
+    grid = _grid(phase.states)
+    histories: list[list[_Run]] = []
+    events: list[float] = []
+    for j in range(len(phase.control_names)):
+        values = _sampled(phase.controls, grid, j)
+        lower, upper = control_bounds[0][j], control_bounds[1][j]
+        kinds, fraction = _classify(values, lower, upper, _CONTROL_CLOSE)
+        runs = _simplify(_merge_equal(_runs(kinds, grid, fraction)))
+        histories.append(runs)
+        events += [run.start for run in runs[1:]]
+    span = phase.end - phase.start
+    switches = list(events)
+    for i in range(len(phase.state_names)):
+        values = _sampled(phase.states, grid, i)
+        lower, upper = state_bounds[0][i], state_bounds[1][i]
+        kinds, fraction = _classify(values, lower, upper, _STATE_CLOSE)
+        runs = _merge_equal(_runs(kinds, grid, fraction))
+        for run in runs:
+            if run.kind == 0 or run.end - run.start < 0.6 * run.width:
+                continue
+            for time in (run.start, run.end):
+                inside = phase.start + 1e-3 * span < time < phase.end - 1e-3 * span
+                here = int(np.argmin(np.abs(grid.times - time)))
+                near = 1.01 * grid.widths[max(here - 1, 0) : here + 2].max()
+                if inside and all(abs(time - other) > near for other in switches):
+                    events.append(time)
+    times = np.array(sorted(events))
+    if times.size:
+        apart = np.concatenate([[True], np.diff(times) > 1e-7 * span])
+        times = times[apart]
+    borders = np.concatenate([[phase.start], times, [phase.end]])
+    middle = 0.5 * (borders[:-1] + borders[1:])
+    classes = np.zeros((middle.size, len(histories)), dtype=np.int64)
+    for j, runs in enumerate(histories):
+        starts = np.array([run.start for run in runs])
+        at = np.clip(np.searchsorted(starts, middle, side="right") - 1, 0, None)
+        classes[:, j] = np.array([run.kind for run in runs])[at]
+    return Structure(times, classes)
+
+
+def _classify(
+    values: FloatArray, lower: float, upper: float, close: float
+) -> tuple[IntArray, FloatArray]:
+    """Kind of each sample, and its fraction of the range between the bounds."""
+    span = upper - lower
+    if not np.isfinite(span):
+        span = float(values.max() - values.min())
+    kinds = np.zeros(values.size, dtype=np.int64)
+    if span <= 0.0:
+        return kinds, np.full(values.size, 0.5)
+    if np.isfinite(lower):
+        kinds[values < lower + close * span] = -1
+    if np.isfinite(upper):
+        kinds[values > upper - close * span] = 1
+    base = lower if np.isfinite(lower) else upper - span
+    if not np.isfinite(base):
+        return kinds, np.full(values.size, 0.5)
+    return kinds, (values - base) / span
