@@ -75,3 +75,22 @@ def test_bash_can_read_every_shell_block():
     for document in DOCUMENTS:
         for line in commands(document):
             subprocess.run([bash, "-n", "-c", line], check=True)
+
+
+@pytest.mark.slow
+def test_python_examples_run(tmp_path, cache):
+    shutil.copytree(ROOT / "shows", tmp_path / "shows")
+    document = ROOT / "showc" / "docs" / "api.md"
+    code = "".join(
+        block["text"] for block in blocks(document) if block["kind"] == "python"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "XDG_CACHE_HOME": str(cache)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
