@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+import os
+FIRST=int(os.environ.get('FIRST','2')); INNER=int(os.environ.get('INNER','3'))
 
 @dataclass(frozen=True, slots=True)
 class Options:
@@ -110,7 +112,7 @@ class _Refinement:
             mesh,
             scheme=self.options.scheme,
             scales=self.scales,
-            options=solver or self.options.solver,
+            options=solver or self._solver(warm=isinstance(guess, Solution)),
         )
         solution = transcription.solve(
             parameters=self.parameters,
@@ -120,6 +122,14 @@ class _Refinement:
         )
         self.iterations += solution.iterations
         return solution
+
+    def _solver(self, *, warm: bool) -> SolverOptions:
+        """Options that keep the solver near a good guess."""
+        base = self.options.solver
+        if not warm or base.solver != "ipopt":
+            return base
+        near = eval(os.environ.get("WARM","{}"))
+        return replace(base, extra={**near, **base.extra})
 
     def _fixed_at_bounds(
         self, mesh: Mesh, structures: list[Structure | None] | None
@@ -141,10 +151,30 @@ class _Refinement:
                 )
         return replace(self.overrides, bounds=bounds)
 
+    def inner_degree(self, phase: int, control: int) -> int:
+        """Degree of a control between its bounds; -1 for the points' own.
+
+        A control that enters the Hamiltonian linearly is badly determined there: a
+        high degree would only oscillate.
+        """
+        return INNER if self.auditors[phase].affine[control] else -1
+
+    def plain_mesh(self, intervals: int, points: int) -> Mesh:
+        """Equal intervals, with the controls' degrees chosen here."""
+        phases = []
+        for i, phase in enumerate(self.problem.phases):
+            mesh = PhaseMesh.uniform(intervals, points)
+            degrees = {
+                name: (min(FIRST, points - 1),) * intervals
+                for j, (name, control) in enumerate(phase.controls.items())
+                if control.degree is None and self.auditors[i].affine[j]
+            }
+            phases.append(replace(mesh, control_degrees=degrees))
+        return Mesh(tuple(phases))
+
     def first(self, guess: Guess | Solution | None) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
-        count = len(self.problem.phases)
-        mesh = self.options.mesh or Mesh.uniform(10, 4, count)
+        mesh = self.options.mesh or self.plain_mesh(10, 4)
         solution = self.attempt(mesh, guess)
         if solution.result.usable or solution.result is Result.CONTRADICTION:
             return solution
@@ -152,9 +182,9 @@ class _Refinement:
         base = self.options.solver
         for other, strategy in (
             (mesh, {"mu_strategy": "monotone"}),
-            (Mesh.uniform(20, 3, count), {"mu_strategy": "adaptive"}),
-            (Mesh.uniform(30, 3, count), {"mu_strategy": "monotone"}),
-            (Mesh.uniform(6, 6, count), {"mu_strategy": "adaptive"}),
+            (self.plain_mesh(20, 3), {"mu_strategy": "adaptive"}),
+            (self.plain_mesh(30, 3), {"mu_strategy": "monotone"}),
+            (self.plain_mesh(6, 6), {"mu_strategy": "adaptive"}),
         ):
             self.note(best, None, "the solver failed; another way is tried")
             extra = {**strategy, **base.extra}
@@ -232,6 +262,25 @@ class _Refinement:
         allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
         return loss / size > allowed
 
+    def rescale(self, solution: Solution) -> None:
+        """Take scales that bounds do not tell from a first trajectory."""
+        size = 0.0
+        for phase, part in zip(self.problem.phases, solution.phases, strict=True):
+            span = ranges(part.states)
+            for i, (name, state) in enumerate(phase.states.items()):
+                key = f"{phase.name}.{name}"
+                bounds = self.table["bounds", phase.name, name]
+                told = np.all(np.isfinite(bounds)) or state.quantity.scale is not None
+                if not told and name not in self.options.scales:
+                    self.scales[key] = float(span[i])
+            key = f"{phase.name}.duration"
+            if key not in self.options.scales:
+                self.scales[key] = max(part.duration, 1e-12)
+            value = np.abs(part.costates).max(axis=0, initial=0.0) * span
+            size = max(size, float(value.max(initial=0.0)))
+        if np.isfinite(size) and size > 0.0:
+            self.scales["objective"] = size
+
     # --- the next mesh -----------------------------------------------------------
 
     def detect(self, passed: _Pass, index: int) -> Structure:
@@ -266,7 +315,7 @@ class _Refinement:
                 structures.append(known)
                 continue
             free = [
-                (j, name)
+                (j, name, self.inner_degree(i, j))
                 for j, (name, control) in enumerate(phase.controls.items())
                 if control.degree is None
             ]
@@ -370,6 +419,7 @@ def solve(
         )
     none: list[Structure | None] = [None] * len(problem.phases)
     best = current = work.judge(solution, None, none)
+    work.rescale(solution)
     tries = 4 if chosen.switches else 0
     while len(work.records) < chosen.meshes - 1 and not work.reached(current):
         proposal = work.place_switches(current) if tries > 0 else None

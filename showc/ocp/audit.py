@@ -106,6 +106,17 @@ class PhaseAuditor:
         )
         if not self.has_gap:
             hamiltonian = casadi.SX(0)
+        bends = casadi.jacobian(casadi.gradient(running + casadi.dot(costate, f), u), u)
+        path = casadi.vertcat(
+            casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
+        )
+        limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
+        self.affine = tuple(
+            bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0
+            for j in range(u.numel())
+        )
+        """For each control: whether it enters the Hamiltonian linearly, so that an
+        arc off its bounds is singular or bound by a state."""
         slope = casadi.gradient(hamiltonian, u)
         bend = casadi.diag(casadi.jacobian(slope, u))
         self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])

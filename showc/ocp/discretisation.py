@@ -88,6 +88,7 @@ class Scales:
     controls: tuple[FloatArray, ...]
     durations: tuple[float, ...]
     statics: FloatArray
+    objective: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +125,7 @@ class _Builder:
         self.symbols = [symbol for symbol, _ in problem.parameters.values()]
         self.q = casadi.vertcat(casadi.SX(0, 1), *self.symbols)
         self.parameter_count = len(self.symbols)
-        self.sign = -1.0 if problem.maximises else 1.0
+        self.sign = (-1.0 if problem.maximises else 1.0) / scales.objective
 
     def _integral_symbols(self) -> list[Any]:
         return [s for phase in self.problem.phases for s, _ in phase.integrals]

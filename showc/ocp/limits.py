@@ -158,7 +158,13 @@ class Statement:
             hint = hints.get(f"{phase.name}.duration")
             durations.append(hint or scaling.of_duration(*bounds))
         statics = np.array([scale(s, "") for s in self.problem.statics])
-        return Scales(tuple(states), tuple(controls), tuple(durations), statics)
+        return Scales(
+            tuple(states),
+            tuple(controls),
+            tuple(durations),
+            statics,
+            float(hints.get("objective", 1.0)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -185,7 +185,7 @@ def refine(
                 )
             smooth = rate > 0.6
         needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
-        needed = max(needed, 1)
+        needed = max(needed, 2)
         if smooth and cell.points + min(needed, 4) <= MOST_POINTS and needed <= 8:
             out.append(replace(cell, points=cell.points + min(needed, 4)))
             raised += 1
@@ -250,12 +250,12 @@ def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
 def arc_mesh(
     phase: PhaseSolution,
     structure: Structure,
-    free_controls: list[tuple[int, str]],
+    free_controls: list[tuple[int, str, int]],
 ) -> tuple[PhaseMesh, FloatArray]:
     """Mesh whose arcs are those of ``structure``, and the arcs' durations.
 
-    ``free_controls``: number and name of the controls whose degree the solver
-    chooses; at a bound they become constant on each interval.
+    ``free_controls``: number, name and degree between the bounds of the controls
+    whose degree the solver chooses; at a bound they become constant on each interval.
     """
     borders = np.concatenate([[phase.start], structure.times, [phase.end]])
     span = phase.end - phase.start
@@ -269,16 +269,14 @@ def arc_mesh(
         inner = breaks[(breaks > left) & (breaks < right)]
         gaps = np.diff(breaks)[inside].min() if inside.any() else width
         inner = inner[(inner - left > 0.3 * gaps) & (right - inner > 0.3 * gaps)]
-        bang = bool(np.all(structure.classes[arc] != 0)) and structure.classes.size
-        inner = inner[1::2] if not bang else inner[2::3]
+        inner = inner[3::4]
         count = max(LEAST_POINTS, int(own.max()) if own.size else 4)
         edges = np.concatenate([[left], inner, [left + width]])
         degrees = {}
-        for j, name in free_controls:
-            at_bound = structure.classes[arc, j] != 0
-            degrees[name] = 0 if at_bound else -1
+        for j, name, degree in free_controls:
+            degrees[name] = 0 if structure.classes[arc, j] != 0 else degree
         for a, b in zip(edges[:-1], edges[1:], strict=True):
-            n = min(max(count, 5), MOST_POINTS)
+            n = min(max(count, 6), MOST_POINTS)
             cells.append(
                 Cell(
                     (a - left) / width,

@@ -110,7 +110,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
         # Rows and unknowns are scaled from bounds already; a scale from the
         # gradient at the guess is useless where the guess is flat.
         "nlp_scaling_method": "none",
-        "bound_relax_factor": 0.0,
+        "bound_relax_factor": 1e-8,
         "mu_strategy": "adaptive",
         "acceptable_iter": 0,
         "honor_original_bounds": "no",

@@ -11,6 +11,7 @@ active state bounds, so that singular arcs and boundary arcs are covered as well
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,8 @@ class Structure:
 
 @dataclass(slots=True)
 class _Run:
+    """A stretch of one kind: -1 at the lower bound, 1 at the upper, 0 between."""
+
     kind: int
     start: float
     end: float
@@ -172,6 +175,36 @@ def _simplify(runs: list[_Run]) -> list[_Run]:
     return runs
 
 
+def _balance(runs: list[_Run], grid: _Grid, fraction: FloatArray) -> None:
+    """Move the border of a bang arc and an inner arc to where the impulse is right.
+
+    On a coarse mesh the control leaves its bound at the start of an interval and
+    ramps; a jump of the same impulse lies where the ramp's mean says.
+    """
+    for before, after in pairwise(runs):
+        if (before.kind == 0) == (after.kind == 0):
+            continue
+        inner, bang = (after, before) if after.kind == 0 else (before, after)
+        border = after.start
+        inside = (grid.times > inner.start) & (grid.times < inner.end)
+        if not inside.any():
+            continue
+        order = np.flatnonzero(inside)
+        order = order if inner is after else order[::-1]
+        width = min(grid.widths[order[0]], 0.5 * (inner.end - inner.start))
+        ramp = order[np.abs(grid.times[order] - border) < width]
+        if not ramp.size or ramp.size == order.size:
+            continue
+        level = 0.5 * (1 + bang.kind)
+        settled = float(fraction[order[ramp.size : ramp.size + _SAMPLES // 2]].mean())
+        if abs(level - settled) < 0.05:
+            continue
+        share = float((fraction[ramp].mean() - settled) / (level - settled))
+        move = min(max(share, 0.0), 1.0) * width
+        border += move if inner is after else -move
+        before.end = after.start = border
+
+
 def detect(
     phase: PhaseSolution,
     control_bounds: tuple[FloatArray, FloatArray],
@@ -186,6 +219,7 @@ def detect(
         lower, upper = control_bounds[0][j], control_bounds[1][j]
         kinds, fraction = _classify(values, lower, upper, _CONTROL_CLOSE)
         runs = _simplify(_merge_equal(_runs(kinds, grid, fraction)))
+        _balance(runs, grid, fraction)
         histories.append(runs)
         events += [run.start for run in runs[1:]]
     span = phase.end - phase.start

@@ -163,7 +163,7 @@ class Transcription:
             multipliers,
             limits,
             int(statistics["iter_count"]),
-            float(answer["f"]),
+            float(answer["f"]) * self.scales.objective,
             given,
         )
 
@@ -404,6 +404,7 @@ class Transcription:
         """
         place, mesh = self.discretisation.layout.phases[index], self.mesh.phases[index]
         pull = multipliers.of_bounds / self.discretisation.unknown_scale
+        pull = pull * self.scales.objective
         rows = []
         for k in np.flatnonzero(keep):
             table, n = place.states[k], mesh.points[k]
@@ -414,7 +415,8 @@ class Transcription:
             bound = np.where(
                 pull[table] > 0.0, limits.upper[table], limits.lower[table]
             )
-            loss = np.abs(pull[table] * (bound - value))
+            with np.errstate(invalid="ignore"):
+                loss = np.abs(pull[table] * (bound - value))
             loss[~np.isfinite(loss)] = 0.0
             rows.append(loss[1:-1].sum(axis=0))
         return np.stack(rows)
@@ -437,8 +439,9 @@ class Transcription:
             ]
         )
         weights = np.concatenate([w for _, w in nodes])
+        unit = self.scales.objective
         columns = [
-            -multipliers.of_constraints[group.rows] / group.scale / weights
+            -unit * multipliers.of_constraints[group.rows] / group.scale / weights
             for group in self.discretisation.groups
             if group.kind == "dynamics" and group.phase == index
         ]
