@@ -1,0 +1,130 @@
+"""Polynomials in the Bernstein basis, many at once: all that proofs need of them.
+
+A polynomial of degree n on an interval is the sum of its coefficients c_0 ... c_n times
+C(n, j) s^j (1 - s)^(n - j), s in [0, 1] being the fraction of the interval. Its values
+lie between the least and the greatest coefficient, and c_0 and c_n are its values at
+the ends (Farouki 2012, The Bernstein polynomial basis: a centennial retrospective,
+sections 3 and 4). Halving an interval makes the enclosure about four times as tight.
+
+Arrays of coefficients have the shape (pieces, degree + 1, ...) throughout.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    FloatArray = NDArray[np.float64]
+
+
+@lru_cache(maxsize=64)
+def binomials(degree: int) -> FloatArray:
+    """Return C(degree, 0) ... C(degree, degree)."""
+    row = np.array([comb(degree, j) for j in range(degree + 1)], dtype=np.float64)
+    row.setflags(write=False)
+    return row
+
+
+def basis(degree: int, fraction: ArrayLike) -> FloatArray:
+    """Values of the basis polynomials at ``fraction``, shape (..., degree + 1)."""
+    s = np.asarray(fraction, dtype=np.float64)[..., None]
+    j = np.arange(degree + 1)
+    return np.asarray(binomials(degree) * s**j * (1.0 - s) ** (degree - j))
+
+
+@lru_cache(maxsize=64)
+def elevation(degree: int, target: int) -> FloatArray:
+    """Matrix (target + 1, degree + 1) that writes a polynomial with a higher degree."""
+    matrix = np.zeros((target + 1, degree + 1))
+    for j in range(degree + 1):
+        for k in range(target - degree + 1):
+            matrix[j + k, j] = (
+                comb(degree, j) * comb(target - degree, k) / comb(target, j + k)
+            )
+    matrix.setflags(write=False)
+    return matrix
+
+
+def elevate(coefficients: FloatArray, target: int) -> FloatArray:
+    """Coefficients of the same polynomials in the degree ``target``."""
+    degree = coefficients.shape[1] - 1
+    if degree == target:
+        return coefficients
+    matrix = elevation(degree, target)
+    return np.ascontiguousarray(
+        np.moveaxis(np.tensordot(matrix, coefficients, axes=(1, 1)), 0, 1)
+    )
+
+
+def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the same polynomials on the first and the second half."""
+    left, right = coefficients.copy(), coefficients.copy()
+    degree = coefficients.shape[1] - 1
+    for step in range(1, degree + 1):
+        left[:, step:] = 0.5 * (left[:, step - 1 : -1] + left[:, step:])
+        last = degree - step + 1
+        right[:, :last] = 0.5 * (right[:, :last] + right[:, 1 : last + 1])
+    return left, right
+
+
+def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Coefficients of the same polynomials between two fractions of the interval.
+
+    Parameters
+    ----------
+    coefficients
+        Shape (pieces, degree + 1, components).
+    lower, upper
+        The two fractions, 0 <= lower <= upper <= 1, shape (pieces,).
+    """
+    degree = coefficients.shape[1] - 1
+    result = coefficients.copy()
+    a = lower[:, None, None]
+    for step in range(degree):
+        last = degree - step
+        result[:, :last] += a * (result[:, 1 : last + 1] - result[:, :last])
+    rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
+    b = np.clip((upper - lower) / rest, 0.0, 1.0)[:, None, None]
+    for step in range(1, degree + 1):
+        before = result[:, step - 1 : -1]
+        result[:, step:] = before + b * (result[:, step:] - before)
+    return result
+
+
+@lru_cache(maxsize=64)
+def _product_weights(first: int, second: int) -> FloatArray:
+    weights = np.zeros((first + 1, second + 1))
+    for i in range(first + 1):
+        for j in range(second + 1):
+            weights[i, j] = (
+                comb(first, i) * comb(second, j) / comb(first + second, i + j)
+            )
+    weights.setflags(write=False)
+    return weights
+
+
+def square_sum(coefficients: FloatArray) -> FloatArray:
+    """Coefficients of the sum of the squared components, (pieces, 2 degree + 1).
+
+    Takes shape (pieces, degree + 1, components); Farouki 2012, equation 44.
+    """
+    pieces, count, _ = coefficients.shape
+    degree = count - 1
+    weights = _product_weights(degree, degree)
+    gram = np.matmul(coefficients, np.swapaxes(coefficients, 1, 2)) * weights
+    result = np.zeros((pieces, 2 * degree + 1))
+    for i in range(count):
+        result[:, i : i + count] += gram[:, i]
+    return result
+
+
+def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Values at one ``fraction`` (pieces,) each; shape (pieces, components)."""
+    weights = basis(coefficients.shape[1] - 1, fraction)
+    return np.asarray(np.matmul(weights[:, None, :], coefficients)[:, 0])

@@ -1,0 +1,212 @@
+"""The lower bound on a leg's time, proved again from its witness.
+
+Between two hovers, at time t after the first and T - t before the second, roll is at
+most ``c(s)``, s = min(t, T - t): with a the greatest angular acceleration and w the
+greatest rate, a s² / 2 until a s = w, then w s - w² / (2 a), and never more than the
+tilt limit; pitch alike. Thrust over mass times the body z axis is then a point of the
+set U(t), and the velocity a point of the box V of its limits. For any constant beta and
+any continuous, piecewise linear lambda, integrating x' = v and v' = u - g e_z by parts
+between the hovers gives
+
+    beta . d = integral of (beta + lambda') . v + lambda . (u - g e_z)
+            <= integral of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z,
+
+h being the support functions and d the way. Where the left side is the greater, no
+flight takes that time T, nor a shorter one, since a drone may hover.
+
+The integral is rounded upward: on each cell the caps are taken at their greatest, h_U is
+convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Limits, Rules, Segment, Vector3
+
+    FloatArray = NDArray[np.float64]
+
+CELLS = 4096
+"""Cells on each stretch between two knots."""
+
+TOLERANCE = 1e-6
+"""How far the time proved here may lie below the one claimed [s]."""
+
+_SAFETY = 1e-10
+"""For rounding: what the left side must exceed the right one by, relative to both."""
+
+
+def _xyz(vector: Vector3) -> FloatArray:
+    return np.array([vector.x, vector.y, vector.z])
+
+
+class Relaxed:
+    """What a drone can do at most: its support functions."""
+
+    def __init__(self, rules: Rules, limits: Limits) -> None:
+        vehicle = rules.vehicle
+        squared = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
+        self.gravity = vehicle.gravity
+        self.least = limits.thrust_min / vehicle.mass
+        self.most = min(limits.thrust_max, 4.0 * squared) / vehicle.mass
+        self.slowest = _xyz(limits.velocity_min)
+        self.fastest = _xyz(limits.velocity_max)
+        self.tilt = limits.tilt
+        self.held = rules.yaw_held
+        self.heading = rules.heading
+        self.rate = _xyz(limits.body_rate)
+        inertia = _xyz(vehicle.inertia)
+        torque = np.minimum(_xyz(limits.torque_max)[:2], squared * vehicle.arm_length)
+        turn = vehicle.torque_factor * torque / inertia[:2]
+        if not self.held:
+            # Gyroscopic moments; with yaw held r is zero and they vanish.
+            lever = np.abs([inertia[1] - inertia[2], inertia[2] - inertia[0]])
+            turn = turn + lever / inertia[:2] * self.rate[[1, 0]] * self.rate[2]
+        self.acceleration = turn
+
+    def caps(self, since: FloatArray) -> list[FloatArray]:
+        """Greatest |roll| and |pitch| [rad] at times ``since`` [s] after a hover."""
+        found = []
+        for axis in (0, 1):
+            rate, acceleration = self.rate[axis], self.acceleration[axis]
+            ramp = rate / acceleration
+            angle = np.where(
+                since < ramp,
+                0.5 * acceleration * since**2,
+                rate * since - 0.5 * rate * ramp,
+            )
+            found.append(np.minimum(angle, self.tilt))
+        return found
+
+    def velocity_support(self, direction: FloatArray) -> FloatArray:
+        """Greatest ``direction . v``; (..., 3) to (...)."""
+        best = np.maximum(direction * self.slowest, direction * self.fastest)
+        return np.asarray(best.sum(axis=-1))
+
+    def thrust_support(
+        self, direction: FloatArray, roll: FloatArray, pitch: FloatArray
+    ) -> FloatArray:
+        """Greatest ``direction . u`` with |roll| and |pitch| capped; (..., 3) to (...).
+
+        With yaw held, u over its length is (cos phi sin theta, -sin phi, cos phi cos
+        theta) in the frame of the heading: the best pitch first, then the best roll.
+        With yaw free, u lies within the cone of tilt arccos(cos phi cos theta).
+        """
+        x, y, up = direction[..., 0], direction[..., 1], direction[..., 2]
+        if self.held:
+            cosine, sine = np.cos(self.heading), np.sin(self.heading)
+            ahead, left = cosine * x + sine * y, cosine * y - sine * x
+            inner = _within(up, np.abs(ahead), pitch)
+            length = _within(inner, np.abs(left), roll)
+        else:
+            cone = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+            length = _within(up, np.hypot(x, y), cone)
+        return np.where(length > 0.0, self.most * length, self.least * length)
+
+
+def _within(along: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
+    """Greatest ``along cos a + across sin a`` for 0 <= a <= cap <= pi."""
+    angle = np.minimum(np.arctan2(across, along), cap)
+    return np.asarray(along * np.cos(angle) + across * np.sin(angle))
+
+
+def refutes(
+    relaxed: Relaxed,
+    way: FloatArray,
+    time: float,
+    beta: FloatArray,
+    knots: FloatArray,
+    multipliers: FloatArray,
+) -> bool:
+    """Whether the multipliers prove that ``way`` (3,) [m] cannot be flown in ``time``.
+
+    Parameters
+    ----------
+    relaxed
+        Support functions of the drone.
+    way
+        Displacement [m].
+    time
+        T [s].
+    beta, knots, multipliers
+        Shapes (3,), (k,) as fractions of T, (k, 3).
+    """
+    instants = knots * time
+    widths = np.diff(instants)
+    slope = np.diff(multipliers, axis=0) / widths[:, None]
+    cruise = float(relaxed.velocity_support(beta + slope) @ widths)
+    middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])
+    weight = relaxed.gravity * float(middle @ widths)
+    thrust = 0.0
+    edge = np.arange(CELLS + 1) / CELLS
+    for k, width in enumerate(widths):
+        at = instants[k] + width * edge
+        vector = multipliers[k] + edge[:, None] * (multipliers[k + 1] - multipliers[k])
+        low, high = at[:-1], at[1:]
+        # The latest moment from a hover within the cell: there the caps are widest.
+        latest = np.minimum(np.minimum(high, time - low), 0.5 * time)
+        roll, pitch = relaxed.caps(latest)
+        heights = relaxed.thrust_support(vector[:-1], roll, pitch)
+        heights = heights + relaxed.thrust_support(vector[1:], roll, pitch)
+        thrust += 0.5 * width / CELLS * float(heights.sum())
+    gain = float(beta @ way)
+    size = abs(gain) + abs(cruise) + abs(thrust) + abs(weight)
+    return gain - (cruise + thrust - weight) > _SAFETY * size
+
+
+def proved_time(message: Segment, rules: Rules, way: FloatArray) -> float:
+    """Time up to which the segment's witness proves its drone's move impossible [s].
+
+    Parameters
+    ----------
+    message
+        Segment with a witness.
+    rules
+        Rules of the show.
+    way
+        Displacement of the witness's drone, shape (3,) [m].
+
+    Returns
+    -------
+    float
+        The claimed time if it is proved as it stands; else the greatest shorter time
+        that the same multipliers prove, to 1e-7 s; 0 if they prove nothing.
+    """
+    witness = message.certificate.witness
+    knots = np.array(witness.knots)
+    multipliers = np.array(witness.multipliers)
+    if not (
+        knots.size >= 2
+        and multipliers.size == 3 * knots.size
+        and np.all(np.isfinite(multipliers))
+        and np.all(np.isfinite(_xyz(witness.beta)))
+        and knots[0] == 0.0
+        and knots[-1] == 1.0
+        and np.all(np.diff(knots) > 0.0)
+        and np.isfinite(witness.time)
+        and witness.time > 0.0
+    ):
+        return 0.0
+    multipliers = multipliers.reshape(-1, 3)
+    relaxed = Relaxed(rules, rules.limits[message.limits])
+    beta = _xyz(witness.beta)
+    if relaxed.tilt >= 0.5 * np.pi:
+        return 0.0
+
+    def proved(time: float) -> bool:
+        # A shorter time with the same slopes of lambda.
+        scaled = multipliers * (time / witness.time)
+        return refutes(relaxed, way, time, beta, knots, scaled)
+
+    if proved(witness.time):
+        return float(witness.time)
+    low, high = 0.0, float(witness.time)
+    while high - low > 1e-7:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if proved(middle) else (low, middle)
+    return low

@@ -1,0 +1,402 @@
+"""The container: every byte of an MCAP file accounted for.
+
+Reads the file from the first byte to the last, once, and believes nothing that it has
+not recomputed: magics, lengths, CRCs, message indexes, sequence numbers, order in time,
+and the whole summary. What it cannot confirm is damage (:class:`DamagedLogError`);
+only a CRC that the writer left out is no more than a warning.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import UsageError
+from showc.verify.chunk import ChunkHead, Messages, inflate, scan
+from showc.verify.damage import Damage, DamagedLogError
+from showc.verify.order import Order
+from showc.verify.records import (
+    HEAD,
+    MAGIC,
+    Attachment,
+    Channel,
+    ChunkIndex,
+    Cursor,
+    MetadataIndex,
+    Opcode,
+    Schema,
+)
+from showc.verify.summary import Contents, check_summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_TIES_ALLOWED = re.compile(r"/show/segments|/tf")
+"""Topics on which several messages may have one time: concurrent segments, and frames
+that stand beside those that move."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chunk:
+    """A chunk that was found whole."""
+
+    head: ChunkHead
+    messages: Messages
+
+
+class LogFile:
+    """A whole log; made by :func:`open_log` only."""
+
+    def __init__(
+        self,
+        path: Path,
+        view: memoryview,
+        contents: Contents,
+        chunks: list[Chunk],
+        warnings: list[tuple[int, str]],
+    ) -> None:
+        self.path = path
+        self.contents = contents
+        self.warnings = tuple(warnings)
+        """Byte offset and text of every CRC that the writer left out."""
+        self.size = len(view)
+        """Number of bytes of the file."""
+        self._view = view
+        self._chunks = chunks
+
+    @property
+    def channels(self) -> dict[int, Channel]:
+        """Channels by number."""
+        return self.contents.channels
+
+    @property
+    def schemas(self) -> dict[int, Schema]:
+        """Schemas by number."""
+        return self.contents.schemas
+
+    @property
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """All metadata records: name and content."""
+        return self.contents.metadata
+
+    def attachment(self, name: str) -> bytes | None:
+        """Content of the attachment of that name; None if there is none."""
+        for attachment, (start, stop) in self.contents.attachments:
+            if attachment.name == name:
+                return bytes(self._view[start:stop])
+        return None
+
+    def good_until(self, offset: int) -> float | None:
+        """Show time up to which all data before byte ``offset`` are whole [s]."""
+        times = [
+            (int(chunk.messages.log_time[0]), int(chunk.messages.log_time[-1]))
+            for chunk in self._chunks
+            if chunk.head.data[1] <= offset and chunk.messages.log_time.size
+        ]
+        return (times[-1][1] - times[0][0]) * 1e-9 if times else None
+
+    def times(self, channel: int) -> np.ndarray:
+        """Time stamps of a channel's messages in order, shape (n,) [ns]."""
+        parts = [
+            chunk.messages.log_time[chunk.messages.channel == channel]
+            for chunk in self._chunks
+        ]
+        return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
+
+    def read(self, channels: set[int]) -> Iterator[tuple[bytes, Messages, int]]:
+        """Go through the messages of some channels again, chunk by chunk.
+
+        Yields
+        ------
+        data
+            The uncompressed chunk.
+        messages
+            Only those of ``channels``, in the file's order.
+        offset
+            Where the chunk's data begin in the file [bytes].
+        """
+        wanted = np.zeros(1 << 16, dtype=bool)
+        wanted[list(channels)] = True
+        for chunk in self._chunks:
+            keep = wanted[chunk.messages.channel]
+            if not keep.any():
+                continue
+            data = inflate(self._view, chunk.head)
+            m = chunk.messages
+            yield (
+                data,
+                Messages(
+                    channel=m.channel[keep],
+                    sequence=m.sequence[keep],
+                    log_time=m.log_time[keep],
+                    publish_time=m.publish_time[keep],
+                    record=m.record[keep],
+                    payload=m.payload[keep],
+                    size=m.size[keep],
+                ),
+                chunk.head.data[0],
+            )
+
+
+def open_log(path: Path) -> LogFile:
+    """Read every byte of the file and return it with all its contents located.
+
+    Raises
+    ------
+    UsageError
+        If there is no such file or it cannot be read.
+    DamagedLogError
+        If anything in it is not as its writer must have left it.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            size = stream.seek(0, 2)
+            mapped = (
+                mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
+            )
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UsageError(
+            f"{path}: cannot be read ({reason}); name a log that showc compiled"
+        ) from error
+    view = memoryview(mapped)
+    walk = _Walk(path, view)
+    try:
+        return walk.run()
+    except Damage as damage:
+        raise DamagedLogError(
+            str(path), damage.text, damage.offset, walk.good_until
+        ) from damage
+
+
+class _Walk:
+    """One pass over the file."""
+
+    def __init__(self, path: Path, view: memoryview) -> None:
+        self.path = path
+        self.view = view
+        self.contents = Contents()
+        self.chunks: list[Chunk] = []
+        self.warnings: list[tuple[int, str]] = []
+        self.order = Order()
+        self.good_until: float | None = None
+        self._epoch: int | None = None
+        # The chunk whose message indexes are being read.
+        self._open: tuple[int, int, Messages, ChunkHead] | None = None
+        self._open_indexes: dict[int, int] = {}
+        self._open_end = 0
+
+    def run(self) -> LogFile:
+        view = self.view
+        if len(view) == 0:
+            raise Damage(0, "the file is empty")
+        if bytes(view[: len(MAGIC)]) != MAGIC:
+            raise Damage(
+                0, "this is not an MCAP file: its first eight bytes are others"
+            )
+        position = len(MAGIC)
+        if position == len(view):
+            raise Damage(position, "the file ends after its first eight bytes")
+        position = self._header(position)
+        position = self._data_section(position)
+        check_summary(view, position, self.contents, self.warnings)
+        return LogFile(self.path, view, self.contents, self.chunks, self.warnings)
+
+    def _record(self, position: int) -> tuple[int, Cursor]:
+        return next_record(self.view, position)
+
+    def _header(self, position: int) -> int:
+        opcode, cursor = self._record(position)
+        if opcode != Opcode.HEADER:
+            raise Damage(position, "the first record is not a header")
+        profile, library = cursor.text("profile"), cursor.text("library")
+        cursor.close("header")
+        if profile or not library.startswith("showc"):
+            raise Damage(
+                position,
+                f"this is an MCAP file of {library!r} with profile {profile!r}, "
+                "not a log of showc's",
+            )
+        return cursor.stop
+
+    def _data_section(self, position: int) -> int:
+        """Read up to and with the Data End record; return where the summary begins."""
+        while True:
+            opcode, cursor = self._record(position)
+            if opcode != Opcode.MESSAGE_INDEX:
+                self._close_chunk(position)
+            if opcode == Opcode.CHUNK:
+                self._chunk(position, cursor)
+            elif opcode == Opcode.MESSAGE_INDEX:
+                self._message_index(position, cursor)
+            elif opcode == Opcode.SCHEMA:
+                self.contents.add_schema(Schema.read(cursor), position)
+            elif opcode == Opcode.CHANNEL:
+                self.contents.add_channel(Channel.read(cursor), position)
+            elif opcode == Opcode.ATTACHMENT:
+                self._attachment(position, cursor)
+            elif opcode == Opcode.METADATA:
+                self._metadata(position, cursor)
+            elif opcode == Opcode.DATA_END:
+                self._data_end(position, cursor)
+                return cursor.stop
+            else:
+                raise Damage(
+                    position,
+                    f"a record of kind {opcode} stands where the data of the show "
+                    "should go on or end",
+                )
+            position = cursor.stop
+
+    def _chunk(self, position: int, cursor: Cursor) -> None:
+        head = ChunkHead.read(cursor)
+        if not head.crc:
+            self.warnings.append((position, "a chunk has no CRC"))
+        data = inflate(self.view, head)
+        messages, schemas, channels = scan(data, position)
+        for schema in schemas:
+            self.contents.add_schema(schema, position)
+        for channel in channels:
+            self.contents.add_channel(channel, position)
+        strict = np.ones(1 << 16, dtype=bool)
+        for number, channel in self.contents.channels.items():
+            strict[number] = _TIES_ALLOWED.fullmatch(channel.topic) is None
+        self.order.add(
+            head.start_time,
+            head.end_time,
+            messages,
+            known=self.contents.channels,
+            strict=strict,
+            offset=position,
+        )
+        self.chunks.append(Chunk(head, messages))
+        self._open = (position, cursor.stop, messages, head)
+        self._open_indexes = {}
+        self._open_end = cursor.stop
+
+    def _message_index(self, position: int, cursor: Cursor) -> None:
+        if self._open is None:
+            raise Damage(position, "a message index follows no chunk")
+        channel = cursor.number(2, "channel of a message index")
+        start, stop = cursor.raw(4, "entries of a message index")
+        cursor.close("message index")
+        if (stop - start) % 16 or channel in self._open_indexes:
+            raise Damage(position, "a message index is malformed")
+        entries = np.frombuffer(self.view[start:stop], dtype="<u8").reshape(-1, 2)
+        messages = self._open[2]
+        mine = messages.channel == channel
+        times = messages.log_time[mine].astype(np.uint64)
+        records = messages.record[mine].astype(np.uint64)
+        by_place = np.argsort(entries[:, 1], kind="stable")
+        if not (
+            np.array_equal(entries[by_place, 0], times)
+            and np.array_equal(entries[by_place, 1], records)
+        ):
+            raise Damage(
+                position,
+                "a message index does not say where the messages of its chunk lie",
+            )
+        self._open_indexes[channel] = position
+        self._open_end = cursor.stop
+
+    def _close_chunk(self, position: int) -> None:
+        """All message indexes of the last chunk are read: hold them against it."""
+        if self._open is None:
+            return
+        offset, after, messages, head = self._open
+        self._open = None
+        if set(self._open_indexes) != set(np.unique(messages.channel).tolist()):
+            raise Damage(position, "a chunk lacks the index of one of its channels")
+        start, stop = head.data
+        self.contents.chunks.append(
+            ChunkIndex(
+                start_time=head.start_time,
+                end_time=head.end_time,
+                offset=offset,
+                length=after - offset,
+                index_offsets=tuple(sorted(self._open_indexes.items())),
+                index_length=self._open_end - after,
+                compression=head.compression,
+                compressed_size=stop - start,
+                uncompressed_size=head.uncompressed_size,
+            )
+        )
+        self.contents.count_messages(messages)
+        if messages.log_time.size:
+            if self._epoch is None:
+                self._epoch = int(messages.log_time.min())
+            self.good_until = (int(messages.log_time.max()) - self._epoch) * 1e-9
+
+    def _attachment(self, position: int, cursor: Cursor) -> None:
+        begin = cursor.position
+        log_time = cursor.number(8, "time of an attachment")
+        create_time = cursor.number(8, "creation time of an attachment")
+        name = cursor.text("name of an attachment")
+        media_type = cursor.text("media type of an attachment")
+        start, stop = cursor.raw(8, "data of an attachment")
+        crc = cursor.number(4, "CRC of an attachment")
+        cursor.close("attachment")
+        if not crc:
+            self.warnings.append((position, f"attachment {name!r} has no CRC"))
+        elif zlib.crc32(self.view[begin:stop]) != crc:
+            raise Damage(
+                position, f"the CRC of attachment {name!r} does not fit its data"
+            )
+        self.contents.attachments.append(
+            (
+                Attachment(
+                    position,
+                    cursor.stop - position,
+                    log_time,
+                    create_time,
+                    stop - start,
+                    name,
+                    media_type,
+                ),
+                (start, stop),
+            )
+        )
+
+    def _metadata(self, position: int, cursor: Cursor) -> None:
+        name, content = cursor.text("name of metadata"), cursor.text_map("metadata")
+        cursor.close("metadata")
+        self.contents.metadata.append((name, content))
+        self.contents.metadata_indexes.append(
+            MetadataIndex(position, cursor.stop - position, name)
+        )
+
+    def _data_end(self, position: int, cursor: Cursor) -> None:
+        crc = cursor.number(4, "CRC of the data")
+        cursor.close("data end")
+        if not crc:
+            self.warnings.append((position, "the data as a whole have no CRC"))
+        elif zlib.crc32(self.view[:position]) != crc:
+            raise Damage(
+                position,
+                "the CRC of the data as a whole does not fit: metadata, an index or "
+                "the head of a record was altered",
+            )
+
+
+def next_record(view: memoryview, position: int) -> tuple[int, Cursor]:
+    """Opcode and content of the record at ``position``."""
+    left = len(view) - position
+    if left == 0:
+        raise Damage(position, "the file ends where a record should follow: it was cut")
+    if left < HEAD.size:
+        raise Damage(position, f"the file ends {left} bytes into a record: it was cut")
+    opcode, size = HEAD.unpack_from(view, position)
+    if size > left - HEAD.size:
+        raise Damage(
+            position,
+            f"a record of {size:,} bytes begins where {left - HEAD.size:,} are left: "
+            "the file was cut or altered",
+        )
+    start = position + HEAD.size
+    return opcode, Cursor(view, start, start + size)

@@ -1,0 +1,345 @@
+"""Do the logged polynomials solve the equations of motion? Controls are flown again.
+
+State x, y, z, vx, vy, vz (show frame, z up), roll, pitch, yaw, p, q, r; control thrust
+U1 and torques U2, U3, U4. With f the torque factor of the vehicle:
+
+    v'     = U1 / m (cos phi sin theta cos psi + sin phi sin psi,
+                     cos phi sin theta sin psi - sin phi cos psi,
+                     cos phi cos theta) - (0, 0, g)
+    angles' = (p, q, r)
+    p' = f U2 / Ix + (Iy - Iz) / Ix q r
+    q' = f U3 / Iy + (Iz - Ix) / Iy p r
+    r' =   U4 / Iz + (Ix - Iy) / Iz p q
+
+Controls are limited to what four rotors can do: turned into squared rotor speeds,
+clipped to [0, greatest squared speed], and turned back.
+
+The method is Gauss-Legendre collocation with five points on each step (order 10;
+Hairer, Nørsett, Wanner 1993, Solving Ordinary Differential Equations I, section II.7).
+The equations form a cascade, so its implicit stages need a fixed-point iteration for
+the body rates alone; angles, velocity and position follow by quadrature. A second run
+with each step halved estimates the error of the integration itself, which is added to
+the deviation that is reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from showc.verify.bernstein import basis
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Vehicle
+    from showc.verify.show import PieceTable, Segment
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+STAGES = 5
+"""Gauss points on each step."""
+
+_BATCH = 40_000
+"""Steps integrated at once; bounds the memory."""
+
+_LARGEST_SPLIT = 64
+"""Steps in each mesh interval at which the integration gives up halving."""
+
+_WANTED_ERROR = 1e-5
+"""Integration error [m] below which steps are not halved again: 1 % of the limit."""
+
+_ROUNDS = 200
+"""Fixed-point iterations of the body rates at most."""
+
+
+class Deviation(NamedTuple):
+    """Greatest distance between the flown controls and the logged polynomials."""
+
+    value: float
+    """Position [m] or attitude [rad], error of the integration included."""
+    drone: int
+    """Counting from 0."""
+    time: float
+    """Since the start of the segment [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Result for one segment."""
+
+    position: Deviation
+    """Of the position."""
+    attitude: Deviation
+    """Of any of the three angles."""
+    integration_error: float
+    """Estimated error of the integrated positions [m]."""
+    clipped: float
+    """By how much controls exceed the rotors, as a fraction of the squared speed."""
+
+
+@lru_cache(maxsize=4)
+def gauss(stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss-Legendre points in [0, 1], weights, and the matrix of partial integrals.
+
+    Row i of the matrix integrates the interpolating polynomial from 0 to point i.
+    """
+    points, weights = np.polynomial.legendre.leggauss(stages)
+    points, weights = 0.5 * (points + 1.0), 0.5 * weights
+    powers = np.arange(stages)
+    vandermonde = points[:, None] ** powers
+    integrals = points[:, None] ** (powers + 1) / (powers + 1)
+    return points, weights, integrals @ np.linalg.inv(vandermonde)
+
+
+def allocation(vehicle: Vehicle) -> FloatArray:
+    """Matrix (4, 4) from squared rotor speeds [rad²/s²] to thrust and torques."""
+    lift = vehicle.thrust_coefficient
+    arm = lift * vehicle.arm_length
+    drag = vehicle.torque_coefficient
+    return np.array(
+        [
+            [lift, lift, lift, lift],
+            [0.0, -arm, 0.0, arm],
+            [arm, 0.0, -arm, 0.0],
+            [drag, -drag, drag, -drag],
+        ]
+    )
+
+
+def flyable(vehicle: Vehicle, control: FloatArray) -> tuple[FloatArray, float]:
+    """Limit controls (..., 4) to what the rotors can do; say how much was cut.
+
+    Returns
+    -------
+    ndarray
+        Controls that four rotors between rest and full speed give.
+    float
+        Greatest excess of a squared rotor speed, over the greatest squared speed.
+    """
+    matrix = allocation(vehicle)
+    top = vehicle.rotor_speed_max**2
+    speeds = control @ np.linalg.inv(matrix).T / top
+    clipped = np.clip(speeds, 0.0, 1.0)
+    excess = float(np.max(np.abs(speeds - clipped), initial=0.0))
+    if excess == 0.0:
+        return control, 0.0
+    return np.asarray(clipped @ matrix.T * top), excess
+
+
+def replay(segment: Segment, vehicle: Vehicle) -> Replay:
+    """Fly the controls of all drones of a segment from their first states.
+
+    Parameters
+    ----------
+    segment
+        What was logged.
+    vehicle
+        Physical parameters, from the log's rules.
+
+    Returns
+    -------
+    Replay
+        Greatest deviations over all drones, at all Gauss points and step ends.
+    """
+    result: Replay | None = None
+    # A flight that runs away to infinity is reported as such, not as a warning.
+    with np.errstate(all="ignore"):
+        for table in segment.tables:
+            for rows in _batches(table):
+                result = _worse(result, _replay_rows(table, rows, vehicle))
+    if result is None:
+        raise ValueError("a segment without drones")
+    return result
+
+
+def _worse(first: Replay | None, second: Replay) -> Replay:
+    if first is None:
+        return second
+    return Replay(
+        max(first.position, second.position),
+        max(first.attitude, second.attitude),
+        max(first.integration_error, second.integration_error),
+        max(first.clipped, second.clipped),
+    )
+
+
+def _batches(table: PieceTable) -> Iterator[IntArray]:
+    """Groups of drones with meshes of about one size, bounded in memory."""
+    counts = np.diff(table.first)
+    order = np.argsort(counts, kind="stable")
+    begin = 0
+    while begin < order.size:
+        end = begin + 1
+        least = counts[order[begin]]
+        while (
+            end < order.size
+            and counts[order[end]] <= least + least // 4 + 2
+            and (end - begin + 1) * counts[order[end]] <= _BATCH
+        ):
+            end += 1
+        yield order[begin:end]
+        begin = end
+
+
+def _replay_rows(table: PieceTable, rows: IntArray, vehicle: Vehicle) -> Replay:
+    """Halve the steps until two runs agree, then compare the finer one."""
+    split = 1
+    coarse = _Run(table, rows, vehicle, split)
+    while True:
+        fine = _Run(table, rows, vehicle, 2 * split)
+        change = np.abs(coarse.ends - fine.ends[:, 2 - 1 :: 2])
+        # An infinite or undefined state must not pass for agreement.
+        error = np.where(np.isfinite(change), change, np.inf).max(axis=1)
+        worst = float(error[:, :3].max())
+        if worst <= _WANTED_ERROR or 4 * split > _LARGEST_SPLIT:
+            return fine.compare(error)
+        split, coarse = 2 * split, fine
+
+
+class _Run:
+    """One integration of some drones, ``split`` steps in each mesh interval.
+
+    Drones with fewer intervals than others get steps of no length at the end.
+    """
+
+    def __init__(
+        self, table: PieceTable, rows: IntArray, vehicle: Vehicle, split: int
+    ) -> None:
+        self.drones = table.drones[rows]
+        counts = np.diff(table.first)[rows]
+        index = np.arange(counts.max())
+        valid = index < counts[:, None]
+        piece = table.first[rows][:, None] + np.minimum(index, counts[:, None] - 1)
+        width = np.where(valid, (table.end - table.start)[piece], 0.0) / split
+        points, weights, partial = gauss(STAGES)
+        fraction = (np.arange(split)[:, None] + points) / split
+        shape = (rows.size, counts.max() * split)
+        # Values at the stages: (drones, steps, stages, components).
+        self.logged = _evaluate(table.state, piece, fraction).reshape(
+            *shape, STAGES, -1
+        )
+        self.logged_ends = _evaluate(
+            table.state, piece, (np.arange(split)[:, None] + 1.0) / split
+        ).reshape(*shape, -1)
+        control = _evaluate(table.control, piece, fraction).reshape(*shape, STAGES, -1)
+        control, self.clipped = flyable(vehicle, control)
+        self.width = np.repeat(width, split, axis=1)
+        begin = np.repeat(table.start[piece], split, axis=1) + self.width * np.tile(
+            np.arange(split), counts.max()
+        )
+        self.begin = begin
+        first = table.state[table.first[rows], 0]
+        self._integrate(first, control, vehicle, weights, partial)
+
+    def _integrate(
+        self,
+        first: FloatArray,
+        control: FloatArray,
+        vehicle: Vehicle,
+        weights: FloatArray,
+        partial: FloatArray,
+    ) -> None:
+        width = self.width
+
+        def advance(
+            start: FloatArray, slope: FloatArray
+        ) -> tuple[FloatArray, FloatArray]:
+            """Values at stages and at step ends of what begins at ``start``."""
+            gain = width[..., None] * np.einsum("j,nsjc->nsc", weights, slope)
+            ends = start[:, None] + np.cumsum(gain, axis=1)
+            begins = np.concatenate([start[:, None], ends[:, :-1]], axis=1)
+            inner = width[..., None, None] * np.einsum("ij,nsjc->nsic", partial, slope)
+            return begins[:, :, None] + inner, ends
+
+        rates, rate_ends = self._rates(first[:, 9:], control, vehicle, advance)
+        angles, angle_ends = advance(first[:, 6:9], rates)
+        push = control[..., :1] / vehicle.mass * _thrust_direction(angles)
+        push[..., 2] -= vehicle.gravity
+        velocity, velocity_ends = advance(first[:, 3:6], push)
+        position, position_ends = advance(first[:, :3], velocity)
+        self.stages = np.concatenate([position, velocity, angles, rates], axis=-1)
+        self.ends = np.concatenate(
+            [position_ends, velocity_ends, angle_ends, rate_ends], axis=-1
+        )
+
+    def _rates(self, first, control, vehicle, advance):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
+        factor = vehicle.torque_factor
+        torque = control[..., 1:] * np.array([factor / ix, factor / iy, 1.0 / iz])
+        coupling = np.array([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
+        rates = self.logged[..., 9:]
+        ends = first
+        for _ in range(_ROUNDS):
+            p, q, r = rates[..., 0], rates[..., 1], rates[..., 2]
+            slope = torque + coupling * np.stack([q * r, p * r, p * q], axis=-1)
+            before, (rates, ends) = rates, advance(first, slope)
+            change = float(np.max(np.abs(rates - before), initial=0.0))
+            if change <= 1e-13 or not np.isfinite(change):
+                break
+        return rates, ends
+
+    def compare(self, error: FloatArray) -> Replay:
+        """Hold the run against the logged polynomials.
+
+        Parameters
+        ----------
+        error
+            Estimated error of the integration, shape (drones, 12).
+        """
+        own = error[:, None, None]
+        inner = np.abs(self.stages - self.logged) + own
+        outer = np.abs(self.ends - self.logged_ends) + error[:, None]
+        points, _, _ = gauss(STAGES)
+        time = np.concatenate(
+            [
+                self.begin[..., None] + self.width[..., None] * points,
+                (self.begin + self.width)[..., None],
+            ],
+            axis=-1,
+        )
+        gap = np.concatenate([inner, outer[:, :, None]], axis=2)
+        gap = np.where(np.isfinite(gap), gap, np.inf)
+        position = np.sqrt(np.sum(gap[..., :3] ** 2, axis=-1))
+        attitude = gap[..., 6:9].max(axis=-1)
+        return Replay(
+            self._greatest(position, time),
+            self._greatest(attitude, time),
+            float(error[:, :3].max()),
+            self.clipped,
+        )
+
+    def _greatest(self, gap: FloatArray, time: FloatArray) -> Deviation:
+        index = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        return Deviation(
+            float(gap[index]), int(self.drones[index[0]]), float(time[index])
+        )
+
+
+def _evaluate(
+    coefficients: FloatArray, piece: IntArray, fraction: FloatArray
+) -> FloatArray:
+    """Values of pieces (n, K) at fractions (split, s): (n, K, split, s, components)."""
+    weights = basis(coefficients.shape[1] - 1, fraction)
+    return np.asarray(np.einsum("abj,nkjc->nkabc", weights, coefficients[piece]))
+
+
+def _thrust_direction(angles: FloatArray) -> FloatArray:
+    """Body z axis in the show frame for roll, pitch, yaw (..., 3)."""
+    sine, cosine = np.sin(angles), np.cos(angles)
+    s_roll, s_pitch, s_yaw = sine[..., 0], sine[..., 1], sine[..., 2]
+    c_roll, c_pitch, c_yaw = cosine[..., 0], cosine[..., 1], cosine[..., 2]
+    return np.stack(
+        [
+            c_roll * s_pitch * c_yaw + s_roll * s_yaw,
+            c_roll * s_pitch * s_yaw - s_roll * c_yaw,
+            c_roll * c_pitch,
+        ],
+        axis=-1,
+    )

@@ -1,0 +1,305 @@
+"""All checks in order: integrity, physics, limits, separation, choreography, bound."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from showc.verify.certificates import check_certificates
+from showc.verify.choreography import check_choreography
+from showc.verify.damage import Damage, DamagedLogError
+from showc.verify.decode import read_show
+from showc.verify.limits import TOLERANCE, Extreme, extremes
+from showc.verify.mcap import LogFile, open_log
+from showc.verify.missions import check_attachments, check_missions
+from showc.verify.physics import Deviation, replay
+from showc.verify.report import Check, Place, Verification
+from showc.verify.samples import GRIDS, check_samples
+from showc.verify.schemas import check_schemas
+from showc.verify.separation import RESOLUTION, closest_encounter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.verify.show import LoggedShow, Segment
+
+POSITION_ERROR = 1e-3
+"""Greatest deviation of the flown controls from the logged positions [m]."""
+
+ATTITUDE_ERROR = math.radians(0.01)
+"""Greatest deviation of the flown controls from the logged attitude [rad]."""
+
+SEPARATION_TOLERANCE = 1e-6
+"""How far the separation may be missed: rounding, not flight [m]."""
+
+
+class Progress(Protocol):
+    """Receives the course of the work."""
+
+    def stage(self, title: str, total: int | None = None) -> None:
+        """A new stage begins."""
+
+    def advance(self, steps: int = 1) -> None:
+        """Steps are done."""
+
+
+class _Silent:
+    def stage(self, title: str, total: int | None = None) -> None:
+        """Ignore the stage."""
+
+    def advance(self, steps: int = 1) -> None:
+        """Ignore the steps."""
+
+
+def verify_log(
+    path: Path | str, *, missions: bool = True, progress: Progress | None = None
+) -> Verification:
+    """Prove a compiled show again, from its bytes alone.
+
+    Parameters
+    ----------
+    path
+        The log, ``output.mcap``; beside it the folder ``output``.
+    missions
+        Whether to check the files in that folder too.
+    progress
+        Is told of the course of the work.
+
+    Returns
+    -------
+    Verification
+        What was proved, and what was not.
+
+    Raises
+    ------
+    UsageError
+        If the log cannot be read.
+    DamagedFileError
+        If it is cut, altered, or not a log of showc's; as
+        :class:`showc.verify.damage.DamagedLogError`, with the byte offset.
+    """
+    watch = progress or _Silent()
+    watch.stage("reading every byte")
+    log = open_log(Path(path))
+    try:
+        return _verify(log, watch, missions=missions)
+    except Damage as damage:
+        raise DamagedLogError(
+            str(path), damage.text, damage.offset, log.good_until(damage.offset)
+        ) from damage
+
+
+def _verify(log: LogFile, watch: Progress, *, missions: bool) -> Verification:
+    show = read_show(log)
+    metadata = _metadata(log)
+    checks = [
+        *_integrity(log),
+        *check_schemas(log),
+        _agreement(show, metadata),
+        *check_attachments(log, metadata),
+    ]
+    checks += _segments(show, watch)
+    watch.stage("separation of every pair")
+    checks.append(_separation(show))
+    watch.stage("choreography")
+    checks += check_choreography(show)
+    watch.stage("samples")
+    checks += check_samples(log, show, _grids(metadata))
+    watch.stage("lower bounds on the time")
+    checks += check_certificates(show)
+    if missions:
+        watch.stage("missions")
+        checks += check_missions(log, show)
+    else:
+        checks.append(
+            Check("missions", "mission files", "skipped", notes=("as asked",))
+        )
+    return Verification(
+        str(log.path), show.rules.name, show.drones, show.duration, tuple(checks)
+    )
+
+
+def _metadata(log: LogFile) -> dict[str, str]:
+    found = [content for name, content in log.metadata if name == "showc"]
+    if len(found) != 1:
+        raise Damage(0, "the metadata record 'showc' is missing")
+    return found[0]
+
+
+def _grids(metadata: dict[str, str]) -> NDArray[np.float64]:
+    try:
+        grids = np.array([float(metadata[f"grid_{name}"]) for name in GRIDS])
+    except (KeyError, ValueError) as error:
+        raise Damage(
+            0, f"the metadata do not declare the rounding ({error})"
+        ) from error
+    # A coarse grid would make the comparison of samples say nothing.
+    if not np.all((grids > 0.0) & (grids <= 2.0**-8)):
+        raise Damage(0, "the metadata declare a rounding that no log of showc's has")
+    return grids
+
+
+def _integrity(log: LogFile) -> list[Check]:
+    statistics = log.contents.statistics()
+    whole = (
+        f"{statistics.messages:,} messages on {statistics.channels:,} channels in "
+        f"{statistics.chunks:,} chunks: CRCs, indexes, statistics, order, sequence"
+    )
+    checks = [
+        Check(
+            "integrity",
+            "every byte accounted for",
+            "pass",
+            float(log.size),
+            None,
+            "bytes",
+            notes=(whole,),
+        )
+    ]
+    checks += [
+        Check(
+            "integrity",
+            "CRC present",
+            "warning",
+            where=Place(offset=offset),
+            notes=(f"{text}: what it would cover is protected less",),
+        )
+        for offset, text in log.warnings
+    ]
+    return checks
+
+
+def _agreement(show: LoggedShow, metadata: dict[str, str]) -> Check:
+    """Whether the metadata say the same of the show as its rules."""
+    site = show.rules.site
+    wanted = {
+        "drones": show.drones,
+        "rate_hz": show.rules.log_rate,
+        "duration_s": show.duration,
+        "epoch_ns": show.epoch,
+        "origin_latitude": site.latitude,
+        "origin_longitude": site.longitude,
+        "origin_altitude": site.altitude,
+        "heading": site.heading,
+    }
+    bad = []
+    for key, value in wanted.items():
+        try:
+            same = abs(float(metadata[key]) - value) <= 1e-9 * max(1.0, abs(value))
+        except (KeyError, ValueError):
+            same = False
+        if not same:
+            bad.append(f"{key}: {metadata.get(key)!r}, the rules say {value!r}")
+    ends = max(segment.end for segment in show.segments)
+    if abs(ends - show.duration) > 1e-6:
+        bad.append(f"the last segment ends at {ends} s, the show at {show.duration} s")
+    return Check(
+        "integrity",
+        "metadata, rules and segments agree",
+        "fail" if bad else "pass",
+        notes=tuple(bad),
+    )
+
+
+def _at(segment: Segment, deviation: Deviation | Extreme) -> Place:
+    return Place(
+        deviation.drone + 1,
+        segment=segment.message.name,
+        time=segment.start + deviation.time,
+    )
+
+
+def _segments(show: LoggedShow, watch: Progress) -> list[Check]:
+    """Physics and limits, segment by segment."""
+    watch.stage("physics and limits", len(show.segments))
+    position: tuple[float, Place] = (-1.0, Place())
+    attitude: tuple[float, Place] = (-1.0, Place())
+    error, clipped = 0.0, 0.0
+    tightest: dict[str, tuple[Extreme, Segment]] = {}
+    for segment in show.segments:
+        flown = replay(segment, show.rules.vehicle)
+        if flown.position.value > position[0]:
+            position = flown.position.value, _at(segment, flown.position)
+        if flown.attitude.value > attitude[0]:
+            attitude = flown.attitude.value, _at(segment, flown.attitude)
+        error = max(error, flown.integration_error)
+        clipped = max(clipped, flown.clipped)
+        for extreme in extremes(segment, show.rules):
+            key = extreme.bound.quantity
+            if key not in tightest or extreme.margin < tightest[key][0].margin:
+                tightest[key] = extreme, segment
+        watch.advance()
+    notes = (f"flown again with an integration error of {error:.1e} m",)
+    if clipped > 0.0:
+        notes += (f"controls exceed the rotors by {clipped:.1e} and were cut",)
+    checks = [
+        Check(
+            "physics",
+            "controls fly the logged positions",
+            "pass" if position[0] < POSITION_ERROR else "fail",
+            position[0],
+            POSITION_ERROR,
+            "m",
+            position[1],
+            notes,
+        ),
+        Check(
+            "physics",
+            "controls fly the logged attitude",
+            "pass" if attitude[0] < ATTITUDE_ERROR else "fail",
+            math.degrees(attitude[0]),
+            math.degrees(ATTITUDE_ERROR),
+            "deg",
+            attitude[1],
+        ),
+    ]
+    checks += [_limit(*found) for found in tightest.values()]
+    return checks
+
+
+def _limit(extreme: Extreme, segment: Segment) -> Check:
+    bound = extreme.bound
+    sign = -1.0 if bound.name.startswith("least") else 1.0
+    return Check(
+        "limits",
+        f"{bound.quantity} within limits at every instant",
+        "pass" if extreme.margin >= -TOLERANCE else "fail",
+        sign * extreme.upper + 0.0,
+        sign * bound.top + 0.0,
+        bound.unit,
+        _at(segment, extreme),
+        (
+            f"{bound.name}: margin {extreme.margin:+.3%} of the range "
+            f"(tolerance {TOLERANCE:.0e} of it)",
+        ),
+    )
+
+
+def _separation(show: LoggedShow) -> Check:
+    name = "separation of every pair at every instant"
+    wanted = show.rules.separation.distance
+    encounter = closest_encounter(show)
+    if encounter is None:
+        return Check("separation", name, "skipped", notes=("there is only one drone",))
+    a, b = encounter.pair
+    return Check(
+        "separation",
+        name,
+        "pass" if encounter.lower >= wanted - SEPARATION_TOLERANCE else "fail",
+        encounter.lower,
+        wanted,
+        "m",
+        Place(
+            pair=(a + 1, b + 1),
+            segment=", ".join(one.message.name for one in encounter.segments),
+            time=encounter.time,
+        ),
+        (
+            f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter "
+            f"lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m (resolution "
+            f"{RESOLUTION:.0e} m, tolerance {SEPARATION_TOLERANCE:.0e} m)",
+        ),
+    )

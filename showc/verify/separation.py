@@ -1,0 +1,333 @@
+"""Separation of every pair of drones at every instant of the show.
+
+Time is cut into slices. In a slice every drone stays within a ball around its middle;
+pairs whose balls are further apart than the closest encounter known so far are settled
+by that (balls are found by a k-d tree). For the rest, the distance is a polynomial in
+time on each common mesh interval: the Bernstein coefficients of the squared distance
+(of each axis, for the forms per axis) bound it from below, values at interval ends from
+above, and intervals are halved until both agree. So the closest encounter of the whole
+show is enclosed, and no pair comes nearer at any instant, sampled or not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from showc.log import showc_pb2 as pb
+from showc.verify.bernstein import halves, square_sum
+from showc.verify.tracks import Tracks, tracks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.verify.show import LoggedShow, Segment
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+RESOLUTION = 5e-7
+"""Width of the enclosure of the closest encounter [m]."""
+
+_BATCH = 60_000
+"""Pairs looked at together; bounds the memory."""
+
+_ROUNDS = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Encounter:
+    """The closest two drones come, in the separation's own measure."""
+
+    lower: float
+    """No pair comes nearer at any instant [m]."""
+    upper: float
+    """Distance that is reached [m]."""
+    pair: tuple[int, int]
+    """The pair that reaches it, counting from 0."""
+    time: float
+    """Show time at which it does [s]."""
+    segments: tuple[Segment, ...]
+    """What is under way then."""
+    pairs_halved: int
+    """Pairs on slices that needed their polynomials, for the record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """How a difference of positions becomes a distance."""
+
+    axes: tuple[int, ...]
+    """Axes that count."""
+    scale: tuple[float, ...]
+    """Factor on each of them."""
+    largest: bool
+    """Whether the distance is the largest component (else the Euclidean length)."""
+
+    def __call__(self, difference: FloatArray) -> FloatArray:
+        """Distances (n,) of differences (n, axes), scaled already."""
+        if self.largest:
+            return np.asarray(np.abs(difference).max(axis=-1))
+        return np.asarray(np.sqrt(np.sum(difference**2, axis=-1)))
+
+    @property
+    def order(self) -> float:
+        """Order of the norm."""
+        return np.inf if self.largest else 2.0
+
+
+def measures(separation: pb.Separation) -> tuple[Measure, ...]:
+    """Return the distances of which each must be at least the separation's.
+
+    ``all-axes`` asks for three of them, the other forms for one.
+    """
+    shape = separation.shape
+    if shape == pb.Separation.ALL_AXES:
+        return tuple(Measure((axis,), (1.0,), largest=True) for axis in range(3))
+    if shape == pb.Separation.ANY_AXIS:
+        return (Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=True),)
+    stretch = separation.vertical_stretch if shape == pb.Separation.ELLIPSOID else 1.0
+    return (Measure((0, 1, 2), (1.0, 1.0, 1.0 / stretch), largest=False),)
+
+
+def closest_encounter(show: LoggedShow) -> Encounter | None:
+    """Enclose the closest encounter of the whole show.
+
+    Returns
+    -------
+    Encounter or None
+        ``upper - lower`` is at most 1 um; None if there are fewer than two drones.
+    """
+    if show.drones < 2:
+        return None
+    found: Encounter | None = None
+    for measure in measures(show.rules.separation):
+        search = _Search(measure, show.rules.separation.distance)
+        for positions, segments in tracks(show):
+            search.stretch(positions, segments)
+        encounter = search.result()
+        if found is None or encounter.upper < found.upper:
+            found = encounter
+    return found
+
+
+class _Search:
+    """Branch and bound over all stretches with one measure."""
+
+    def __init__(self, measure: Measure, wanted: float) -> None:
+        self.measure = measure
+        self.wanted = wanted
+        self.best = np.inf
+        self.pair = (0, 1)
+        self.time = 0.0
+        self.segments: tuple[Segment, ...] = ()
+        self.halved = 0
+
+    def result(self) -> Encounter:
+        return Encounter(
+            max(self.best - RESOLUTION, 0.0),
+            self.best,
+            self.pair,
+            self.time,
+            self.segments,
+            self.halved,
+        )
+
+    def stretch(self, all_axes: Tracks, segments: tuple[Segment, ...]) -> None:
+        """Search one stretch of the show."""
+        axes = list(self.measure.axes)
+        scaled = all_axes.position[:, :, axes] * np.array(self.measure.scale)
+        positions = Tracks(
+            all_axes.begin,
+            all_axes.end,
+            all_axes.first,
+            all_axes.starts,
+            all_axes.ends,
+            np.ascontiguousarray(scaled),
+        )
+        before = self.best
+        self._instant(positions)
+        batch: list[tuple[FloatArray, ...]] = []
+        size = 0
+        for low, high in _slices(positions, max(self.best, self.wanted)):
+            pairs = self._near(positions, low, high)
+            if pairs.size == 0:
+                continue
+            times = np.full(pairs.shape[0], low), np.full(pairs.shape[0], high)
+            batch.append((pairs[:, 0], pairs[:, 1], *times))
+            size += pairs.shape[0]
+            if size >= _BATCH:
+                self._decide(positions, batch)
+                batch, size = [], 0
+        if batch:
+            self._decide(positions, batch)
+        if self.best < before:
+            self.segments = segments
+
+    def _take(
+        self, distance: FloatArray, first: IntArray, second: IntArray, time: FloatArray
+    ) -> None:
+        """Remember the nearest of some distances that are reached."""
+        index = int(np.argmin(distance))
+        if distance[index] < self.best:
+            self.best = float(distance[index])
+            self.pair = int(first[index]), int(second[index])
+            self.time = float(time[index])
+
+    def _instant(self, positions: Tracks) -> None:
+        """Closest pair at the first instant: a start that makes pruning work."""
+        place = positions.position[positions.first[:-1], 0]
+        distance, neighbour = cKDTree(place).query(place, k=2, p=self.measure.order)
+        drone = np.arange(positions.drones)
+        # Of drones in one place, the nearest neighbour may be listed first.
+        other = np.where(neighbour[:, 1] == drone, neighbour[:, 0], neighbour[:, 1])
+        self._take(
+            distance[:, 1],
+            np.minimum(drone, other),
+            np.maximum(drone, other),
+            np.full(drone.size, positions.begin),
+        )
+
+    def _near(self, positions: Tracks, low: float, high: float) -> IntArray:
+        """Pairs (n, 2) that could come nearer than the best within a slice."""
+        middle, radius = _balls(positions, low, high, self.measure)
+        reach = self.best + 2.0 * float(radius.max())
+        tree = cKDTree(middle)
+        pairs = tree.query_pairs(reach, p=self.measure.order, output_type="ndarray")
+        if pairs.size == 0:
+            return np.empty((0, 2), dtype=np.int64)
+        first, second = pairs[:, 0], pairs[:, 1]
+        gap = self.measure(middle[first] - middle[second])
+        gap -= radius[first] + radius[second]
+        return np.asarray(pairs[gap < self.best - RESOLUTION / 2], dtype=np.int64)
+
+    def _decide(self, positions: Tracks, batch: list[tuple[FloatArray, ...]]) -> None:
+        """Enclose the distances of candidate pairs over their slices."""
+        first, second, low, high = (
+            np.concatenate(part) for part in zip(*batch, strict=True)
+        )
+        first, second = first.astype(np.int64), second.astype(np.int64)
+        row_a, row_b = positions.at(first, low), positions.at(second, low)
+        last_a, last_b = positions.first[first + 1] - 1, positions.first[second + 1] - 1
+        while first.size:
+            # Up to where the first of the two polynomials ends.
+            stop = np.minimum(
+                high,
+                np.minimum(
+                    np.where(row_a < last_a, positions.ends[row_a], np.inf),
+                    np.where(row_b < last_b, positions.ends[row_b], np.inf),
+                ),
+            )
+            difference = positions.between(row_a, low, stop)
+            difference -= positions.between(row_b, low, stop)
+            self._enclose(difference, first, second, low, stop)
+            row_a = row_a + ((positions.ends[row_a] <= stop) & (row_a < last_a))
+            row_b = row_b + ((positions.ends[row_b] <= stop) & (row_b < last_b))
+            more = stop < high
+            low = stop[more]
+            first, second, high = first[more], second[more], high[more]
+            row_a, row_b = row_a[more], row_b[more]
+            last_a, last_b = last_a[more], last_b[more]
+
+    def _enclose(
+        self,
+        difference: FloatArray,
+        first: IntArray,
+        second: IntArray,
+        low: FloatArray,
+        high: FloatArray,
+    ) -> None:
+        self._take(self.measure(difference[:, 0]), first, second, low)
+        self._take(self.measure(difference[:, -1]), first, second, high)
+        open_ = self._could_be_nearer(difference)
+        if not open_.any():
+            return
+        self.halved += int(open_.sum())
+        work = difference[open_]
+        if not self.measure.largest:
+            work = square_sum(work)[:, :, None]
+        first, second, low, high = first[open_], second[open_], low[open_], high[open_]
+        for _ in range(_ROUNDS):
+            keep = self._lower(work) < self.best - RESOLUTION / 2
+            if not keep.any():
+                return
+            left, right = halves(work[keep])
+            first, second = np.tile(first[keep], 2), np.tile(second[keep], 2)
+            middle = 0.5 * (low[keep] + high[keep])
+            low = np.concatenate([low[keep], middle])
+            high = np.concatenate([middle, high[keep]])
+            work = np.concatenate([left, right])
+            self._take(self._value(work[:, 0]), first, second, low)
+            self._take(self._value(work[:, -1]), first, second, high)
+        raise ArithmeticError("separation: the enclosure does not close")
+
+    def _could_be_nearer(self, difference: FloatArray) -> NDArray[np.bool_]:
+        """Whether a plane between the pair fails to settle it; (n,)."""
+        limit = self.best - RESOLUTION / 2
+        if self.measure.largest:
+            return np.asarray(self._lower(difference) < limit)
+        middle = difference[:, 0] + difference[:, -1]
+        length = np.sqrt(np.sum(middle**2, axis=1))
+        normal = middle / np.where(length > 0.0, length, 1.0)[:, None]
+        along = np.matmul(difference, normal[:, :, None])[:, :, 0]
+        return np.asarray(along.min(axis=1) < limit)
+
+    def _lower(self, work: FloatArray) -> FloatArray:
+        """Lower bounds of the distances on the intervals, shape (n,)."""
+        if not self.measure.largest:
+            return np.asarray(np.sqrt(np.maximum(work[:, :, 0].min(axis=1), 0.0)))
+        away = np.maximum(work.min(axis=1), -work.max(axis=1))
+        return np.maximum(away.max(axis=1), 0.0)
+
+    def _value(self, work: FloatArray) -> FloatArray:
+        """Distances from one column of ``work`` (n, components)."""
+        if not self.measure.largest:
+            return np.asarray(np.sqrt(np.maximum(work[:, 0], 0.0)))
+        return np.asarray(np.abs(work).max(axis=1))
+
+
+def _balls(
+    positions: Tracks, low: float, high: float, measure: Measure
+) -> tuple[FloatArray, FloatArray]:
+    """Middle (drones, axes) and radius (drones,) of what each flies in a slice."""
+    drones = np.arange(positions.drones)
+    row = positions.at(drones, np.full(drones.size, low))
+    last = positions.first[1:] - 1
+    lows, highs = np.full(drones.size, low), np.full(drones.size, high)
+    hull = positions.between(row, lows, highs)
+    middle = 0.5 * (hull[:, 0] + hull[:, -1])
+    radius = measure(hull - middle[:, None]).max(axis=1)
+    while True:
+        more = (positions.ends[row] < high) & (row < last)
+        if not more.any():
+            return middle, radius
+        row = row + more
+        rows = row[more]
+        hull = positions.between(rows, lows[more], highs[more])
+        far = measure(hull - middle[more][:, None]).max(axis=1)
+        radius[more] = np.maximum(radius[more], far)
+
+
+def _slices(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
+    """Slices of a stretch: common mesh intervals, cut where drones fly far in them."""
+    edges = np.array([positions.begin, positions.end])
+    moving = positions.position.max(axis=1) - positions.position.min(axis=1)
+    travel = np.sqrt(np.sum(moving**2, axis=1))
+    if not np.any(travel > 0.0):
+        return
+    times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
+    inside = (times > positions.begin) & (times < positions.end)
+    common = inside & (counts >= 0.25 * counts[inside].max(initial=1))
+    edges = np.union1d(edges, times[common])
+    width = positions.ends - positions.starts
+    speed = float(np.max(travel / np.where(width > 0.0, width, np.inf)))
+    longest = 0.5 * distance / speed if speed > 0.0 else np.inf
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        parts = max(1, int(np.ceil((high - low) / longest)))
+        cuts = np.linspace(low, high, parts + 1)
+        yield from zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)

@@ -1,0 +1,164 @@
+"""Where all drones are over a stretch of time: their position polynomials, aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from showc.verify.bernstein import elevate, part
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.verify.show import LoggedShow, Segment
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Positions of the whole fleet from ``begin`` to ``end``.
+
+    Row k is a polynomial of one drone; rows of a drone follow each other in time and
+    together cover the stretch.
+    """
+
+    begin: float
+    """Show time [s]."""
+    end: float
+    """Show time [s]."""
+    first: IntArray
+    """First row of each drone, and the number of rows, shape (drones + 1,)."""
+    starts: FloatArray
+    """Show time at which each row starts, shape (rows,) [s]."""
+    ends: FloatArray
+    """Show time at which each row ends, shape (rows,) [s]."""
+    position: FloatArray
+    """Bernstein coefficients, shape (rows, degree + 1, 3) [m]."""
+
+    @property
+    def drones(self) -> int:
+        """Size of the fleet."""
+        return int(self.first.size) - 1
+
+    def at(self, drone: IntArray, time: FloatArray) -> IntArray:
+        """Row of each ``drone`` that covers each ``time``, shape (n,)."""
+        # Times rise along a drone's rows; an offset for each drone makes them rise
+        # over all rows, so that one search serves all.
+        offset = 2.0 * (self.end - self.begin + 1.0)
+        owner = np.repeat(np.arange(self.drones), np.diff(self.first))
+        keys = self.starts - self.begin + owner * offset
+        found = np.searchsorted(keys, time - self.begin + drone * offset, side="right")
+        return np.clip(found - 1, self.first[drone], self.first[drone + 1] - 1)
+
+    def between(self, row: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Coefficients of rows (n,) restricted to show times ``low`` to ``high``."""
+        start = self.starts[row]
+        width = self.ends[row] - start
+        width = np.where(width > 0.0, width, 1.0)
+        lower = np.clip((low - start) / width, 0.0, 1.0)
+        upper = np.clip((high - start) / width, 0.0, 1.0)
+        result = self.position[row]
+        inner = np.flatnonzero((lower > 0.0) | (upper < 1.0))
+        if inner.size == row.size:
+            return part(result, lower, upper)
+        result[inner] = part(result[inner], lower[inner], upper[inner])
+        return result
+
+
+class Stretches(NamedTuple):
+    """Times between which the set of flying segments does not change."""
+
+    edges: FloatArray
+    """Show times, increasing, shape (n + 1,) [s]."""
+    segments: tuple[tuple[Segment, ...], ...]
+    """Segments that fly in each stretch."""
+
+
+def stretches(show: LoggedShow) -> Stretches:
+    """Cut the show where a segment starts or ends."""
+    times = [0.0, show.duration]
+    for segment in show.segments:
+        times += [segment.start, segment.end]
+    edges = np.unique(np.round(times, 9))
+    flying = tuple(
+        tuple(
+            segment
+            for segment in show.segments
+            if segment.start < high - 1e-8 and segment.end > low + 1e-8
+        )
+        for low, high in zip(edges[:-1], edges[1:], strict=True)
+    )
+    return Stretches(edges, flying)
+
+
+def tracks(show: LoggedShow) -> Iterator[tuple[Tracks, tuple[Segment, ...]]]:
+    """Go through the show from stretch to stretch.
+
+    A drone that takes part in no segment of a stretch stands where its last segment
+    ended, or, before its first, where that will start: on its pad.
+
+    Yields
+    ------
+    Tracks, tuple of Segment
+        Positions of all drones, and the segments under way.
+    """
+    place = _first_places(show)
+    edges, flying = stretches(show)
+    for low, high, segments in zip(edges[:-1], edges[1:], flying, strict=True):
+        yield _stretch(show, place, float(low), float(high), segments), segments
+        for segment in segments:
+            if segment.end <= high + 1e-8:
+                place[segment.drones] = segment.ends()[1][:, :3]
+
+
+def _first_places(show: LoggedShow) -> FloatArray:
+    place = np.zeros((show.drones, 3))
+    for segment in sorted(show.segments, key=lambda one: one.start, reverse=True):
+        place[segment.drones] = segment.ends()[0][:, :3]
+    return place
+
+
+def _stretch(
+    show: LoggedShow,
+    place: FloatArray,
+    low: float,
+    high: float,
+    segments: tuple[Segment, ...],
+) -> Tracks:
+    owners, starts, ends, positions = [], [], [], []
+    waiting = np.ones(show.drones, dtype=bool)
+    for segment in segments:
+        waiting[segment.drones] = False
+        for table in segment.tables:
+            begin, end = table.start + segment.start, table.end + segment.start
+            # Ends of a segment may miss the stretch's edge by rounding alone.
+            keep = (end > low + 1e-8) & (begin < high - 1e-8)
+            owners.append(table.owner[keep])
+            starts.append(begin[keep])
+            ends.append(end[keep])
+            positions.append(table.state[keep][:, :, :3])
+    still = np.flatnonzero(waiting)
+    owners.append(still)
+    starts.append(np.full(still.size, low))
+    ends.append(np.full(still.size, high))
+    positions.append(place[still][:, None, :])
+    degree = max(array.shape[1] for array in positions if array.size) - 1
+    owner, start = np.concatenate(owners), np.concatenate(starts)
+    order = np.lexsort((start, owner))
+    counts = np.bincount(owner, minlength=show.drones)
+    return Tracks(
+        low,
+        high,
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        start[order],
+        np.concatenate(ends)[order],
+        np.concatenate([elevate(array, degree) for array in positions if array.size])[
+            order
+        ],
+    )

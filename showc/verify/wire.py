@@ -1,0 +1,176 @@
+"""Protobuf's wire format, for messages that are too many or too large for objects.
+
+Source: Protocol Buffers documentation, Encoding. Only what showc's own messages need:
+variable-length integers, doubles, and runs of doubles.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.damage import Damage
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+_VARINT, _FIXED64, _LENGTH, _FIXED32 = 0, 1, 2, 5
+
+
+def varint(data: bytes, position: int, stop: int) -> tuple[int, int]:
+    """Integer at ``position`` and where the next field begins."""
+    result = shift = 0
+    while position < stop and shift < 64:
+        byte = data[position]
+        position += 1
+        result |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return result, position
+        shift += 7
+    raise Damage(position, "a message holds an integer that does not end")
+
+
+def numbers_and_doubles(
+    data: bytes, start: int, stop: int
+) -> tuple[dict[int, int], dict[int, FloatArray]]:
+    """Integers and runs of doubles of the message in ``data[start:stop]``.
+
+    Returns
+    -------
+    dict, dict
+        By field number: the last integer, and all doubles in order.
+
+    Raises
+    ------
+    Damage
+        If the bytes are no such message.
+    """
+    integers: dict[int, int] = {}
+    runs: dict[int, list[FloatArray]] = {}
+    position = start
+    while position < stop:
+        tag, position = varint(data, position, stop)
+        number, kind = tag >> 3, tag & 7
+        if kind == _VARINT:
+            integers[number], position = varint(data, position, stop)
+            continue
+        if kind == _LENGTH:
+            size, position = varint(data, position, stop)
+        elif kind == _FIXED64:
+            size = 8
+        else:
+            raise Damage(position, f"a message holds a field of kind {kind}")
+        if size > stop - position or size % 8:
+            raise Damage(position, "a message holds a run of numbers that is cut")
+        run = np.frombuffer(data, dtype="<f8", count=size // 8, offset=position)
+        runs.setdefault(number, []).append(run)
+        position += size
+    return integers, {
+        number: parts[0] if len(parts) == 1 else np.concatenate(parts)
+        for number, parts in runs.items()
+    }
+
+
+Path = tuple[int, ...]
+
+
+def layout(data: bytes, fields: dict[Path, str]) -> tuple[dict[str, int], list[int]]:
+    """Where the doubles of one message stand, and which bytes say so.
+
+    Parameters
+    ----------
+    data
+        The message.
+    fields
+        Names of the doubles wanted by their path of field numbers.
+
+    Returns
+    -------
+    dict
+        Offset of each double that is present, by name.
+    list
+        Offsets of all bytes that are no such double: two messages of one length that
+        agree in them have the same layout.
+    """
+    found: dict[str, int] = {}
+    fixed: list[int] = []
+    _descend(data, 0, len(data), (), fields, found, fixed)
+    return found, fixed
+
+
+def _descend(
+    data: bytes,
+    position: int,
+    stop: int,
+    path: Path,
+    fields: dict[Path, str],
+    found: dict[str, int],
+    fixed: list[int],
+) -> None:
+    while position < stop:
+        begin = position
+        tag, position = varint(data, position, stop)
+        here, kind = (*path, tag >> 3), tag & 7
+        size = 0
+        if kind == _VARINT:
+            _, position = varint(data, position, stop)
+        elif kind == _LENGTH:
+            size, position = varint(data, position, stop)
+        elif kind in (_FIXED64, _FIXED32):
+            size = 8 if kind == _FIXED64 else 4
+        else:
+            raise Damage(position, f"a message holds a field of kind {kind}")
+        if size > stop - position:
+            raise Damage(position, "a message holds a field that is cut")
+        fixed.extend(range(begin, position))
+        if kind == _FIXED64 and here in fields:
+            found[fields[here]] = position
+        elif kind == _LENGTH and any(key[: len(here)] == here for key in fields):
+            _descend(data, position, position + size, here, fields, found, fixed)
+        else:
+            fixed.extend(range(position, position + size))
+        position += size
+
+
+def columns(
+    data: bytes,
+    starts: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    fields: dict[Path, str],
+) -> dict[str, FloatArray]:
+    """Doubles of many messages of one type, decoded without an object for each.
+
+    Messages of equal length and layout are decoded together; where the layout differs
+    (a zero is left out, say) in as many groups as there are layouts.
+
+    Parameters
+    ----------
+    data
+        Bytes that hold all messages.
+    starts, sizes
+        Where each begins and its length, shape (n,).
+    fields
+        Names of the doubles by their path of field numbers.
+
+    Returns
+    -------
+    dict
+        One array of shape (n,) for each name; absent doubles are zero.
+    """
+    raw = np.frombuffer(data, dtype=np.uint8)
+    result = {name: np.zeros(starts.size) for name in fields.values()}
+    for size in np.unique(sizes).tolist():
+        rest = np.flatnonzero(sizes == size)
+        while rest.size:
+            rows = raw[starts[rest][:, None] + np.arange(size)]
+            places, fixed = layout(rows[0].tobytes(), fields)
+            same = np.all(rows[:, fixed] == rows[0, fixed], axis=1)
+            chosen = rows[same]
+            for name, place in places.items():
+                value = np.ascontiguousarray(chosen[:, place : place + 8])
+                result[name][rest[same]] = value.view("<f8")[:, 0]
+            rest = rest[~same]
+    return result
