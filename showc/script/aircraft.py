@@ -1,0 +1,134 @@
+"""The aircraft of a script: its parameters and the limits it keeps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from showc.script.wording import number_text
+from showc.vehicle import PRESETS, Limits, Quadrotor, Vector
+
+if TYPE_CHECKING:
+    from showc.script.reader import Reader
+    from showc.script.settings import Settings
+    from showc.script.show import Site
+
+_NUMBERS = (
+    "mass",
+    "arm_length",
+    "thrust_coefficient",
+    "torque_coefficient",
+    "rotor_speed_max",
+)
+
+
+def vehicle_of(settings: Settings) -> Quadrotor:
+    """Return the preset, with the parameters the script gives itself."""
+    vehicle = PRESETS[settings.text("preset")].vehicle
+    own: dict[str, float] = {
+        key: settings.number(key) for key in _NUMBERS if key in settings
+    }
+    if own or "inertia" in settings:
+        vehicle = replace(vehicle, name="custom")
+    vehicle = replace(
+        vehicle,
+        mass=own.get("mass", vehicle.mass),
+        arm_length=own.get("arm_length", vehicle.arm_length),
+        thrust_coefficient=own.get("thrust_coefficient", vehicle.thrust_coefficient),
+        torque_coefficient=own.get("torque_coefficient", vehicle.torque_coefficient),
+        rotor_speed_max=own.get("rotor_speed_max", vehicle.rotor_speed_max),
+    )
+    if "inertia" in settings:
+        vehicle = replace(vehicle, inertia=settings.vector("inertia"))
+    if "torque_arm" in settings:
+        arm = settings.text("torque_arm")
+        vehicle = replace(
+            vehicle, torque_arm="multiplied" if arm == "multiplied" else "included"
+        )
+    return vehicle
+
+
+def limits_of(
+    settings: Settings,
+    aircraft: Settings,
+    vehicle: Quadrotor,
+    site: Site,
+    reader: Reader,
+) -> Limits | None:
+    """Return the limits: the script's, else the preset's, within what rotors can do.
+
+    None if the vehicle could not hover within them, which is then reported.
+    """
+    base = PRESETS[aircraft.text("preset")].limits
+    custom = vehicle.name == "custom"
+    speed = _each(settings, "speed", base.velocity_max)
+    climb, descent = speed[2], speed[2]
+    if "speed" not in settings:
+        descent = -base.velocity_min[2]
+    climb = settings.number("climb") if "climb" in settings else climb
+    descent = settings.number("descent") if "descent" in settings else descent
+    most = vehicle.thrust_max if custom else min(base.thrust_max, vehicle.thrust_max)
+    thrust_max = settings.number("thrust_max") if "thrust_max" in settings else most
+    thrust_min = (
+        settings.number("thrust_min") if "thrust_min" in settings else base.thrust_min
+    )
+    torque = vehicle.torque_max if custom else base.torque_max
+    if "torque" in settings:
+        torque = settings.vector("torque")
+    limits = Limits(
+        velocity_min=(-speed[0], -speed[1], -descent),
+        velocity_max=(speed[0], speed[1], climb),
+        tilt=settings.number("tilt") if "tilt" in settings else base.tilt,
+        body_rate=_each(settings, "body_rate", base.body_rate),
+        thrust_min=thrust_min,
+        thrust_max=thrust_max,
+        torque_max=torque,
+        position_min=site.volume_min,
+        position_max=site.volume_max,
+    )
+    sound = _can_hover(limits, vehicle, settings, aircraft, reader)
+    return limits if sound else None
+
+
+def _each(settings: Settings, key: str, default: Vector) -> Vector:
+    """Return three numbers: those of a list, one number thrice, or the default."""
+    if key not in settings:
+        return default
+    if isinstance(settings.values[key].value, list):
+        return settings.vector(key)
+    value = settings.number(key)
+    return value, value, value
+
+
+def _can_hover(
+    limits: Limits,
+    vehicle: Quadrotor,
+    settings: Settings,
+    aircraft: Settings,
+    reader: Reader,
+) -> bool:
+    weight = vehicle.hover_thrust
+    most = min(limits.thrust_max, vehicle.thrust_max)
+    if limits.thrust_min < weight < most:
+        return True
+    low = weight <= limits.thrust_min
+    key = "thrust_min" if low else "thrust_max"
+    limit = limits.thrust_min if low else most
+    span = settings.mark_of(key) if key in settings else aircraft.mark
+    mass = number_text(vehicle.mass)
+    reader.say(
+        "SHW207",
+        f"hovering takes {number_text(weight)} N, which "
+        f"{'is below the least' if low else 'the greatest'} thrust of "
+        f"{number_text(limit)} N{'' if low else ' does not exceed'}",
+        span,
+        notes=(
+            f"the weight of {mass} kg is {number_text(weight)} N",
+            f"the rotors give {number_text(vehicle.thrust_max)} N at most",
+        ),
+        help_text="change the thrust limits, the mass, or the rotors",
+    )
+    return False
+
+
+__all__ = ["limits_of", "vehicle_of"]

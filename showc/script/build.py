@@ -1,0 +1,382 @@
+"""Building: the settings of a script become a show, its rules checked on the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from showc.script.aircraft import limits_of, vehicle_of
+from showc.script.colours import linear_light
+from showc.script.fleet import fleet_size, groups_of, needed_counts
+from showc.script.formations import FormationError
+from showc.script.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.placing import paint
+from showc.script.reader import Reader, suggestion
+from showc.script.settings import Setting, Settings
+from showc.script.show import (
+    Formation,
+    Landing,
+    Launch,
+    Mark,
+    MissionOptions,
+    Show,
+    Site,
+    Source,
+    Transition,
+)
+from showc.vehicle import Separation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.script.files import InputFiles
+
+Assignment = Literal["optimal", "fixed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """A show as far as it could be built, for the rules to look at."""
+
+    settings: Settings
+    """The whole script."""
+    show: Show | None
+    """The show, if nothing is missing."""
+    separation: Separation | None
+    """What pairs keep, if that could be read."""
+    formations: Mapping[str, Formation]
+    """Those formations that could be drawn, pads included."""
+    site: Site | None
+    drones: int | None
+    groups: Mapping[str, tuple[int, ...]]
+    pads: str
+    parking: str | None
+
+
+def separation_of(settings: Settings) -> Separation:
+    """Return the separation a section asks for."""
+    shape = settings.text("shape")
+    stretch = settings.number("vertical_stretch")
+    match shape:
+        case "ellipsoid" | "any-axis" | "all-axes":
+            return Separation(settings.number("distance"), shape, stretch)
+        case _:
+            return Separation(settings.number("distance"), "sphere", stretch)
+
+
+def site_of(settings: Settings, reader: Reader) -> Site | None:
+    """Return the site, or None if its volume is turned inside out."""
+    origin, volume = settings.section("origin"), settings.section("volume")
+    if origin.broken or volume.broken or settings.broken:
+        return None
+    low, high = volume.vector("min"), volume.vector("max")
+    for axis, letter in enumerate("xyz"):
+        if low[axis] >= high[axis]:
+            reader.say(
+                "SHW120",
+                f"the volume's {letter} runs from {low[axis]:g} to {high[axis]:g} m",
+                volume.mark_of("max" if volume.written("max") else "min"),
+                help_text="`max` must be greater than `min` along every axis",
+            )
+            return None
+    fence = None
+    if "fence" in settings:
+        rows = [item.value for item in settings.items("fence")]
+        fence = np.array(
+            [[item.value for item in row] for row in rows if isinstance(row, list)],
+            dtype=np.float64,
+        )
+        fence.setflags(write=False)
+    return Site(
+        latitude=origin.number("latitude"),
+        longitude=origin.number("longitude"),
+        altitude=origin.number("altitude"),
+        heading=settings.number("heading"),
+        volume_min=low,
+        volume_max=high,
+        fence=fence,
+    )
+
+
+def _assignment(settings: Settings) -> Assignment:
+    return "fixed" if settings.text("assignment") == "fixed" else "optimal"
+
+
+class Builder:
+    """Builds the show of one script."""
+
+    def __init__(self, settings: Settings, files: InputFiles, reader: Reader) -> None:
+        self.settings = settings
+        self.files = files
+        self.reader = reader
+        self.table: dict[str, Setting] = {}
+        if "formations" in settings:
+            self.table = dict(settings.section("formations").values)
+        self.pads = self._ground("pads", "pads")
+        self.parking = self._ground("parking", "parking")
+
+    def _ground(self, key: str, name: str) -> str | None:
+        """Return the name of the formation a key gives, defining it where inline."""
+        if key not in self.settings.values:
+            return None
+        setting = self.settings.values[key]
+        if isinstance(setting.value, Settings):
+            if name in self.table:
+                self.reader.say(
+                    "SHW111",
+                    f"there is a formation `{name}` besides the key `{key}`",
+                    self.table[name].key_mark,
+                    help_text=f"write `{key}: {name}` to use it, or rename it",
+                )
+            self.table[name] = setting
+            return name
+        named = str(setting.value)
+        if self._known(named, setting.mark):
+            return named
+        return None
+
+    def _known(self, name: str, mark: Mark) -> bool:
+        if name in self.table:
+            return True
+        near = suggestion(name, self.table)
+        names = ", ".join(self.table) or "none"
+        self.reader.say(
+            "SHW107",
+            f"there is no formation `{name}`",
+            mark,
+            help_text=f"did you mean `{near}`?" if near else f"formations: {names}",
+            fix=near,
+        )
+        return False
+
+    def sketch(self, source: Source) -> Sketch:
+        """Build as much as can be built."""
+        settings = self.settings
+        separation = None
+        if not _broken(settings, "separation"):
+            separation = separation_of(settings.section("separation"))
+        site = None
+        if not _broken(settings, "site"):
+            site = site_of(settings.section("site"), self.reader)
+        floor = 10.0
+        if not _broken(settings, "launch"):
+            floor = settings.section("launch").number("altitude")
+        bench = Bench(
+            separation or Separation(1e-3),
+            floor,
+            settings.integer("seed") if "seed" in settings else 0,
+            self.files.read,
+        )
+        gallery = Gallery(self.table, bench, self.reader)
+        self._references()
+        drones = fleet_size(settings, gallery, self.reader)
+        groups = groups_of(settings, drones, self.reader)
+        formations: dict[str, Formation] = {}
+        if drones is not None:
+            gallery.counts |= needed_counts(settings, gallery, drones, groups)
+            formations = self._formations(gallery, drones, separation)
+        pads = self.pads or "pads"
+        sketch = Sketch(
+            settings, None, separation, formations, site, drones, groups, pads,
+            self.parking,
+        )  # fmt: skip
+        show = self._show(sketch, source)
+        return replace(sketch, show=show)
+
+    def _references(self) -> None:
+        """Check the formations that transitions name."""
+        for item in self._transitions():
+            if "to" in item:
+                self._known(item.text("to"), item.mark_of("to"))
+
+    def _transitions(self) -> list[Settings]:
+        if "transitions" not in self.settings:
+            return []
+        found = [item.value for item in self.settings.items("transitions")]
+        return [item for item in found if isinstance(item, Settings)]
+
+    def _formations(
+        self, gallery: Gallery, drones: int, separation: Separation | None
+    ) -> dict[str, Formation]:
+        formations = {}
+        pads = self._pads(gallery, drones, separation)
+        if pads is not None:
+            formations[self.pads or "pads"] = pads
+        for name in self.table:
+            if name in formations or name == self.pads:
+                continue
+            picture = gallery.picture(name)
+            if picture is not None:
+                formations[name] = self._formation(name, picture, gallery.mark(name))
+        return formations
+
+    def _pads(
+        self, gallery: Gallery, drones: int, separation: Separation | None
+    ) -> Formation | None:
+        if self.pads is not None:
+            settings = gallery.settings(self.pads)
+            if settings is None:
+                return None
+            picture = gallery.pads(self.pads, settings, drones)
+            if picture is None:
+                return None
+            return self._formation(self.pads, picture, gallery.mark(self.pads))
+        if "pads" in self.settings or (self.settings.broken and separation is None):
+            return None
+        distance = 1.5 * separation.distance if separation is not None else 0.0
+        step = max(2.0, math.ceil(distance * 4.0) / 4.0)
+        columns = math.ceil(math.sqrt(drones))
+        index = np.arange(drones)
+        places = np.column_stack(
+            [index % columns, index // columns, np.zeros(drones)]
+        ).astype(np.float64)
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2.0
+        points = (places - middle) * step
+        picture = Picture(points, np.ones((drones, 3)), np.zeros(3), None)
+        return self._formation("pads", picture, self.settings.mark)
+
+    def _formation(self, name: str, picture: Picture, mark: Mark) -> Formation:
+        # A nanometre: the same places whatever rounds a sine; no negative zeros.
+        points = np.round(picture.points, 9) + 0.0
+        colours = linear_light(np.clip(picture.colours, 0.0, 1.0))
+        points.setflags(write=False)
+        colours.setflags(write=False)
+        return Formation(name, points, colours, mark, picture.effect)
+
+    def _transition(
+        self, settings: Settings, before: str, sketch: Sketch
+    ) -> Transition | None:
+        to = settings.text("to")
+        formation = sketch.formations.get(to)
+        if formation is None:
+            return None
+        colours = effect = None
+        try:
+            if "colour" in settings:
+                srgb = paint(settings.section("colour"), formation.points)
+                colours = linear_light(srgb)
+                colours.setflags(write=False)
+            if "effect" in settings:
+                effect = effect_of(settings.section("effect"))
+        except FormationError as fault:
+            key = "colour" if "effect" not in settings else "effect"
+            self.reader.say(fault.code, str(fault), settings.mark_of(key))
+            return None
+        fade = settings.text("fade")
+        name = settings.text("name") if "name" in settings else f"{before} -> {to}"
+        return Transition(
+            name=name,
+            to=to,
+            hold=settings.number("hold"),
+            assignment=_assignment(settings),
+            mark=settings.mark_of("to"),
+            duration=settings.optional("duration"),
+            group=settings.text("group") if "group" in settings else None,
+            colours=colours,
+            fade="start" if fade == "start" else "end" if fade == "end" else "linear",
+            effect=effect,
+        )
+
+    def _show(self, sketch: Sketch, source: Source) -> Show | None:
+        settings = self.settings
+        vehicle = limits = None
+        if not _broken(settings, "vehicle"):
+            vehicle = vehicle_of(settings.section("vehicle"))
+            if sketch.site is not None and not _broken(settings, "limits"):
+                limits = limits_of(
+                    settings.section("limits"),
+                    settings.section("vehicle"),
+                    vehicle,
+                    sketch.site,
+                    self.reader,
+                )
+        transitions = []
+        last: dict[str | None, str] = {}
+        for item in self._transitions():
+            if item.broken:
+                continue
+            group = item.text("group") if "group" in item else None
+            before = last.get(group, last.get(None, "launch"))
+            made = self._transition(item, before, sketch)
+            if made is not None:
+                transitions.append(made)
+            if group is None:
+                last.clear()
+            last[group] = item.text("to")
+        if (
+            self.reader.found
+            or sketch.site is None
+            or sketch.separation is None
+            or sketch.drones is None
+            or vehicle is None
+            or limits is None
+        ):
+            return None
+        launch, landing = settings.section("launch"), settings.section("landing")
+        mission, yaw = settings.section("mission"), settings.section("yaw")
+        name = PurePath(source.path).stem
+        return Show(
+            format_version=settings.integer("showc"),
+            name=settings.text("name") if "name" in settings else name,
+            source=replace(source, inputs=dict(sorted(self.files.contents.items()))),
+            epoch=settings.moment("epoch"),
+            site=sketch.site,
+            vehicle=vehicle,
+            limits=limits,
+            separation=sketch.separation,
+            yaw="free" if yaw.text("mode") == "free" else "held",
+            heading=yaw.number("heading"),
+            drones=sketch.drones,
+            formations=sketch.formations,
+            pads=sketch.pads,
+            groups=sketch.groups,
+            launch=Launch(
+                launch.number("altitude"),
+                launch.number("climb_speed"),
+                launch.number("hold"),
+            ),
+            transitions=tuple(transitions),
+            landing=Landing(
+                landing.number("altitude"),
+                landing.number("descent_speed"),
+                landing.number("hold"),
+                _assignment(landing),
+            ),
+            mission=_mission(mission),
+            log_rate=settings.number("log_rate"),
+            seed=settings.integer("seed"),
+            parking=sketch.parking,
+        )
+
+
+def _mission(settings: Settings) -> MissionOptions:
+    servos = None
+    if "light_servos" in settings:
+        red, green, blue = (
+            item.value
+            for item in settings.items("light_servos")
+            if isinstance(item.value, int)
+        )
+        servos = (red, green, blue)
+    dark, full = settings.numbers("light_pwm")
+    return MissionOptions(
+        light_servos=servos,
+        light_pwm=(round(dark), round(full)),
+        slack=settings.number("slack"),
+        board=settings.text("board"),
+    )
+
+
+def _broken(settings: Settings, key: str) -> bool:
+    """Tell whether a section could not be read whole."""
+    if key not in settings.values:
+        return True
+    section = settings.section(key)
+    return section.broken or any(
+        isinstance(item.value, Settings) and item.value.broken
+        for item in section.values.values()
+    )

@@ -1,0 +1,82 @@
+"""Codes 2xx: kinematics and separation."""
+
+from showc.script.codes.code import Code
+from showc.script.diagnostic import Severity
+
+CODES = (
+    Code(
+        "SHW201",
+        "formation tighter than the separation",
+        "Two places of a formation are closer to each other than two drones may ever "
+        "be, or than the formation's own `spacing`. No flight could keep that, so "
+        "nothing is solved.",
+        "Make the formation larger, use fewer drones, or add `spread: true`, which "
+        "pushes places apart as little as possible.",
+        "separation: 2\nformations: {ring: {type: circle, radius: 3, count: 16}}",
+    ),
+    Code(
+        "SHW202",
+        "formation tighter than √2 times the separation",
+        "Straight synchronous moves between formations whose places are s apart keep "
+        "drones at least s/√2 apart, and not more. Below √2 times the separation the "
+        "planner must bend or delay paths, which takes longer.",
+        "Nothing need be done; a wider formation is quicker to reach.",
+        "separation: 2\nformations: {row: {type: line, length: 30, count: 16}}    "
+        "(2 m apart)",
+        Severity.WARNING,
+    ),
+    Code(
+        "SHW203",
+        "outside the flight volume",
+        "A place, or the hover above a pad, is outside the box `site: volume:`.",
+        "Move the formation, make it smaller, or enlarge the volume. Without "
+        "`site: volume:` the box is 200 m x 200 m and 120 m high.",
+        "ring: {type: circle, radius: 20, plane: front, centre: [0, 0, 10]}",
+    ),
+    Code(
+        "SHW204",
+        "outside the fence",
+        "A place is outside the polygon `site: fence:`.",
+        "Move the formation or the fence.",
+        "site: {fence: [[-20, -20], [20, -20], [0, 20]]}",
+    ),
+    Code(
+        "SHW205",
+        "places and drones do not match",
+        "A formation has more places than drones fly to it, or fewer and the script "
+        "has no `parking` where the others could wait.",
+        "Change `count` or `drones`, or add `parking`.",
+        "drones: 16\nformations: {ring: {type: circle, count: 12}}",
+    ),
+    Code(
+        "SHW206",
+        "parking too near a picture",
+        "A place of the parking formation is closer to a place of a picture than the "
+        "separation, and drones stand in both at one time.",
+        "Park further away.",
+        "parking: {type: line, centre: [0, 0, 20]}    (and a picture there too)",
+    ),
+    Code(
+        "SHW207",
+        "the vehicle cannot hover",
+        "The weight is not between the least and the greatest thrust.",
+        "Change the thrust limits, the mass, or the rotors' parameters.",
+        "limits: {thrust_max: 5 N}    (the aircraft weighs 6.1 N)",
+    ),
+    Code(
+        "SHW208",
+        "groups too near each other",
+        "Two groups stand in formations at the same time that are closer to each "
+        "other than the separation.",
+        "Move one of the formations away.",
+        "transitions: [{to: left_ring, group: left}, {to: same_place, group: right}]",
+    ),
+    Code(
+        "SHW209",
+        "duration too short",
+        "No drone can make the move in the time given, by its speed and thrust alone, "
+        "whatever the planner does.",
+        "Give at least the time the message names, or leave `duration` out.",
+        "transitions: [{to: far_away, duration: 2}]",
+    ),
+)

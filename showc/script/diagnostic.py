@@ -1,0 +1,107 @@
+"""The diagnostic: one finding about a script, with its place, numbers and remedy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from showc.script.show import Mark
+
+
+class Severity(StrEnum):
+    """How bad a finding is."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A second place that has to do with the finding."""
+
+    span: Mark
+    """Where."""
+    text: str
+    """What it has to do with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One finding."""
+
+    code: str
+    """Stable code, ``SHW`` and three digits; never given to anything else later."""
+    severity: Severity
+    """Whether the show can be used at all."""
+    message: str
+    """What is wrong, in one line without a full stop."""
+    span: Mark | None
+    """Where; None: in no particular place of the script."""
+    label: str = ""
+    """Short text that stands beside the carets."""
+    secondary: tuple[Label, ...] = ()
+    """Other places that have to do with it."""
+    notes: tuple[str, ...] = ()
+    """The numbers: values, limits, drones, times."""
+    help: str = ""
+    """What to do about it."""
+    fix: str = ""
+    """Text to put in place of the span's, where that is certain; else empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Suppressed:
+    """A finding that the script asks to pass over."""
+
+    diagnostic: Diagnostic
+    """The finding."""
+    reason: str
+    """Why the script passes over it."""
+
+
+def position(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:
+    """Return what diagnostics are sorted by: file, line, column, code, message."""
+    span = diagnostic.span
+    if span is None:
+        return "", 0, 0, diagnostic.code, diagnostic.message
+    return span.path, span.line, span.column, diagnostic.code, diagnostic.message
+
+
+def select_diagnostics(
+    diagnostics: Iterable[Diagnostic],
+    *,
+    select: Iterable[str] = (),
+    ignore: Iterable[str] = (),
+    strict: bool = False,
+) -> tuple[Diagnostic, ...]:
+    """Keep the diagnostics a caller wants to see.
+
+    Parameters
+    ----------
+    diagnostics
+        What was found.
+    select
+        Codes, or beginnings of codes (``SHW3``), to keep; none: all.
+    ignore
+        Codes, or beginnings of codes, to leave out. Errors are never left out: a
+        script that has one is not a show.
+    strict
+        Whether warnings become errors.
+    """
+    wanted, unwanted = tuple(select), tuple(ignore)
+    kept = []
+    for diagnostic in diagnostics:
+        if diagnostic.severity is not Severity.ERROR:
+            if wanted and not diagnostic.code.startswith(wanted):
+                continue
+            if unwanted and diagnostic.code.startswith(unwanted):
+                continue
+            if strict:
+                kept.append(replace(diagnostic, severity=Severity.ERROR))
+                continue
+        kept.append(diagnostic)
+    return tuple(kept)

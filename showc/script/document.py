@@ -1,0 +1,384 @@
+"""The document: a script's YAML as a tree in which everything knows its place.
+
+The tree is built from libyaml's events and not from its nodes, so that depth, size
+and aliases are counted before anything grows, and so that a plain ``no`` or ``1:30``
+is still the text the author wrote when it is judged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.show import Mark
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MAX_BYTES = 16_000_000
+"""Largest script that is read [bytes]."""
+MAX_NODES = 1_000_000
+"""Most values a script may have once its aliases are written out."""
+MAX_DEPTH = 40
+"""Deepest nesting."""
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A single value, as written."""
+
+    text: str
+    """Its text, quotes taken away."""
+    plain: bool
+    """Whether it stands without quotes."""
+    mark: Mark
+    size: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """A list of nodes."""
+
+    items: tuple[Node, ...]
+    mark: Mark
+    size: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A key and its value."""
+
+    key: str
+    mark: Mark
+    """Where the key stands."""
+    value: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """Keys and values, in the order written, each key once."""
+
+    entries: tuple[Entry, ...]
+    mark: Mark
+    size: int = 1
+
+    def get(self, key: str) -> Entry | None:
+        """Return the entry of a key, if it is there."""
+        return next((entry for entry in self.entries if entry.key == key), None)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self.entries)
+
+
+Node = Scalar | Sequence | Mapping
+
+
+@dataclass(slots=True)
+class _Frame:
+    """A collection that is still open."""
+
+    mapping: bool
+    mark: Mark
+    anchor: str | None
+    key: tuple[str, Mark] | None = None
+    items: list[Node] = field(default_factory=list)
+    entries: dict[str, Entry] = field(default_factory=dict)
+    skipping: bool = False
+    size: int = 1
+
+
+class _Refused(Exception):
+    """Reading cannot go on."""
+
+
+def parse_document(
+    content: bytes, path: str
+) -> tuple[Node | None, str, list[Diagnostic]]:
+    """Parse a script.
+
+    Parameters
+    ----------
+    content
+        The file's bytes.
+    path
+        Its path as the user gave it, for the marks.
+
+    Returns
+    -------
+    tuple
+        The root of the tree, or None if there is none to be had; the text, in which
+        bytes that are not UTF-8 are replaced; what was found, codes SHW001 to SHW011.
+    """
+    text, found = _decode(content, path)
+    found += _tabs(text, path)
+    if found:
+        return None, text, found
+    builder = _Builder(path)
+    root = builder.build(text)
+    return root, text, builder.found
+
+
+def _error(code: str, message: str, span: Mark | None, **more: Any) -> Diagnostic:  # noqa: ANN401
+    return Diagnostic(code, Severity.ERROR, message, span, **more)
+
+
+def _decode(content: bytes, path: str) -> tuple[str, list[Diagnostic]]:
+    if len(content) > MAX_BYTES:
+        message = f"the script has {len(content)} bytes, at most {MAX_BYTES} are read"
+        return "", [
+            _error(
+                "SHW008",
+                message,
+                Mark(path, 1, 1, 1, 2),
+                help="put long lists of points into CSV files",
+            )
+        ]
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        before = content[: fault.start].decode("utf-8")
+        line = before.count("\n") + 1
+        column = len(before) - (before.rfind("\n") + 1) + 1
+        found = _error(
+            "SHW003",
+            f"byte {content[fault.start]:#04x} at offset {fault.start} is not UTF-8",
+            Mark(path, line, column, line, column + 1),
+            help="save the script as UTF-8",
+        )
+        return content.decode("utf-8", errors="replace"), [found]
+    return text, []
+
+
+def _tabs(text: str, path: str) -> list[Diagnostic]:
+    if "\t" not in text:
+        return []
+    found = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        indent = line[: len(line) - len(line.lstrip())]
+        if "\t" in indent and line.strip():
+            column = indent.index("\t") + 1
+            found.append(
+                _error(
+                    "SHW002",
+                    "a tab in the indentation",
+                    Mark(path, number, column, number, len(indent) + 1),
+                    help="indent with spaces; YAML forbids tabs there",
+                )
+            )
+    return found
+
+
+class _Builder:
+    """Turns events into the tree."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.found: list[Diagnostic] = []
+        self.anchors: dict[str, Node | None] = {}
+        self.frames: list[_Frame] = []
+        self.root: Node | None = None
+        self.documents = 0
+        self.total = 0
+
+    def build(self, text: str) -> Node | None:
+        """Read all events; return the root, or None if reading cannot go on."""
+        try:
+            for event in yaml.parse(text, Loader=_LOADER):
+                self._take(event)
+        except _Refused:
+            return None
+        except yaml.MarkedYAMLError as fault:
+            self._syntax(fault)
+            return None
+        except yaml.reader.ReaderError as fault:
+            line = text.count("\n", 0, fault.position) + 1
+            column = fault.position - text.rfind("\n", 0, fault.position)
+            self._say(
+                "SHW001",
+                f"a control character (code {ord(str(fault.character)[0]):#04x})",
+                Mark(self.path, line, column, line, column + 1),
+                help="remove it",
+            )
+            return None
+        return self.root
+
+    def _say(self, code: str, message: str, span: Mark, **more: Any) -> None:  # noqa: ANN401
+        self.found.append(_error(code, message, span, **more))
+
+    def _syntax(self, fault: yaml.MarkedYAMLError) -> None:
+        where = fault.problem_mark or fault.context_mark
+        if where is None:
+            span = Mark(self.path, 1, 1, 1, 2)
+        else:
+            line, column = where.line + 1, where.column + 1
+            span = Mark(self.path, line, column, line, column + 1)
+        labels: tuple[Label, ...] = ()
+        context = fault.context_mark
+        if context is not None and fault.context and context is not where:
+            line, column = context.line + 1, context.column + 1
+            if line != span.line:
+                start = Mark(self.path, line, column, line, column + 1)
+                labels = (Label(start, str(fault.context)),)
+        problem = str(fault.problem or fault.context or "it cannot be read")
+        self._say(
+            "SHW001",
+            f"not valid YAML: {problem}",
+            span,
+            secondary=labels,
+            help="check the indentation, the colons and the brackets up to here",
+        )
+
+    def _mark(self, event: yaml.Event) -> Mark:
+        start, end = event.start_mark, event.end_mark
+        return Mark(
+            self.path, start.line + 1, start.column + 1, end.line + 1, end.column + 1
+        )
+
+    def _take(self, event: yaml.Event) -> None:
+        match event:
+            case yaml.ScalarEvent():
+                self._scalar(event)
+            case yaml.AliasEvent():
+                self._alias(event)
+            case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
+                self._open(event)
+            case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
+                self._close(event)
+            case yaml.DocumentStartEvent():
+                self.documents += 1
+                if self.documents > 1:
+                    self._say(
+                        "SHW009",
+                        "a second YAML document in one file",
+                        self._mark(event),
+                        help="one file holds one show: remove the `---`",
+                    )
+                    raise _Refused
+            case _:
+                pass
+
+    def _scalar(self, event: yaml.ScalarEvent) -> None:
+        mark = self._mark(event)
+        self._tag(event.tag, mark)
+        frame = self.frames[-1] if self.frames else None
+        if frame is not None and frame.mapping and frame.key is None:
+            self._key(frame, event.value, mark)
+            return
+        node = Scalar(event.value, event.implicit[0] and event.style is None, mark)
+        self._place(node, event.anchor)
+
+    def _tag(self, tag: str | None, mark: Mark) -> None:
+        if tag is not None:
+            self._say(
+                "SHW009",
+                f"the YAML tag `{tag}`",
+                mark,
+                help="remove it: scripts hold plain text, numbers, lists and keys",
+            )
+
+    def _key(self, frame: _Frame, key: str, mark: Mark) -> None:
+        frame.key = (key, mark)
+        frame.skipping = key in frame.entries or key == "<<"
+        if key == "<<":
+            self._say(
+                "SHW009",
+                "the YAML merge key `<<`",
+                mark,
+                help="write the keys out; for formations there is `like:`",
+            )
+        elif frame.skipping:
+            first = frame.entries[key].mark
+            self._say(
+                "SHW004",
+                f"the key `{key}` stands twice",
+                mark,
+                secondary=(Label(first, "first here"),),
+                help="keep one of them",
+            )
+
+    def _alias(self, event: yaml.AliasEvent) -> None:
+        mark = self._mark(event)
+        name = event.anchor
+        if name not in self.anchors:
+            self._say("SHW001", f"the alias `*{name}` names nothing before it", mark)
+            raise _Refused
+        node = self.anchors[name]
+        if node is None:
+            self._say(
+                "SHW009",
+                f"the alias `*{name}` stands inside what it names",
+                mark,
+                help="write the value out",
+            )
+            raise _Refused
+        self.total += node.size
+        self._budget(mark)
+        self._place(node, None, counted=True)
+
+    def _budget(self, mark: Mark) -> None:
+        if self.total > MAX_NODES:
+            self._say(
+                "SHW008",
+                f"more than {MAX_NODES} values, with aliases written out",
+                mark,
+                help="put long lists of points into CSV files",
+            )
+            raise _Refused
+
+    def _open(self, event: yaml.CollectionStartEvent) -> None:
+        mark = self._mark(event)
+        self._tag(event.tag, mark)
+        mapping = isinstance(event, yaml.MappingStartEvent)
+        frame = self.frames[-1] if self.frames else None
+        if frame is not None and frame.mapping and frame.key is None:
+            self._say(
+                "SHW009", "a key that is a list or a mapping", mark, help="use a word"
+            )
+            raise _Refused
+        if len(self.frames) >= MAX_DEPTH:
+            self._say(
+                "SHW008", f"nested more than {MAX_DEPTH} deep", mark, help="flatten it"
+            )
+            raise _Refused
+        if event.anchor is not None:
+            self.anchors[event.anchor] = None
+        self.frames.append(_Frame(mapping, mark, event.anchor))
+
+    def _close(self, event: yaml.Event) -> None:
+        frame = self.frames.pop()
+        start = frame.mark
+        stop = self._mark(event)
+        span = Mark(
+            start.path, start.line, start.column, stop.end_line, stop.end_column
+        )
+        node: Node
+        if frame.mapping:
+            node = Mapping(tuple(frame.entries.values()), span, frame.size)
+        else:
+            node = Sequence(tuple(frame.items), span, frame.size)
+        self._place(node, frame.anchor)
+
+    def _place(self, node: Node, anchor: str | None, *, counted: bool = False) -> None:
+        if not counted:
+            self.total += 1
+            self._budget(node.mark)
+        if anchor is not None:
+            self.anchors[anchor] = node
+        if not self.frames:
+            self.root = node
+            return
+        frame = self.frames[-1]
+        frame.size += node.size
+        if not frame.mapping:
+            frame.items.append(node)
+            return
+        assert frame.key is not None  # noqa: S101 - the parser pairs keys and values
+        key, mark = frame.key
+        if not frame.skipping:
+            frame.entries[key] = Entry(key, mark, node)
+        frame.key = None

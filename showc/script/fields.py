@@ -1,0 +1,321 @@
+"""The field table: every key of a script, its unit, range, default and meaning.
+
+The reader, ``schemas/show.schema.json`` and the reference in the documents are all
+made from this table.
+"""
+
+from __future__ import annotations
+
+from showc.script.formation_fields import COLOUR, EFFECT, FORMATION
+from showc.script.kinds import (
+    NAME,
+    Choice,
+    Either,
+    Field,
+    Integer,
+    Items,
+    Moment,
+    Quantity,
+    Reference,
+    Section,
+    Table,
+    Text,
+)
+from showc.script.vehicle_fields import LIMITS, VEHICLE
+
+FORMAT_VERSION = 1
+"""Version of the script format that this reader understands."""
+
+_PLACE = Quantity("m", minimum=-10_000.0, maximum=10_000.0)
+_CORNER = Items(_PLACE, 3, 3)
+_HOLD = Quantity("s", minimum=0.0, maximum=3600.0)
+_ALTITUDE = Quantity("m", minimum=0.5, maximum=1000.0)
+_SPEED = Quantity("m/s", minimum=0.1, maximum=50.0)
+_ASSIGNMENT = Choice(("optimal", "fixed"))
+
+VOLUME = Section(
+    "volume",
+    "The box that no drone may leave, show frame.",
+    (
+        Field("min", _CORNER, "Its lower corner.", default=[-100, -100, 0]),
+        Field("max", _CORNER, "Its upper corner.", default=[100, 100, 120]),
+    ),
+)
+
+ORIGIN = Section(
+    "origin",
+    "Where the show frame's origin lies on the Earth.",
+    (
+        Field(
+            "latitude",
+            Quantity("deg", minimum=-89.0, maximum=89.0, store="deg"),
+            "Latitude of the show frame's origin, WGS 84. The default place is the "
+            "home of PX4's simulators.",
+            default=47.397742,
+        ),
+        Field(
+            "longitude",
+            Quantity("deg", minimum=-180.0, maximum=180.0, store="deg"),
+            "Longitude of the show frame's origin, WGS 84.",
+            default=8.545594,
+        ),
+        Field(
+            "altitude",
+            Quantity("m", minimum=-500.0, maximum=6000.0),
+            "Altitude of the show frame's origin above mean sea level.",
+            default=488.0,
+        ),
+    ),
+)
+
+SITE = Section(
+    "site",
+    "Where the show flies.",
+    (
+        Field("origin", ORIGIN, ORIGIN.description, default={}),
+        Field(
+            "heading",
+            Quantity("deg", minimum=-360.0, maximum=360.0, store="deg"),
+            "Compass bearing of the show frame's +y axis, clockwise from north.",
+            default=0.0,
+        ),
+        Field("volume", VOLUME, VOLUME.description, default={}),
+        Field(
+            "fence",
+            Items(Items(_PLACE, 2, 2), 3, 200),
+            "Corners `[x, y]` of a geofence on the ground, show frame.",
+            default_text="the volume's walls",
+        ),
+    ),
+)
+
+SEPARATION = Section(
+    "separation",
+    "How far two drones stay apart, at every instant.",
+    (
+        Field(
+            "distance",
+            Quantity("m", minimum=0.05, maximum=100.0),
+            "The separation d.",
+            default=1.5,
+        ),
+        Field(
+            "shape",
+            Choice(("sphere", "ellipsoid", "any-axis", "all-axes")),
+            "`sphere`: distance at least d. `ellipsoid`: the same after dividing the "
+            "height difference by `vertical_stretch` (downwash). `any-axis`: at least "
+            "d along one axis. `all-axes`: at least d along every axis.",
+            default="sphere",
+        ),
+        Field(
+            "vertical_stretch",
+            Quantity(minimum=1.0, maximum=10.0),
+            "Stretch of the ellipsoid along z.",
+            default=1.0,
+        ),
+    ),
+    short="distance",
+)
+
+YAW = Section(
+    "yaw",
+    "Which way the drones point.",
+    (
+        Field(
+            "mode",
+            Choice(("held", "free")),
+            "`held` keeps the heading all the time, `free` lets it move in between.",
+            default="held",
+        ),
+        Field(
+            "heading",
+            Quantity("deg", minimum=-360.0, maximum=360.0),
+            "Yaw at hover, show frame, counter-clockwise from +x.",
+            default=0.0,
+        ),
+    ),
+    short="mode",
+)
+
+LAUNCH = Section(
+    "launch",
+    "From the pads straight up to the first hover.",
+    (
+        Field("altitude", _ALTITUDE, "Height of the hover above the pads.", default=10),
+        Field("climb_speed", _SPEED, "Greatest climb speed.", default=2.0),
+        Field("hold", _HOLD, "Time to hover afterwards.", default=2.0),
+    ),
+)
+
+LANDING = Section(
+    "landing",
+    "From the last formation to above the pads and straight down.",
+    (
+        Field("altitude", _ALTITUDE, "Height of the hover above the pads.", default=10),
+        Field("descent_speed", _SPEED, "Greatest descent speed.", default=1.0),
+        Field("hold", _HOLD, "Time to hover before the descent.", default=2.0),
+        Field(
+            "assignment",
+            _ASSIGNMENT,
+            "`optimal` lets drones land on each other's pads, `fixed` sends each to "
+            "its own.",
+            default="optimal",
+        ),
+    ),
+)
+
+TRANSITION = Section(
+    "transition",
+    "One move of the fleet, or of a group, and the hold after it.",
+    (
+        Field("to", Reference("formation"), "Formation to reach.", required=True),
+        Field("hold", _HOLD, "Time to hover in it afterwards.", default=5.0),
+        Field(
+            "assignment",
+            _ASSIGNMENT,
+            "`optimal` gives the places out so that the move is short, `fixed` sends "
+            "drone i to place i.",
+            default="optimal",
+        ),
+        Field(
+            "duration",
+            Quantity("s", minimum=0.1, maximum=600.0),
+            "Time the move takes.",
+            default_text="as short as can be",
+        ),
+        Field(
+            "group", Reference("group"), "Who moves.", default_text="the whole fleet"
+        ),
+        Field("colour", COLOUR, "Colours on arrival, instead of the formation's."),
+        Field(
+            "fade",
+            Choice(("linear", "start", "end")),
+            "How colours change over the move: evenly, at its start, at its end.",
+            default="linear",
+        ),
+        Field("effect", EFFECT, "Effect over the hold, instead of the formation's."),
+        Field("name", Text(80), "Name for people.", default_text="`from -> to`"),
+    ),
+    short="to",
+)
+
+MISSION = Section(
+    "mission",
+    "For the mission files.",
+    (
+        Field(
+            "light_servos",
+            Items(Integer(1, 16), 3, 3),
+            "Servo outputs that carry red, green and blue.",
+            default_text="no light items",
+            examples=([9, 10, 11],),
+        ),
+        Field(
+            "light_pwm",
+            Items(Quantity("us", minimum=500.0, maximum=2500.0, store="us"), 2, 2),
+            "Pulse widths of dark and of full light.",
+            default=[1000, 2000],
+        ),
+        Field(
+            "slack",
+            Quantity("s", minimum=0.0, maximum=60.0),
+            "Time between the predicted end of a leg and the next clock slot.",
+            default=3.0,
+        ),
+        Field(
+            "board",
+            Text(40),
+            "Autopilot board, for the number of items it can hold.",
+            default="pixhawk",
+        ),
+    ),
+)
+
+_DRONE_RANGE = Text(
+    20, r"[1-9][0-9]*(\s*-\s*[1-9][0-9]*)?", "a drone's number, or a range like `1-8`"
+)
+
+SHOW = Section(
+    "show",
+    "A drone show, complete from ground to ground.",
+    (
+        Field(
+            "showc",
+            Integer(1, 1000),
+            "Version of the script format; this is version 1.",
+            required=True,
+            examples=(1,),
+        ),
+        Field("name", Text(120), "Title.", default_text="the file's name"),
+        Field(
+            "epoch",
+            Moment(),
+            "Time stamp of show time zero in the log; it has no effect on the flight.",
+            default="2025-01-01T00:00:00Z",
+        ),
+        Field("site", SITE, SITE.description, default={}),
+        Field("vehicle", VEHICLE, VEHICLE.description, default={}),
+        Field("limits", LIMITS, LIMITS.description, default={}),
+        Field("separation", SEPARATION, SEPARATION.description, default={}),
+        Field("yaw", YAW, YAW.description, default={}),
+        Field(
+            "drones",
+            Integer(1, 10_000),
+            "Size of the fleet.",
+            default_text="the largest number of places that pads or a formation fix",
+        ),
+        Field(
+            "pads",
+            Either((Reference("formation"), FORMATION)),
+            "Places on the ground from which the drones start: a formation, or the "
+            "name of one.",
+            default_text="a grid with 2 m between neighbours, or more where the "
+            "separation asks for it, about the site's origin",
+        ),
+        Field("launch", LAUNCH, LAUNCH.description, default={}),
+        Field(
+            "formations",
+            Table(FORMATION, "formation"),
+            "The pictures, by name.",
+            required=True,
+        ),
+        Field(
+            "groups",
+            Table(
+                Either((_DRONE_RANGE, Items(_DRONE_RANGE, 1, 10_000))),
+                "group of drones",
+            ),
+            "Groups of drones that move by themselves: numbers from 1 and ranges.",
+            examples=({"left": "1-8", "right": ["9-15", 16]},),
+        ),
+        Field(
+            "transitions",
+            Items(TRANSITION, 1, 1000),
+            "What happens, in order: where to, how long to stay.",
+            required=True,
+        ),
+        Field("landing", LANDING, LANDING.description, default={}),
+        Field(
+            "parking",
+            Either((Reference("formation"), FORMATION)),
+            "Where drones wait that have no place in a picture.",
+            default_text="every drone has a place in every picture",
+        ),
+        Field("mission", MISSION, MISSION.description, default={}),
+        Field(
+            "log_rate",
+            Quantity("Hz", minimum=1.0, maximum=200.0),
+            "Samples of the fleet per second in the log.",
+            default=20.0,
+        ),
+        Field(
+            "seed",
+            Integer(0, 2_147_483_647),
+            "Seed of everything random in formations and planning.",
+            default=0,
+        ),
+    ),
+)
+"""The whole script."""
+
+__all__ = ["FORMAT_VERSION", "NAME", "SHOW"]

@@ -1,0 +1,160 @@
+"""The fleet: how many drones fly, in which groups, and how many to each formation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from showc.script.diagnostic import Label
+from showc.script.settings import Setting, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.script.gallery import Gallery
+    from showc.script.reader import Reader
+    from showc.script.show import Mark
+
+
+def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | None:
+    """Return the number of drones, or None if nothing says it.
+
+    It is ``drones``, else the largest number of places that a formation fixes by
+    itself, or the highest drone of a group.
+    """
+    if "drones" in settings:
+        return settings.integer("drones")
+    counts = []
+    names = list(settings.section("formations").values) if _has(settings) else []
+    for name in names:
+        own = gallery.own_count(name)
+        if own is not None:
+            counts.append(own)
+    pads = settings.values.get("pads")
+    if pads is not None and isinstance(pads.value, Settings) and not pads.value.broken:
+        own = gallery.own_count_inside(pads.value)
+        if own is not None:
+            counts.append(own)
+    for members, _mark in _members(settings).values():
+        counts += members
+    if counts:
+        return max(counts)
+    if not settings.broken and all(gallery.settings(name) for name in names):
+        reader.say(
+            "SHW115",
+            "nothing says how many drones fly",
+            settings.mark,
+            help_text="add `drones: 16`, or a `count` to a formation",
+        )
+    return None
+
+
+def _has(settings: Settings) -> bool:
+    return "formations" in settings
+
+
+def _members(settings: Settings) -> dict[str, tuple[list[int], Mark]]:
+    """Return the drones of each group as written, counting from 1."""
+    groups: dict[str, tuple[list[int], Mark]] = {}
+    if "groups" not in settings:
+        return groups
+    for name, setting in settings.section("groups").values.items():
+        value = setting.value
+        entries = value if isinstance(value, list) else [setting]
+        members = []
+        for entry in entries:
+            if isinstance(entry, Setting) and isinstance(entry.value, str):
+                members += _range(entry.value)
+        groups[name] = (members, setting.mark)
+    return groups
+
+
+def _range(text: str) -> list[int]:
+    low, _, high = text.partition("-")
+    first = int(low)
+    last = int(high) if high else first
+    # A range backwards is empty, and reported as a group without drones.
+    return list(range(first, min(last, first + 20_000) + 1))
+
+
+def groups_of(
+    settings: Settings, drones: int | None, reader: Reader
+) -> dict[str, tuple[int, ...]]:
+    """Return the drones of each group, counting from 0, and check the groups."""
+    groups: dict[str, tuple[int, ...]] = {}
+    owner: dict[int, str] = {}
+    written = _members(settings)
+    for name, (members, mark) in written.items():
+        if not members:
+            reader.say("SHW116", f"the group `{name}` has no drones", mark)
+            continue
+        beyond = [drone for drone in members if drones is not None and drone > drones]
+        if beyond:
+            reader.say(
+                "SHW116",
+                f"the group `{name}` names drone {beyond[0]}, the fleet has {drones}",
+                mark,
+                help_text="drones are numbered from 1",
+            )
+            continue
+        for drone in members:
+            if drone in owner:
+                other = owner[drone]
+                reader.say(
+                    "SHW116",
+                    f"drone {drone} is in the group `{name}` a second time"
+                    if other == name
+                    else f"drone {drone} is in the groups `{other}` and `{name}`",
+                    mark,
+                    secondary=(Label(written[other][1], "here too"),)
+                    if other != name
+                    else (),
+                )
+                break
+            owner[drone] = name
+        groups[name] = tuple(sorted(drone - 1 for drone in set(members)))
+    _group_references(settings, groups, reader)
+    return groups
+
+
+def _group_references(
+    settings: Settings, groups: Mapping[str, tuple[int, ...]], reader: Reader
+) -> None:
+    known = set(_members(settings))
+    for item in _transitions(settings):
+        if "group" in item and item.text("group") not in known:
+            names = ", ".join(groups) or "none"
+            reader.say(
+                "SHW107",
+                f"there is no group `{item.text('group')}`",
+                item.mark_of("group"),
+                help_text=f"groups: {names}",
+            )
+
+
+def _transitions(settings: Settings) -> list[Settings]:
+    if "transitions" not in settings:
+        return []
+    values = [item.value for item in settings.items("transitions")]
+    return [item for item in values if isinstance(item, Settings) and not item.broken]
+
+
+def needed_counts(
+    settings: Settings,
+    gallery: Gallery,
+    drones: int,
+    groups: Mapping[str, tuple[int, ...]],
+) -> dict[str, int]:
+    """Return how many drones fly to each formation that leaves its size open.
+
+    The largest number that flies there at one time; the whole fleet, if none does.
+    """
+    needed: dict[str, int] = {}
+    for item in _transitions(settings):
+        group = item.text("group") if "group" in item else None
+        size = len(groups.get(group, ())) if group is not None else drones
+        name = item.text("to")
+        needed[name] = max(needed.get(name, 0), size)
+    for name in settings.section("formations").values if _has(settings) else ():
+        if gallery.own_count(name) is None:
+            needed.setdefault(name, drones)
+    return needed

@@ -1,0 +1,54 @@
+"""The line: places evenly spaced along a straight line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations.shape import (
+    Drawing,
+    FormationError,
+    Request,
+    Shape,
+    any_count,
+)
+from showc.script.kinds import Field, Items, Quantity, Section
+
+if TYPE_CHECKING:
+    from showc.script.settings import Settings
+
+SECTION = Section(
+    "line",
+    "Places evenly spaced along a straight line, centred.",
+    (
+        Field(
+            "length",
+            Quantity("m", minimum=0.0, maximum=10_000.0),
+            "Distance from the first place to the last.",
+            default_text="the formation's spacing between neighbours",
+        ),
+        Field(
+            "direction",
+            Items(Quantity(minimum=-1e3, maximum=1e3), 3, 3),
+            "Direction of the line in the show frame; its length does not matter.",
+            default=[1, 0, 0],
+        ),
+    ),
+)
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the line, centred."""
+    direction = np.array(settings.vector("direction"))
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise FormationError("SHW104", "a direction of length zero", "direction")
+    gaps = max(request.count - 1, 1)
+    length = settings.optional("length")
+    step = request.spacing if length is None else length / gaps
+    along = (np.arange(request.count) - (request.count - 1) / 2.0) * step
+    return Drawing(along[:, None] * direction / size)
+
+
+SHAPE = Shape(SECTION, any_count, draw)

@@ -1,0 +1,314 @@
+"""The gallery: all formations of a script, drawn when somebody asks for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Label
+from showc.script.formations import SHAPES, FormationError, Request
+from showc.script.placing import paint, transform, unit_vector
+from showc.script.reader import Reader, suggestion
+from showc.script.settings import Setting, Settings
+from showc.script.show import Effect, Mark
+from showc.script.spacing import closest
+from showc.script.spreading import spread_apart
+from showc.script.wording import number_text
+from showc.vehicle import Separation
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A formation as drawn."""
+
+    points: FloatArray
+    """Shape (places, 3), show frame [m]."""
+    colours: FloatArray
+    """sRGB, 0 to 1, shape (places, 3)."""
+    origin: FloatArray
+    """Where its own origin stands, show frame [m]."""
+    effect: Effect | None
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What formations are drawn with."""
+
+    separation: Separation
+    """What pairs keep; gives the default spacing and the metric."""
+    floor: float
+    """Height of the lowest place of formations that say nothing of their place [m]."""
+    seed: int
+    read: Callable[[str, str], bytes]
+    """Reads a file that the script names."""
+
+
+def effect_of(settings: Settings) -> Effect:
+    """Return the effect a section asks for.
+
+    Raises
+    ------
+    FormationError
+        If its direction has no length.
+    """
+    x, y, z = (float(part) for part in unit_vector(settings, "direction"))
+    kind = settings.text("kind")
+    return Effect(
+        kind="pulse" if kind == "pulse" else "sweep" if kind == "sweep" else "rainbow",
+        period=settings.number("period"),
+        direction=(x, y, z),
+        depth=settings.number("depth"),
+        wavelength=settings.number("wavelength"),
+    )
+
+
+class Gallery:
+    """Draws formations; each at most once, faults reported once."""
+
+    def __init__(self, table: dict[str, Setting], bench: Bench, reader: Reader) -> None:
+        self._table = table
+        self._bench = bench
+        self._reader = reader
+        self._drawn: dict[str, Picture | None] = {}
+        self._open: list[str] = []
+        self.counts: dict[str, int] = {}
+        """Number of places wanted of formations that do not fix one themselves."""
+
+    def settings(self, name: str) -> Settings | None:
+        """Return a formation's settings, or None if they are broken or missing."""
+        setting = self._table.get(name)
+        value = setting.value if setting is not None else None
+        if not isinstance(value, Settings) or value.broken:
+            return None
+        return value
+
+    def mark(self, name: str) -> Mark:
+        """Return where a formation is defined."""
+        return self._table[name].key_mark
+
+    def own_count(self, name: str) -> int | None:
+        """Return the number of places a formation fixes by itself, if it does."""
+        settings = self.settings(name)
+        if settings is None or name in self._open:
+            return None
+        self._open.append(name)
+        try:
+            return self._count(settings)
+        except FormationError:
+            return None  # said when it is drawn
+        finally:
+            self._open.pop()
+
+    def _count(self, settings: Settings) -> int | None:
+        if "count" in settings:
+            return settings.integer("count")
+        if "like" in settings:
+            return self.own_count(settings.text("like"))
+        if "parts" in settings:
+            counts = [self._count(part) for part in _parts(settings)]
+            known = [count for count in counts if count is not None]
+            return sum(known) if len(known) == len(counts) else None
+        shape = SHAPES[settings.text("type")]
+        return shape.own_count(settings, self._bench.read)
+
+    def picture(self, name: str) -> Picture | None:
+        """Draw a formation; None if that is impossible, which is then reported."""
+        if name in self._drawn:
+            return self._drawn[name]
+        settings = self.settings(name)
+        if settings is None:
+            return None
+        if name in self._open:
+            return None
+        self._open.append(name)
+        own = self.own_count_inside(settings)
+        count = own if own is not None else self.counts.get(name, 0)
+        picture = self._draw(settings, count, self._bench.floor) if count else None
+        self._open.pop()
+        self._drawn[name] = picture
+        return picture
+
+    def own_count_inside(self, settings: Settings) -> int | None:
+        """Return the count of settings at hand; None also when a file is unreadable."""
+        try:
+            return self._count(settings)
+        except FormationError:
+            return None
+
+    def pads(self, name: str, settings: Settings, count: int) -> Picture | None:
+        """Draw a formation that stands on the ground unless it says otherwise."""
+        own = self.own_count_inside(settings)
+        picture = self._draw(settings, own or count, 0.0)
+        self._drawn[name] = picture
+        return picture
+
+    def _draw(
+        self, settings: Settings, count: int, floor: float | None
+    ) -> Picture | None:
+        try:
+            return self._drawing(settings, count, floor)
+        except FormationError as fault:
+            self._reader.say(
+                fault.code,
+                str(fault),
+                settings.mark_of(fault.key) if fault.key else settings.mark,
+                notes=fault.notes,
+                help_text=fault.help,
+            )
+            return None
+
+    def _drawing(
+        self, settings: Settings, count: int, floor: float | None
+    ) -> Picture | None:
+        """Draw, change, place, spread and colour."""
+        effect = None
+        if "like" in settings:
+            base = self._like(settings)
+        elif "parts" in settings:
+            base = self._composed(settings, count, floor)
+        else:
+            base = self._shape(settings, count)
+        if base is None:
+            return None
+        if len(base.points) > count:
+            base = Picture(
+                base.points[:count], base.colours[:count], base.origin, base.effect
+            )
+        changes = settings.items("transform") if "transform" in settings else []
+        points, unshifted = transform(base.points - base.origin, changes)
+        shift, _ = transform(np.zeros((1, 3)), changes)
+        origin = base.origin
+        if "centre" in settings:
+            origin = np.array(settings.vector("centre"))
+        elif floor is not None and self._lifts(settings):
+            origin = np.array([0.0, 0.0, floor - float(unshifted[:, 2].min())])
+        points = points + origin
+        points = self._spaced(settings, points)
+        colours = base.colours
+        if "colour" in settings:
+            colours = paint(settings.section("colour"), points)
+        effect = (
+            effect_of(settings.section("effect"))
+            if "effect" in settings
+            else base.effect
+        )
+        return Picture(points, colours, origin + shift[0], effect)
+
+    def _lifts(self, settings: Settings) -> bool:
+        """Tell whether a formation is put above the floor when it names no place."""
+        return "type" in settings and not SHAPES[settings.text("type")].absolute
+
+    def _spacing(self, settings: Settings) -> float:
+        given = settings.optional("spacing")
+        return self._bench.separation.distance if given is None else given
+
+    def _shape(self, settings: Settings, count: int) -> Picture:
+        shape = SHAPES[settings.text("type")]
+        request = Request(
+            count, self._spacing(settings), self._bench.seed, self._bench.read
+        )
+        drawing = shape.draw(settings, request)
+        colours = drawing.colours
+        if colours is None:
+            colours = np.ones((len(drawing.points), 3))
+        return Picture(drawing.points, colours, np.zeros(3), None)
+
+    def _like(self, settings: Settings) -> Picture | None:
+        name = settings.text("like")
+        mark = settings.mark_of("like")
+        if name not in self._table:
+            near = suggestion(name, self._table)
+            self._reader.say(
+                "SHW107",
+                f"there is no formation `{name}`",
+                mark,
+                help_text=f"did you mean `{near}`?" if near else "define it",
+                fix=near,
+            )
+            return None
+        if name in self._open:
+            ring = " -> ".join([*self._open[self._open.index(name) :], name])
+            self._reader.say(
+                "SHW113",
+                f"formations that are each like the other: {ring}",
+                mark,
+                secondary=(Label(self.mark(name), "this one"),),
+                help_text="give one of them a shape",
+            )
+            return None
+        if name not in self.counts and self.own_count(name) is None:
+            self.counts[name] = self.counts.get(self._open[-1], 0)
+        return self.picture(name)
+
+    def _composed(
+        self, settings: Settings, count: int, floor: float | None
+    ) -> Picture | None:
+        parts = _parts(settings)
+        own = [self._count(part) for part in parts]
+        missing = sum(1 for number in own if number is None)
+        rest = count - sum(number or 0 for number in own)
+        if missing and rest < missing:
+            raise FormationError(
+                "SHW205",
+                f"{count} places are needed, and the parts with a number of places "
+                f"of their own leave {max(rest, 0)} for {missing} others",
+                "parts",
+            )
+        inside = None if "centre" in settings else floor
+        pictures, given = [], 0
+        for part, number in zip(parts, own, strict=True):
+            if number is None:
+                share = rest // missing + (given < rest % missing)
+                given += 1
+            else:
+                share = number
+            pictures.append(self._draw(part, share, inside))
+        drawn = [picture for picture in pictures if picture is not None]
+        if len(drawn) < len(pictures):
+            return None
+        effects = [picture.effect for picture in drawn if picture.effect is not None]
+        return Picture(
+            np.concatenate([picture.points for picture in drawn]),
+            np.concatenate([picture.colours for picture in drawn]),
+            np.zeros(3),
+            effects[0] if effects else None,
+        )
+
+    def _spaced(self, settings: Settings, points: FloatArray) -> FloatArray:
+        """Spread where asked; refuse what is closer than an explicit spacing."""
+        spacing = self._spacing(settings)
+        separation = self._bench.separation
+        if settings.flag("spread"):
+            return spread_apart(points, spacing, separation)
+        if settings.written("spacing"):
+            pair = closest(points, spacing, separation)
+            if pair is not None:
+                message = (
+                    f"places {pair.first + 1} and {pair.second + 1} are "
+                    f"{number_text(pair.distance)} m apart, the formation's spacing "
+                    f"is {number_text(spacing)} m"
+                )
+                self._reader.say(
+                    "SHW201",
+                    message,
+                    settings.mark_of("spacing"),
+                    label="asked for here",
+                    notes=(f"{pair.pairs} pairs are closer than that",)
+                    * (pair.pairs > 1),
+                    help_text="make the shape larger, or add `spread: true`",
+                )
+        return points
+
+
+def _parts(settings: Settings) -> list[Settings]:
+    parts = [item.value for item in settings.items("parts")]
+    return [part for part in parts if isinstance(part, Settings)]

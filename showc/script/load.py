@@ -1,0 +1,171 @@
+"""Loading: from a script's bytes to a show, or to everything that is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
+from showc.script.document import Mapping, Node, parse_document
+from showc.script.fields import FORMAT_VERSION, SHOW
+from showc.script.files import InputFiles
+from showc.script.reader import Reader
+from showc.script.show import Mark, Source
+from showc.script.suppression import apply_suppressions
+
+if TYPE_CHECKING:
+    from showc.script.show import Show
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadResult:
+    """What reading a script gave."""
+
+    show: Show | None
+    """The show; None if there is an error."""
+    diagnostics: tuple[Diagnostic, ...]
+    """Everything found, in order of place; what the script passes over left out."""
+    suppressed: tuple[Suppressed, ...]
+    """What the script passes over, with its reasons."""
+    text: str
+    """The script as text, for pointing at lines; empty if unreadable."""
+    path: str
+    """As the user gave it."""
+    unreadable: bool
+    """Whether it is no YAML at all, so that it says nothing."""
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The findings that keep this from being a show."""
+        wanted = Severity.ERROR
+        return tuple(item for item in self.diagnostics if item.severity is wanted)
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The findings that only deserve a look."""
+        wanted = Severity.WARNING
+        return tuple(item for item in self.diagnostics if item.severity is wanted)
+
+    def exit_code(self, *, strict: bool = False) -> int:
+        """Return 0 if all is well, 1 for findings, 2 if the script is unreadable.
+
+        Parameters
+        ----------
+        strict
+            Whether warnings count.
+        """
+        if self.unreadable:
+            return 2
+        return 1 if self.errors or (strict and self.warnings) else 0
+
+
+def load_show(path: str | Path) -> LoadResult:
+    """Read a script and every file it names.
+
+    Parameters
+    ----------
+    path
+        Of the script.
+
+    Returns
+    -------
+    LoadResult
+        Never raises for a fault of the script or of its files.
+    """
+    name = str(path)
+    try:
+        content = Path(path).read_bytes()
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or str(fault)
+        found = Diagnostic(
+            "SHW010",
+            Severity.ERROR,
+            f"`{name}` cannot be read: {reason}",
+            None,
+            help="give the path of a show script",
+        )
+        return LoadResult(None, (found,), (), "", name, unreadable=True)
+    return read_show(content, path=name, folder=Path(path).parent)
+
+
+def read_show(
+    content: bytes, *, path: str = "<stdin>", folder: Path | None = None
+) -> LoadResult:
+    """Read a script from its bytes.
+
+    Parameters
+    ----------
+    content
+        The script.
+    path
+        What to call it.
+    folder
+        Where the files are that it names; None: the working folder.
+
+    Returns
+    -------
+    LoadResult
+        Never raises for a fault of the script or of its files.
+    """
+    root, text, found = parse_document(content, path)
+    if root is None or _syntax(found) or not isinstance(root, Mapping):
+        if not found:
+            found = [_no_script(path, root)]
+        found.sort(key=position)
+        return LoadResult(None, tuple(found), (), text, path, unreadable=True)
+    start = Mark(path, 1, 1, 1, 1 + len(text.split("\n", 1)[0].rstrip("\r")))
+    show, more = _build(root, start, Source(path, content), folder or Path())
+    found += more
+    kept, suppressed = apply_suppressions(text, path, found)
+    if any(item.severity is Severity.ERROR for item in kept):
+        show = None
+    return LoadResult(show, kept, suppressed, text, path, unreadable=False)
+
+
+def _syntax(found: list[Diagnostic]) -> bool:
+    """Tell whether the document could not be read as a whole."""
+    return any(item.code in {"SHW001", "SHW002", "SHW003", "SHW008"} for item in found)
+
+
+def _no_script(path: str, root: Node | None) -> Diagnostic:
+    what = "is empty" if root is None else "is no mapping of keys"
+    mark = Mark(path, 1, 1, 1, 2)
+    return Diagnostic(
+        "SHW011",
+        Severity.ERROR,
+        f"the script {what}",
+        mark,
+        help="start from the one that `showc init` writes",
+    )
+
+
+def _build(
+    root: Mapping, start: Mark, source: Source, folder: Path
+) -> tuple[Show | None, list[Diagnostic]]:
+    reader = Reader()
+    version = root.get("showc")
+    settings = reader.section(SHOW, root, start)
+    if version is not None and "showc" in settings:
+        number = settings.integer("showc")
+        if number != FORMAT_VERSION:
+            reader.say(
+                "SHW108",
+                f"the script has format version {number}, this showc reads version "
+                f"{FORMAT_VERSION}",
+                settings.mark_of("showc"),
+                help_text="use the showc that belongs to the script",
+            )
+            return None, reader.found
+    # Building imports numpy; a script that cannot be read need not wait for it.
+    from showc.script.build import Builder  # noqa: PLC0415
+    from showc.script.operations import operation_findings  # noqa: PLC0415
+    from showc.script.rules import geometry_findings  # noqa: PLC0415
+    from showc.script.timing import timing_findings  # noqa: PLC0415
+
+    sketch = Builder(settings, InputFiles(folder), reader).sketch(source)
+    found = list(reader.found)
+    found += geometry_findings(sketch)
+    found += timing_findings(sketch)
+    found += operation_findings(sketch)
+    return sketch.show, found

@@ -1,0 +1,226 @@
+"""Rules of operation: what authorities, radios, batteries and the ground ask for."""
+
+from __future__ import annotations
+
+from math import tan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.spacing import closest
+from showc.script.timing import least_duration
+from showc.script.wording import number_text
+from showc.vehicle import Separation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.script.build import Sketch
+    from showc.script.show import Mark
+
+    FloatArray = NDArray[np.float64]
+
+CEILING = 120.0
+"""Greatest height above ground without a special authorisation in most places [m]
+(Regulation (EU) 2019/947, UAS.OPEN.010; 14 CFR 107.51 has 400 ft)."""
+LEVEL_FLOOR = 2.5
+"""Height below which autopilots of shows refuse level flight [m]."""
+SMALL_SEPARATION = 1.5
+"""Separation that needs better than the common satellite positioning [m]."""
+TIGHT_PADS = 2.0
+"""Spacing of take-off grids outdoors [m]."""
+NETWORK = 250
+"""Vehicles that one MAVLink network can address."""
+BATTERY = 720.0
+"""Time that batteries of show drones surely last [s]."""
+REACTION = 1.0
+"""Time from a fault to the reaction of pilot or autopilot [s]."""
+
+
+def operation_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield what deserves a look before the show is flown (SHW3xx)."""
+    yield from _heights(sketch)
+    yield from _separation(sketch)
+    yield from _pads(sketch)
+    yield from _fleet(sketch)
+    yield from _battery(sketch)
+    yield from _fence_margin(sketch)
+
+
+def _warning(
+    code: str,
+    message: str,
+    span: Mark,
+    help_text: str,
+    notes: tuple[str, ...] = (),
+    secondary: tuple[Label, ...] = (),
+) -> Diagnostic:
+    return Diagnostic(
+        code,
+        Severity.WARNING,
+        message,
+        span,
+        notes=notes,
+        help=help_text,
+        secondary=secondary,
+    )
+
+
+def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Too high for the rules (SHW301), too low for level flight (SHW302)."""
+    for formation in sketch.formations.values():
+        heights = formation.points[:, 2]
+        place = int(np.argmax(heights))
+        top = float(heights[place])
+        if top > CEILING:
+            yield _warning(
+                "SHW301",
+                f"place {place + 1} of `{formation.name}` is {number_text(top)} m above "
+                f"the ground, more than the usual ceiling of {number_text(CEILING)} m",
+                formation.mark,
+                "fly lower, or state the authorisation in a comment that passes over "
+                "this finding",
+                (f"{int(np.sum(heights > CEILING))} places are above it",),
+            )
+        place = int(np.argmin(heights))
+        low = float(heights[place])
+        grounded = formation.name in {sketch.pads, sketch.parking}
+        if low < LEVEL_FLOOR and not grounded:
+            yield _warning(
+                "SHW302",
+                f"place {place + 1} of `{formation.name}` is {number_text(low)} m above "
+                f"the ground, below {number_text(LEVEL_FLOOR)} m",
+                formation.mark,
+                "raise the formation",
+                ("autopilots of shows refuse level flight below that height",),
+            )
+    for key in ("launch", "landing"):
+        if key not in sketch.settings.values:
+            continue
+        section = sketch.settings.section(key)
+        if section.broken or section.number("altitude") >= LEVEL_FLOOR:
+            continue
+        height = number_text(section.number("altitude"))
+        yield _warning(
+            "SHW302",
+            f"drones fly level {height} m above the pads, below "
+            f"{number_text(LEVEL_FLOOR)} m",
+            section.mark_of("altitude"),
+            f"raise `{key}: altitude:`",
+        )
+
+
+def _separation(sketch: Sketch) -> Iterator[Diagnostic]:
+    """A separation that needs precise positioning (SHW303)."""
+    separation = sketch.separation
+    if separation is None or separation.distance >= SMALL_SEPARATION:
+        return
+    yield _warning(
+        "SHW303",
+        f"a separation of {number_text(separation.distance)} m is small outdoors",
+        sketch.settings.section("separation").mark_of("distance"),
+        "fly with RTK or motion capture, or keep at least "
+        f"{number_text(SMALL_SEPARATION)} m",
+        (
+            "positions from satellites alone are wrong by 2 to 3 m, with RTK by 0.01 "
+            "to 0.1 m",
+        ),
+    )
+
+
+def _pads(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Pads closer than take-off grids usually are (SHW304)."""
+    pads = sketch.formations.get(sketch.pads)
+    if pads is None:
+        return
+    pair = closest(pads.points, TIGHT_PADS, Separation(TIGHT_PADS))
+    if pair is None:
+        return
+    yield _warning(
+        "SHW304",
+        f"pads {pair.first + 1} and {pair.second + 1} are "
+        f"{number_text(pair.distance)} m apart",
+        pads.mark,
+        f"leave at least {number_text(TIGHT_PADS)} m between pads",
+        (
+            "near the ground drones drift in each other's airflow; take-off grids "
+            "have 2 to 4 m",
+        ),
+    )
+
+
+def _fleet(sketch: Sketch) -> Iterator[Diagnostic]:
+    """More vehicles than one network addresses (SHW305)."""
+    if sketch.drones is None or sketch.drones <= NETWORK:
+        return
+    yield _warning(
+        "SHW305",
+        f"{sketch.drones} drones are more than the {NETWORK} that one MAVLink network "
+        "can address",
+        sketch.settings.mark_of("drones"),
+        f"split the fleet into {-(-sketch.drones // NETWORK)} networks",
+    )
+
+
+def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
+    """A show that outlasts its batteries whatever the planner does (SHW306)."""
+    show = sketch.show
+    if show is None:
+        return
+    launch, landing = show.launch, show.landing
+    total = launch.altitude / launch.climb_speed + launch.hold
+    total += landing.altitude / landing.descent_speed + landing.hold
+    if not show.groups:
+        for index, transition in enumerate(show.transitions):
+            move = transition.duration or least_duration(show, index)[0]
+            total += move + transition.hold
+    if total > BATTERY:
+        yield _warning(
+            "SHW306",
+            f"the show takes at least {number_text(round(total))} s, batteries of show "
+            f"drones surely last {number_text(BATTERY)} s",
+            sketch.settings.mark_of("transitions"),
+            "shorten the holds, or split the show",
+        )
+
+
+def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places from which a drone cannot stop before the fence (SHW307)."""
+    show, site = sketch.show, sketch.site
+    if show is None or site is None or site.fence is None:
+        return
+    speed = float(np.hypot(*show.limits.velocity_max[:2]))
+    braking = 2.0 * show.vehicle.gravity * tan(show.limits.tilt)
+    needed = speed * REACTION + speed * speed / braking
+    for formation in sketch.formations.values():
+        distance = fence_distance(formation.points[:, :2], site.fence)
+        place = int(np.argmin(distance))
+        if distance[place] >= needed:
+            continue
+        yield _warning(
+            "SHW307",
+            f"place {place + 1} of `{formation.name}` is "
+            f"{number_text(float(distance[place]))} m from the fence, a drone at full "
+            f"speed needs {number_text(needed)} m to stop",
+            formation.mark,
+            "move the formation inwards, or fly slower",
+            (
+                f"{number_text(speed)} m/s, {number_text(REACTION)} s to react, then "
+                "braking at the greatest tilt",
+            ),
+            (Label(sketch.settings.section("site").mark_of("fence"), "the fence"),),
+        )
+
+
+def fence_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the distance of points, shape (n, 2), to a polygon's boundary, (n,) [m]."""
+    start = corners
+    way = np.roll(corners, -1, axis=0) - corners
+    length = np.maximum(np.sum(way * way, axis=1), 1e-30)
+    offset = points[:, None, :] - start[None, :, :]
+    along = np.clip(np.sum(offset * way, axis=2) / length, 0.0, 1.0)
+    gap = offset - along[..., None] * way
+    return np.asarray(np.sqrt(np.sum(gap * gap, axis=2)).min(axis=1))

@@ -1,0 +1,128 @@
+"""Placing: a drawing changed by transforms, put where it belongs, and coloured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.colours import Colour, gradient
+from showc.script.formations.shape import FormationError
+from showc.script.settings import Setting, Settings
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+
+def unit_vector(settings: Settings, key: str) -> FloatArray:
+    """Return a direction key, three numbers or the letter of an axis, at length 1.
+
+    Raises
+    ------
+    FormationError
+        If its length is zero.
+    """
+    value = settings.values[key].value
+    if isinstance(value, str):
+        return np.eye(3)[_AXES[value]]
+    direction = np.array(settings.vector(key))
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise FormationError("SHW104", f"`{key}` is a direction of length zero", key)
+    return np.asarray(direction / size, dtype=np.float64)
+
+
+def _rotation(settings: Settings) -> FloatArray:
+    """Return the rotation matrix about an axis (Rodrigues' formula), (3, 3)."""
+    axis = unit_vector(settings, "axis")
+    angle = settings.number("angle")
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # Rounding to 1e-15 keeps quarter and half turns exact.
+    matrix = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return np.asarray(np.round(matrix, 15), dtype=np.float64)
+
+
+def transform(
+    points: FloatArray, changes: list[Setting]
+) -> tuple[FloatArray, FloatArray]:
+    """Apply changes in order, about zero.
+
+    Parameters
+    ----------
+    points
+        Shape (places, 3) [m].
+    changes
+        Settings of the ``transform`` section.
+
+    Returns
+    -------
+    tuple
+        The points with everything done, and the same with the shifts left out, whose
+        lowest point says how high the formation stands above its own floor.
+    """
+    moved, unshifted = points, points
+    for change in changes:
+        settings = change.value
+        if not isinstance(settings, Settings):
+            raise TypeError("a transform is a section")
+        if "shift" in settings:
+            moved = moved + np.array(settings.vector("shift"))
+            continue
+        if "rotate" in settings:
+            matrix = _rotation(settings.section("rotate"))
+        elif "scale" in settings:
+            value = settings.values["scale"].value
+            factors = (
+                settings.numbers("scale")
+                if isinstance(value, list)
+                else [settings.number("scale")] * 3
+            )
+            matrix = np.diag(factors)
+        else:
+            signs = np.ones(3)
+            signs[_AXES[settings.text("mirror")]] = -1.0
+            matrix = np.diag(signs)
+        moved, unshifted = moved @ matrix.T, unshifted @ matrix.T
+    return moved, unshifted
+
+
+def paint(settings: Settings, points: FloatArray) -> FloatArray:
+    """Return the sRGB colours, shape (places, 3), that a colour section asks for."""
+    count = len(points)
+    if "solid" in settings:
+        return np.tile(np.array(_colour(settings.values["solid"])), (count, 1))
+    if "each" in settings:
+        table = np.array([_colour(item) for item in settings.items("each")])
+        return np.asarray(table[np.arange(count) % len(table)], dtype=np.float64)
+    stops = [_colour(item) for item in settings.items("gradient")]
+    return gradient(stops, _along(settings, points))
+
+
+def _along(settings: Settings, points: FloatArray) -> FloatArray:
+    """Return where each place lies on a gradient, 0 to 1."""
+    value = settings.values["along"].value
+    if value == "order":
+        way = np.arange(len(points), dtype=np.float64)
+    elif value == "centre":
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        way = np.linalg.norm(points - middle, axis=1)
+    else:
+        way = points @ unit_vector(settings, "along")
+    span = float(np.ptp(way))
+    return (way - way.min()) / span if span > 0.0 else np.zeros(len(points))
+
+
+def _colour(setting: Setting) -> Colour:
+    value = setting.value
+    if not isinstance(value, tuple):
+        raise TypeError(f"{value!r} is not a colour")
+    red, green, blue = value
+    return float(red), float(green), float(blue)
+
+
+__all__ = ["paint", "transform", "unit_vector"]

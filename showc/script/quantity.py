@@ -1,0 +1,182 @@
+"""Quantities: numbers with units, and the numbers they stand for.
+
+A script writes a plain number in the unit its key documents, or a text with a unit:
+``"20 deg"``, ``"0.35 rad"``, ``"18 km/h"``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit of measure."""
+
+    symbol: str
+    """As scripts write it."""
+    dimension: str
+    """What it measures."""
+    factor: float
+    """How many SI units one of it is."""
+
+
+def _units(dimension: str, **factors: float) -> dict[str, Unit]:
+    return {name: Unit(name, dimension, factor) for name, factor in factors.items()}
+
+
+def _named(dimension: str, factors: dict[str, float]) -> dict[str, Unit]:
+    return {name: Unit(name, dimension, factor) for name, factor in factors.items()}
+
+
+UNITS: Mapping[str, Unit] = MappingProxyType(
+    _units("length", m=1.0, mm=1e-3, cm=1e-2, km=1e3, ft=0.3048)
+    | _units("time", s=1.0, ms=1e-3, us=1e-6, min=60.0, h=3600.0)
+    | _units("mass", kg=1.0, g=1e-3, lb=0.45359237)
+    | _units("force", N=1.0, mN=1e-3, kN=1e3)
+    | _units("frequency", Hz=1.0, kHz=1e3)
+    | _named("angle", {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180})
+    | _named("angle", {"turn": 2 * math.pi})
+    | _named(
+        "speed",
+        {
+            "m/s": 1.0,
+            "km/h": 1 / 3.6,
+            "cm/s": 1e-2,
+            "ft/s": 0.3048,
+            "mph": 0.44704,
+            "kn": 1852 / 3600,
+        },
+    )
+    | _named(
+        "angular speed",
+        {
+            "rad/s": 1.0,
+            "deg/s": math.pi / 180,
+            "°/s": math.pi / 180,
+            "rpm": 2 * math.pi / 60,
+        },
+    )
+    | _named("torque", {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3})
+    | _named("acceleration", {"m/s²": 1.0, "m/s2": 1.0, "m/s^2": 1.0})
+    | _named("moment of inertia", {"kg m²": 1.0, "kg m2": 1.0, "kg m^2": 1.0})
+    | _named(
+        "thrust over squared rotor speed",
+        {"N s²/rad²": 1.0, "N s2/rad2": 1.0, "N s^2/rad^2": 1.0},
+    )
+    | _named(
+        "torque over squared rotor speed",
+        {"N m s²/rad²": 1.0, "N m s2/rad2": 1.0, "N m s^2/rad^2": 1.0},
+    )
+    | _named("share", {"%": 1e-2})
+)
+"""Every unit a script may write."""
+
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+"""A number as scripts write it (a regular expression)."""
+_NUMBER = re.compile(NUMBER)
+_QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s].*?)\s*")
+_NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)", re.IGNORECASE)
+_AMBIGUOUS = re.compile(
+    r"[-+]?0\d+|[-+]?\d[\d_]*_[\d_]*(\.\d*)?|[-+]?\d+(:\d+)+(\.\d*)?|0x[\da-fA-F]+|0o\d+"
+)
+
+
+class QuantityError(ValueError):
+    """A text is not the quantity that was wanted."""
+
+    def __init__(self, code: str, message: str, help_text: str = "") -> None:
+        super().__init__(message)
+        self.code = code
+        """Code of the diagnostic."""
+        self.help = help_text
+        """What to do."""
+
+
+def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> float:
+    """Read a number, with or without a unit.
+
+    Parameters
+    ----------
+    text
+        What the script says.
+    unit
+        Unit of plain numbers; empty for numbers without dimension.
+    plain
+        Whether the text stands without quotes.
+    store
+        Unit of the result; empty: the SI unit of the same dimension.
+
+    Returns
+    -------
+    float
+        The value, finite, in ``store``.
+
+    Raises
+    ------
+    QuantityError
+        If it is no number, not finite, ambiguous in YAML, or has a unit of another
+        dimension or an unknown one.
+    """
+    stripped = text.strip()
+    if _NOT_FINITE.fullmatch(stripped):
+        raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
+    if plain and _AMBIGUOUS.fullmatch(stripped):
+        raise QuantityError(
+            "SHW007",
+            f"`{stripped}` is read differently by different YAML readers",
+            "write an ordinary decimal number",
+        )
+    if _NUMBER.fullmatch(stripped):
+        value, written = float(stripped), unit
+    else:
+        match = _QUANTITY.fullmatch(stripped)
+        if match is None:
+            wanted = f"a number in {unit}" if unit else "a number"
+            raise QuantityError("SHW103", f"`{text}` is not a number", f"give {wanted}")
+        value, written = float(match.group(1)), match.group(2)
+    factor = _factor(written, unit, stripped)
+    target = UNITS[store].factor if store else 1.0
+    result = value if written == store else value * factor / target
+    if not math.isfinite(result):
+        raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
+    return result
+
+
+def _factor(written: str, unit: str, text: str) -> float:
+    """Return the SI factor of a written unit, checked against the wanted one."""
+    if written == unit:
+        return UNITS[unit].factor if unit else 1.0
+    found = UNITS.get(" ".join(written.split()))
+    wanted = UNITS[unit].dimension if unit else "share"
+    if found is None:
+        raise QuantityError(
+            "SHW105",
+            f"unknown unit `{written}` in `{text}`",
+            f"units here: {', '.join(units_of(unit))}",
+        )
+    if found.dimension != wanted:
+        what = f"{_article(wanted)} in {unit}" if unit else "a number without a unit"
+        raise QuantityError(
+            "SHW105",
+            f"`{text}` is {_article(found.dimension)}, {what} is wanted",
+            f"units here: {', '.join(units_of(unit))}",
+        )
+    return found.factor
+
+
+def units_of(unit: str) -> tuple[str, ...]:
+    """Return the symbols of every unit of the same dimension as ``unit``."""
+    wanted = UNITS[unit].dimension if unit else "share"
+    return tuple(name for name, item in UNITS.items() if item.dimension == wanted)
+
+
+def _article(dimension: str) -> str:
+    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"

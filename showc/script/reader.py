@@ -1,0 +1,541 @@
+"""The reader: a document's tree, read by the field table into settings.
+
+Nothing stops it: what is wrong becomes a diagnostic and marks its section broken, and
+the rest is read on.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from showc.script.colours import COLOUR_NAMES, parse_colour
+from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
+from showc.script.formation_fields import resolve
+from showc.script.kinds import (
+    Choice,
+    Either,
+    Field,
+    File,
+    Flag,
+    Integer,
+    Items,
+    Kind,
+    Moment,
+    Named,
+    Paint,
+    Plain,
+    Quantity,
+    Reference,
+    Section,
+    Table,
+    Text,
+)
+from showc.script.quantity import QuantityError, parse_quantity
+from showc.script.settings import Setting, Settings, Value
+from showc.script.wording import form_of, number_text, wanted_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from showc.script.show import Mark
+
+_YES_NO = {"yes", "no", "on", "off", "y", "n"}
+_TRUTH = {"true": True, "false": False}
+
+
+class _BadValueError(Exception):
+    """The value is not used; why is in the findings already."""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return the known word that was probably meant, or an empty text."""
+    names = list(known)
+    lower = {name.lower(): name for name in names}
+    if word.lower() in lower:
+        return lower[word.lower()]
+    near = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
+    return lower[near[0]] if near else ""
+
+
+def as_node(value: Plain, mark: Mark) -> Node:
+    """Return a default of the field table as the node a script would give."""
+    if isinstance(value, dict):
+        entries = tuple(
+            Entry(key, mark, as_node(item, mark)) for key, item in value.items()
+        )
+        return Mapping(entries, mark)
+    if isinstance(value, list):
+        return Sequence(tuple(as_node(item, mark) for item in value), mark)
+    if isinstance(value, bool):
+        return Scalar("true" if value else "false", plain=True, mark=mark)
+    return Scalar(str(value), plain=True, mark=mark)
+
+
+class Reader:
+    """Reads nodes by kinds and collects what is wrong."""
+
+    def __init__(self) -> None:
+        self.found: list[Diagnostic] = []
+        """What is wrong, in the order it was met."""
+
+    def say(
+        self,
+        code: str,
+        message: str,
+        span: Mark,
+        *,
+        label: str = "",
+        secondary: tuple[Label, ...] = (),
+        notes: tuple[str, ...] = (),
+        help_text: str = "",
+        fix: str = "",
+    ) -> None:
+        """Add an error."""
+        self.found.append(
+            Diagnostic(
+                code,
+                Severity.ERROR,
+                message,
+                span,
+                label=label,
+                secondary=secondary,
+                notes=notes,
+                help=help_text,
+                fix=fix,
+            )
+        )
+
+    def _bad(
+        self, code: str, message: str, span: Mark, **more: str
+    ) -> _BadValueError:
+        """Add an error and return what to raise."""
+        self.say(
+            code,
+            message,
+            span,
+            label=more.get("label", ""),
+            help_text=more.get("help_text", ""),
+            fix=more.get("fix", ""),
+        )
+        return _BadValueError()
+
+    def section(self, section: Section, node: Node, span: Mark) -> Settings:
+        """Read a section.
+
+        Parameters
+        ----------
+        section
+            What it may hold.
+        node
+            What it does hold.
+        span
+            Where to point when something is missing: its key.
+        """
+        settings = Settings(section.name, span)
+        if not isinstance(node, Mapping):
+            if section.short:
+                node = Mapping((Entry(section.short, node.mark, node),), node.mark)
+            else:
+                self.say(
+                    "SHW103",
+                    f"`{section.name}` is {form_of(node)}, {wanted_text(section)} "
+                    "is wanted",
+                    _near(node.mark, span),
+                )
+                settings.broken = True
+                return settings
+        fields = self._fields(section, node, settings)
+        self._written(section, fields, node, settings)
+        self._exclusive(section, node, settings)
+        self._missing(fields, node, settings)
+        return settings
+
+    def _fields(
+        self, section: Section, node: Mapping, settings: Settings
+    ) -> tuple[Field, ...] | None:
+        """Return the fields that hold here; None: the variant is not known."""
+        entry = node.get(section.tag) if section.tag else None
+        if entry is None:
+            return section.fields
+        word = entry.value.text if isinstance(entry.value, Scalar) else ""
+        variant = section.variant(word)
+        if variant is None:
+            settings.broken = True
+            return None
+        return section.fields + variant.fields
+
+    def _written(
+        self,
+        section: Section,
+        fields: tuple[Field, ...] | None,
+        node: Mapping,
+        settings: Settings,
+    ) -> None:
+        known = {field.key: field for field in fields or section.fields}
+        for entry in node:
+            field = known.get(entry.key)
+            if field is None:
+                if fields is not None:
+                    self._unknown(section, known, entry, node)
+                    settings.broken = True
+                continue
+            try:
+                value = self.value(field.kind, entry.value, entry.mark, entry.key)
+            except _BadValueError:
+                settings.broken = True
+                continue
+            mark = _near(entry.value.mark, entry.mark)
+            settings.values[entry.key] = Setting(value, mark, entry.mark)
+
+    def _unknown(
+        self,
+        section: Section,
+        known: dict[str, Field],
+        entry: Entry,
+        node: Mapping,
+    ) -> None:
+        absent = [key for key in known if node.get(key) is None]
+        near = suggestion(entry.key, absent)
+        tag = node.get(section.tag) if section.tag else None
+        where = f"`{section.name}`"
+        if tag is not None and isinstance(tag.value, Scalar):
+            where += f" of type `{tag.value.text}`"
+        if near:
+            advice = f"did you mean `{near}`?"
+        else:
+            advice = f"keys here: {', '.join(sorted(known))}"
+        self.say(
+            "SHW101",
+            f"unknown key `{entry.key}` in {where}",
+            entry.mark,
+            help_text=advice,
+            fix=near,
+        )
+
+    def _exclusive(self, section: Section, node: Mapping, settings: Settings) -> None:
+        if not section.one_of:
+            return
+        given = [node.get(key) for key in section.one_of]
+        present = [entry for entry in given if entry is not None]
+        choices = ", ".join(f"`{key}`" for key in section.one_of)
+        if not present:
+            settings.broken = True
+            self.say(
+                "SHW102",
+                f"`{section.name}` needs one of {choices}",
+                settings.mark,
+                help_text=f"add one of {choices}",
+            )
+        elif len(present) > 1:
+            settings.broken = True
+            first, second = present[0], present[1]
+            self.say(
+                "SHW111",
+                f"`{first.key}` and `{second.key}` exclude each other in "
+                f"`{section.name}`",
+                second.mark,
+                secondary=(Label(first.mark, "the other one"),),
+                help_text="keep one of them",
+            )
+
+    def _missing(
+        self,
+        fields: tuple[Field, ...] | None,
+        node: Mapping,
+        settings: Settings,
+    ) -> None:
+        for field in fields or ():
+            if node.get(field.key) is not None:
+                continue
+            if field.required:
+                settings.broken = True
+                self.say(
+                    "SHW102",
+                    f"`{settings.name}` needs `{field.key}`",
+                    settings.mark,
+                    help_text=f"add `{field.key}: …` ({wanted_text(field.kind)}): "
+                    + field.description,
+                )
+            elif field.default is not None:
+                default = as_node(field.default, settings.mark)
+                value = self.value(field.kind, default, settings.mark, field.key)
+                settings.values[field.key] = Setting(
+                    value, settings.mark, settings.mark, written=False
+                )
+
+    def value(self, kind: Kind, node: Node, span: Mark, key: str) -> Value:
+        """Read a value; its faults are in ``found`` when it raises."""
+        kind = resolve(kind)
+        if isinstance(node, Scalar):
+            self._empty(node, span, key, kind)
+        match kind:
+            case Either():
+                return self.value(self._choose(kind, node), node, span, key)
+            case Section():
+                return self.section(kind, node, span)
+            case Table():
+                return self._table(kind, node, span, key)
+            case Items():
+                return self._items(kind, node, span, key)
+            case _:
+                if not isinstance(node, Scalar):
+                    raise self._bad(
+                        "SHW103",
+                        f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+                        _near(node.mark, span),
+                    )
+                return self._scalar(kind, node, key)
+
+    def _empty(self, node: Scalar, span: Mark, key: str, kind: Kind) -> None:
+        if node.plain and node.text in {"", "~", "null", "Null", "NULL"}:
+            advice = f"give {wanted_text(kind)}"
+            if _paints(kind) and not node.text:
+                advice += "; a colour like `#ff8800` needs quotes"
+            elif isinstance(kind, Section) and not kind.short:
+                advice += ", indented below, or leave the key out"
+            raise self._bad(
+                "SHW103",
+                f"`{key}` has no value",
+                node.mark if node.text else span,
+                help_text=advice,
+            )
+
+    def _choose(self, kind: Either, node: Node) -> Kind:
+        """Return the option whose form the node has; the first, if none has."""
+        options = [resolve(option) for option in kind.options]
+        for option in options:
+            fits: bool
+            match option:
+                case Section():
+                    fits = isinstance(node, Mapping)
+                case Items():
+                    fits = isinstance(node, Sequence)
+                case Table():
+                    fits = isinstance(node, Mapping)
+                case _:
+                    fits = isinstance(node, Scalar)
+            if fits:
+                return option
+        return next((item for item in options if isinstance(item, Section)), options[0])
+
+    def _table(self, kind: Table, node: Node, span: Mark, key: str) -> Settings:
+        settings = Settings(key, span)
+        if not isinstance(node, Mapping):
+            raise self._bad(
+                "SHW103",
+                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+            )
+        for entry in node:
+            if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,59}", entry.key) is None:
+                self.say(
+                    "SHW103",
+                    f"`{entry.key}` is no name for a {kind.what}",
+                    entry.mark,
+                    help_text="a letter, then letters, digits, - and _, 60 at most",
+                )
+                settings.broken = True
+            try:
+                value = self.value(kind.item, entry.value, entry.mark, entry.key)
+            except _BadValueError:
+                settings.broken = True
+                value = None
+            mark = _near(entry.value.mark, entry.mark)
+            settings.values[entry.key] = Setting(value, mark, entry.mark)
+        return settings
+
+    def _items(self, kind: Items, node: Node, span: Mark, key: str) -> list[Setting]:
+        if not isinstance(node, Sequence):
+            raise self._bad(
+                "SHW103",
+                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+            )
+        size = len(node.items)
+        if not kind.least <= size <= kind.most:
+            raise self._bad(
+                "SHW112",
+                f"`{key}` has {size} elements, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+            )
+        elements: list[Setting] = []
+        sound = True
+        for item in node.items:
+            try:
+                value = self.value(kind.item, item, _first_line(item.mark), key)
+            except _BadValueError:
+                sound = False
+                continue
+            elements.append(Setting(value, item.mark, _first_line(item.mark)))
+        if not sound:
+            raise _BadValueError
+        return elements
+
+    def _scalar(self, kind: Kind, node: Scalar, key: str) -> Value:
+        if node.plain and node.text.lower() in _YES_NO and not _word_fits(kind, node):
+            truth = isinstance(kind, Flag)
+            fix = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
+            raise self._bad(
+                "SHW006",
+                f"`{node.text}` is a truth value to some YAML readers and a word to "
+                "others",
+                node.mark,
+                help_text=f"write `{fix}`" if truth else f'write "{node.text}"',
+                fix=fix if truth else f'"{node.text}"',
+            )
+        match kind:
+            case Quantity():
+                return self._quantity(kind, node, key)
+            case Integer():
+                return self._integer(kind, node, key)
+            case Text():
+                return self._text(kind, node, key)
+            case Choice():
+                return self._choice(kind, node, key)
+            case Flag():
+                if node.plain and node.text.lower() in _TRUTH:
+                    return _TRUTH[node.text.lower()]
+            case Moment():
+                return self._moment(node, key)
+            case Paint():
+                return self._paint(node)
+            case File() | Reference():
+                if node.text.strip():
+                    return node.text
+            case _:
+                pass
+        raise self._bad(
+            "SHW103",
+            f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+            node.mark,
+        )
+
+    def _quantity(self, kind: Quantity, node: Scalar, key: str) -> float:
+        try:
+            written = parse_quantity(
+                node.text, kind.unit, plain=node.plain, store=kind.unit
+            )
+            stored = parse_quantity(
+                node.text, kind.unit, plain=node.plain, store=kind.store
+            )
+        except QuantityError as fault:
+            raise self._bad(
+                fault.code, f"`{key}`: {fault}", node.mark, help_text=fault.help
+            ) from None
+        below = kind.minimum is not None and written < kind.minimum
+        above = kind.maximum is not None and written > kind.maximum
+        if below or above or (kind.positive and written <= 0.0):
+            unit = f" {kind.unit}" if kind.unit else ""
+            raise self._bad(
+                "SHW104",
+                f"`{key}` is {number_text(written)}{unit}, {wanted_text(kind)} "
+                "is wanted",
+                node.mark,
+            )
+        return stored
+
+    def _integer(self, kind: Integer, node: Scalar, key: str) -> int:
+        try:
+            value = parse_quantity(node.text, "", plain=node.plain)
+        except QuantityError as fault:
+            code = "SHW103" if fault.code == "SHW105" else fault.code
+            raise self._bad(
+                code, f"`{key}`: {fault}", node.mark, help_text=fault.help
+            ) from None
+        if not value.is_integer():
+            raise self._bad(
+                "SHW103", f"`{key}` is {node.text}, a whole number is wanted", node.mark
+            )
+        if not kind.minimum <= value <= kind.maximum:
+            raise self._bad(
+                "SHW104",
+                f"`{key}` is {number_text(value)}, {wanted_text(kind)} is wanted",
+                node.mark,
+            )
+        return int(value)
+
+    def _text(self, kind: Text, node: Scalar, key: str) -> str:
+        if len(node.text) > kind.max_length:
+            raise self._bad(
+                "SHW104",
+                f"`{key}` has {len(node.text)} characters, at most "
+                f"{kind.max_length} are allowed",
+                _first_line(node.mark),
+            )
+        if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
+            raise self._bad(
+                "SHW103", f"`{key}` is `{node.text}`, {kind.says} is wanted", node.mark
+            )
+        return node.text
+
+    def _choice(self, kind: Choice, node: Scalar, key: str) -> str:
+        if node.text in kind.options:
+            return node.text
+        near = suggestion(node.text, kind.options)
+        words = ", ".join(kind.options)
+        raise self._bad(
+            "SHW106",
+            f"`{key}` cannot be `{node.text}`",
+            node.mark,
+            help_text=(f"did you mean `{near}`? " if near else "") + f"words: {words}",
+            fix=near,
+        )
+
+    def _moment(self, node: Scalar, key: str) -> datetime:
+        try:
+            moment = datetime.fromisoformat(node.text.strip())
+        except ValueError:
+            raise self._bad(
+                "SHW103",
+                f"`{key}` is `{node.text}`, a date and time is wanted",
+                node.mark,
+                help_text="write it like 2025-06-01T21:30:00Z",
+            ) from None
+        if moment.tzinfo is None:
+            moment = moment.replace(tzinfo=UTC)
+        return moment.astimezone(UTC)
+
+    def _paint(self, node: Scalar) -> tuple[float, float, float]:
+        colour = parse_colour(node.text)
+        if colour is None:
+            near = suggestion(node.text.strip(), COLOUR_NAMES)
+            raise self._bad(
+                "SHW114",
+                f"`{node.text}` is no colour",
+                node.mark,
+                help_text=(f"did you mean `{near}`? " if near else "")
+                + 'a CSS name, or hexadecimal in quotes: "#ff8800"',
+                fix=near,
+            )
+        return colour
+
+
+def _word_fits(kind: Kind, node: Scalar) -> bool:
+    """Tell whether a plain yes or no is a word of a choice."""
+    return isinstance(kind, Choice) and node.text in kind.options
+
+
+def _paints(kind: Kind) -> bool:
+    return isinstance(kind, Paint) or (
+        isinstance(kind, Section) and kind.name == "colour"
+    )
+
+
+def _first_line(mark: Mark) -> Mark:
+    """Return the part of a span on its first line, one column if it goes on."""
+    if mark.end_line == mark.line:
+        return mark
+    return replace(mark, end_line=mark.line, end_column=mark.column + 1)
+
+
+def _near(mark: Mark, key: Mark) -> Mark:
+    """Return the span of a value if it stands on one line, else that of its key."""
+    return mark if mark.end_line == mark.line else key
+
+
+__all__ = ["Named", "Reader", "as_node", "suggestion"]

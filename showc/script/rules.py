@@ -1,0 +1,320 @@
+"""Rules of geometry: spacing, volume, fence, places for everyone, time for each move.
+
+Each rule looks at a sketch, which may have gaps where something else is wrong, and
+yields what it finds.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.settings import Settings
+from showc.script.spacing import closest, closest_between
+from showc.script.wording import number_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.script.build import Sketch
+    from showc.script.show import Formation
+
+    FloatArray = NDArray[np.float64]
+
+_SLACK = 1e-9
+
+
+def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield everything wrong with where the drones are to be."""
+    yield from _spacing(sketch)
+    yield from _volume(sketch)
+    yield from _fence(sketch)
+    yield from _places(sketch)
+    yield from _parking(sketch)
+    yield from _groups(sketch)
+
+
+def transitions_of(sketch: Sketch) -> list[Settings]:
+    """Return the settings of the transitions that could be read."""
+    if "transitions" not in sketch.settings:
+        return []
+    values = [item.value for item in sketch.settings.items("transitions")]
+    return [item for item in values if isinstance(item, Settings) and not item.broken]
+
+
+def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places of one formation against the separation (SHW201, SHW202)."""
+    separation = sketch.separation
+    if separation is None:
+        return
+    distance = separation.distance
+    asked = sketch.settings.section("separation").mark_of("distance")
+    for formation in sketch.formations.values():
+        pair = closest(formation.points, sqrt(2.0) * distance, separation)
+        if pair is None:
+            continue
+        apart = number_text(pair.distance)
+        where = [formation.points[place] for place in (pair.first, pair.second)]
+        names = f"places {pair.first + 1} and {pair.second + 1} of `{formation.name}`"
+        notes = tuple(
+            f"place {place + 1} is at {_point(point)}"
+            for place, point in zip((pair.first, pair.second), where, strict=True)
+        )
+        if pair.distance < distance * (1.0 - _SLACK):
+            if pair.pairs > 1:
+                near = closest(formation.points, distance, separation)
+                if near is not None and near.pairs > 1:
+                    notes += (f"{near.pairs} pairs are closer than the separation",)
+            yield Diagnostic(
+                "SHW201",
+                Severity.ERROR,
+                f"{names} are {apart} m apart, the separation is "
+                f"{number_text(distance)} m" + _measure(separation.shape),
+                formation.mark,
+                secondary=(Label(asked, "the separation"),)
+                if asked.line != formation.mark.line
+                else (),
+                notes=notes,
+                help="make the formation larger, or add `spread: true` to it",
+            )
+        elif separation.shape == "sphere":
+            sure = number_text(pair.distance / sqrt(2.0))
+            yield Diagnostic(
+                "SHW202",
+                Severity.WARNING,
+                f"{names} are {apart} m apart, less than √2 times the separation "
+                f"of {number_text(distance)} m",
+                formation.mark,
+                notes=(
+                    f"drones in a straight synchronous move between formations of "
+                    f"this spacing can come as near as {sure} m",
+                    f"√2 x {number_text(distance)} m = "
+                    f"{number_text(sqrt(2.0) * distance)} m",
+                ),
+                help="a wider formation is faster to reach, because drones need not "
+                "go around each other",
+            )
+
+
+def _measure(shape: str) -> str:
+    return "" if shape == "sphere" else f" (measured as `{shape}`)"
+
+
+def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places outside the flight volume (SHW203)."""
+    site = sketch.site
+    if site is None:
+        return
+    low, high = np.array(site.volume_min), np.array(site.volume_max)
+    asked = sketch.settings.section("site").section("volume").mark
+    for formation, points, what in _stands(sketch):
+        beyond = np.maximum(low - points, points - high)
+        worst = beyond.max(axis=1)
+        count = int(np.sum(worst > _SLACK))
+        if not count:
+            continue
+        place = int(np.argmax(worst))
+        axis = int(np.argmax(beyond[place]))
+        value = float(points[place, axis])
+        above = value > high[axis]
+        limit = float(high[axis] if above else low[axis])
+        yield Diagnostic(
+            "SHW203",
+            Severity.ERROR,
+            f"place {place + 1} of `{formation.name}`{what} is outside the flight "
+            f"volume: {'xyz'[axis]} is {number_text(value)} m, "
+            f"{'at most' if above else 'at least'} {number_text(limit)} m is allowed",
+            formation.mark,
+            secondary=(Label(asked, "the volume"),)
+            if asked.line != formation.mark.line and asked.line > 1
+            else (),
+            notes=(
+                f"{count} of {len(points)} places are outside",
+                f"the formation reaches from {_point(points.min(axis=0))} to "
+                f"{_point(points.max(axis=0))}",
+            ),
+            help="move the formation, make it smaller, or enlarge `site: volume:`",
+        )
+
+
+def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str]]:
+    """Yield everything drones hover in: formations, and the hovers above the pads."""
+    for formation in sketch.formations.values():
+        yield formation, formation.points, ""
+    pads = sketch.formations.get(sketch.pads)
+    for key in ("launch", "landing"):
+        section = sketch.settings.values.get(key)
+        if pads is None or section is None or not isinstance(section.value, Settings):
+            continue
+        if not section.value.broken:
+            lift = np.array([0.0, 0.0, section.value.number("altitude")])
+            yield pads, pads.points + lift, f" at the {key} altitude"
+
+
+def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places outside the geofence (SHW204)."""
+    if sketch.site is None or sketch.site.fence is None:
+        return
+    fence = sketch.site.fence
+    for formation in sketch.formations.values():
+        outside = ~inside_polygon(formation.points[:, :2], fence)
+        if outside.any():
+            place = int(np.argmax(outside))
+            yield Diagnostic(
+                "SHW204",
+                Severity.ERROR,
+                f"place {place + 1} of `{formation.name}` is outside the fence",
+                formation.mark,
+                secondary=(
+                    Label(sketch.settings.section("site").mark_of("fence"), "fence"),
+                ),
+                notes=(
+                    f"it is at {_point(formation.points[place])}",
+                    f"{int(outside.sum())} of {len(formation.points)} places are "
+                    "outside",
+                ),
+                help="move the formation or the fence",
+            )
+
+
+def inside_polygon(points: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
+    """Tell which points, shape (n, 2), lie inside a polygon, by the even-odd rule."""
+    x, y = points[:, 0], points[:, 1]
+    inside = np.zeros(len(points), dtype=bool)
+    closed = np.vstack([corners, corners[:1]])
+    for (ax, ay), (bx, by) in pairwise(closed):
+        crosses = (ay > y) != (by > y)
+        if ay == by:
+            continue
+        inside ^= crosses & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+    return inside
+
+
+def _places(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Numbers of places against numbers of drones (SHW205)."""
+    drones = sketch.drones
+    if drones is None:
+        return
+    pads = sketch.formations.get(sketch.pads)
+    if pads is not None and len(pads.points) < drones:
+        yield Diagnostic(
+            "SHW205",
+            Severity.ERROR,
+            f"the pads `{pads.name}` have {len(pads.points)} places for {drones} "
+            "drones",
+            pads.mark,
+            help="give every drone a pad",
+        )
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        group = item.text("group") if "group" in item else None
+        if formation is None or (group is not None and group not in sketch.groups):
+            continue
+        flying = drones if group is None else len(sketch.groups[group])
+        places = len(formation.points)
+        who = "drones" if group is None else f"drones of the group `{group}`"
+        if places > flying or (places < flying and sketch.parking is None):
+            yield Diagnostic(
+                "SHW205",
+                Severity.ERROR,
+                f"`{formation.name}` has {places} places for {flying} {who}",
+                item.mark_of("to"),
+                secondary=(Label(formation.mark, f"{places} places"),),
+                help="change the formation's `count`, or `drones`"
+                if places > flying
+                else "add places, or give the others a `parking` formation to wait in",
+            )
+
+
+def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Parked drones against the pictures that others fly meanwhile (SHW206)."""
+    parking = sketch.formations.get(sketch.parking or "")
+    if parking is None or sketch.separation is None or sketch.drones is None:
+        return
+    most, needs = 0, None
+    seen = set()
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        group = item.text("group") if "group" in item else None
+        if formation is None or (group is not None and group not in sketch.groups):
+            continue
+        flying = sketch.drones if group is None else len(sketch.groups[group])
+        waiting = flying - len(formation.points)
+        if waiting > most:
+            most, needs = waiting, item
+        if waiting <= 0 or formation.name in seen:
+            continue
+        seen.add(formation.name)
+        pair = closest_between(
+            parking.points,
+            formation.points,
+            sketch.separation.distance,
+            sketch.separation,
+        )
+        if pair is not None:
+            yield Diagnostic(
+                "SHW206",
+                Severity.ERROR,
+                f"place {pair.first + 1} of the parking `{parking.name}` is "
+                f"{number_text(pair.distance)} m from place {pair.second + 1} of "
+                f"`{formation.name}`, the separation is "
+                f"{number_text(sketch.separation.distance)} m",
+                parking.mark,
+                secondary=(Label(formation.mark, "the picture"),),
+                help="park further away",
+            )
+    if needs is not None and len(parking.points) < most:
+        yield Diagnostic(
+            "SHW205",
+            Severity.ERROR,
+            f"the parking `{parking.name}` has {len(parking.points)} places, {most} "
+            "drones wait there",
+            parking.mark,
+            secondary=(Label(needs.mark_of("to"), "during this picture"),),
+            help="add places to the parking",
+        )
+
+
+def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Formations of two groups that stand at the same time (SHW208)."""
+    if sketch.separation is None:
+        return
+    standing: dict[str, tuple[Formation, Settings]] = {}
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        if formation is None or "group" not in item:
+            standing.clear()
+            continue
+        group = item.text("group")
+        for other, (theirs, where) in standing.items():
+            if other == group:
+                continue
+            pair = closest_between(
+                formation.points,
+                theirs.points,
+                sketch.separation.distance,
+                sketch.separation,
+            )
+            if pair is not None:
+                yield Diagnostic(
+                    "SHW208",
+                    Severity.ERROR,
+                    f"place {pair.first + 1} of `{formation.name}` (group `{group}`) "
+                    f"is {number_text(pair.distance)} m from place "
+                    f"{pair.second + 1} of `{theirs.name}` (group `{other}`), the "
+                    f"separation is {number_text(sketch.separation.distance)} m",
+                    item.mark_of("to"),
+                    secondary=(Label(where.mark_of("to"), f"`{other}` stands here"),),
+                    help="move one of the formations away",
+                )
+        standing[group] = (formation, item)
+
+
+def _point(point: FloatArray) -> str:
+    return "(" + ", ".join(number_text(round(float(part), 3)) for part in point) + ") m"

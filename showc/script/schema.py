@@ -1,0 +1,274 @@
+"""The JSON Schema of show scripts (draft-07), made from the field table.
+
+What an editor checks with it is what showc checks, except for what only the whole
+script can tell: spacing, names of formations, numbers of places.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+from showc.script.colours import COLOUR_NAMES
+from showc.script.fields import SHOW
+from showc.script.formation_fields import FORMATION, TRANSFORM
+from showc.script.kinds import (
+    NAME,
+    Choice,
+    Either,
+    Field,
+    File,
+    Flag,
+    Integer,
+    Items,
+    Kind,
+    Moment,
+    Named,
+    Paint,
+    Quantity,
+    Reference,
+    Section,
+    Table,
+    Text,
+)
+from showc.script.quantity import NUMBER, units_of
+from showc.script.wording import range_text, wanted_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Schema = dict[str, object]
+
+SCHEMA_ID = "https://showc.dev/schemas/show.schema.json"
+"""Name of the schema; it is not fetched from there."""
+
+
+def schema_text() -> str:
+    """Return what stands in ``schemas/show.schema.json``."""
+    return json.dumps(show_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def show_schema() -> Schema:
+    """Return the schema as what JSON can hold."""
+    definitions: dict[str, Schema] = {}
+    root = _object(SHOW, definitions)
+    definitions["formation"] = _formation(definitions)
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "$id": SCHEMA_ID,
+        "title": "showc show script",
+        **root,
+        "definitions": dict(sorted(definitions.items())),
+    }
+
+
+def _object(section: Section, definitions: dict[str, Schema]) -> Schema:
+    """Return the schema of a section as a mapping."""
+    schema: Schema = {
+        "description": section.description,
+        "type": "object",
+        "properties": {
+            field.key: _property(field, definitions) for field in section.fields
+        },
+        "additionalProperties": False,
+    }
+    required = [field.key for field in section.fields if field.required]
+    if required:
+        schema["required"] = required
+    if section.one_of:
+        schema["oneOf"] = [{"required": [key]} for key in section.one_of]
+    return schema
+
+
+def _formation(definitions: dict[str, Schema]) -> Schema:
+    """Return the schema of a formation: one alternative for each type, like, parts."""
+    common = {
+        field.key: _property(field, definitions)
+        for field in FORMATION.fields
+        if field.key not in FORMATION.one_of
+    }
+    alternatives: list[Schema] = []
+    for variant in FORMATION.variants:
+        own = {field.key: _property(field, definitions) for field in variant.fields}
+        needed = [field.key for field in variant.fields if field.required]
+        alternatives.append(
+            {
+                "title": variant.name,
+                "description": variant.description,
+                "type": "object",
+                "properties": {"type": {"const": variant.name}, **own, **common},
+                "required": ["type", *needed],
+                "additionalProperties": False,
+            }
+        )
+    for key in ("like", "parts"):
+        field = FORMATION.field(key)
+        if field is not None:
+            alternatives.append(
+                {
+                    "title": key,
+                    "description": field.description,
+                    "type": "object",
+                    "properties": {key: _property(field, definitions), **common},
+                    "required": [key],
+                    "additionalProperties": False,
+                }
+            )
+    return {"description": FORMATION.description, "anyOf": alternatives}
+
+
+def _property(field: Field, definitions: dict[str, Schema]) -> Schema:
+    """Return the schema of a key, its meaning, default and examples included."""
+    schema = dict(_kind(field.kind, definitions))
+    text = field.description
+    details = _details(field)
+    if details:
+        text += f" ({details})"
+    if "$ref" in schema:
+        # Draft-07 ignores what stands beside a reference.
+        schema = {"allOf": [schema]}
+    schema["description"] = text
+    if field.default is not None:
+        schema["default"] = field.default
+    if field.examples:
+        schema["examples"] = list(field.examples)
+    return schema
+
+
+def _details(field: Field) -> str:
+    """Return unit, range and default in words."""
+    parts = []
+    kind = field.kind
+    if isinstance(kind, Quantity):
+        if kind.unit:
+            parts.append(f"in {kind.unit}")
+        if range_text(kind):
+            parts.append(range_text(kind))
+    elif isinstance(kind, Either | Items):
+        parts.append(wanted_text(kind))
+    if field.default_text:
+        parts.append(f"default: {field.default_text}")
+    return "; ".join(parts)
+
+
+def _kind(kind: Kind, definitions: dict[str, Schema]) -> Schema:
+    """Return the schema of a kind."""
+    schema: Schema
+    match kind:
+        case Named():
+            schema = {"$ref": f"#/definitions/{kind.name}"}
+        case Section():
+            schema = _section(kind, definitions)
+        case Either():
+            schema = _any_of(_kind(item, definitions) for item in kind.options)
+        case Items():
+            schema = {
+                "type": "array",
+                "items": _kind(kind.item, definitions),
+                "minItems": kind.least,
+                "maxItems": kind.most,
+            }
+        case Table():
+            schema = {
+                "type": "object",
+                "propertyNames": {"pattern": f"^{NAME.pattern}$", "maxLength": 60},
+                "additionalProperties": _kind(kind.item, definitions),
+            }
+        case _:
+            schema = _scalar(kind, definitions)
+    return schema
+
+
+def _section(kind: Section, definitions: dict[str, Schema]) -> Schema:
+    if kind is FORMATION:
+        return {"$ref": "#/definitions/formation"}
+    if kind.name not in definitions:
+        definitions[kind.name] = {}  # holds the place while the section is walked
+        whole = _object(kind, definitions)
+        field = kind.field(kind.short) if kind.short else None
+        if field is not None:
+            short = {**_kind(field.kind, definitions), "description": field.description}
+            whole = {
+                "description": kind.description,
+                "anyOf": [short, whole],
+            }
+        if kind is TRANSFORM:
+            whole["minProperties"] = 1
+        definitions[kind.name] = whole
+    return {"$ref": f"#/definitions/{kind.name}"}
+
+
+def _any_of(options: Iterable[Schema]) -> Schema:
+    flat: list[object] = []
+    for option in options:
+        inner = option.get("anyOf")
+        flat += inner if isinstance(inner, list) and len(option) == 1 else [option]
+    return {"anyOf": flat}
+
+
+def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:
+    schema: Schema
+    match kind:
+        case Quantity():
+            schema = _quantity(kind, definitions)
+        case Integer():
+            schema = {
+                "type": "integer",
+                "minimum": kind.minimum,
+                "maximum": kind.maximum,
+            }
+        case Text():
+            schema = {"type": "string", "maxLength": kind.max_length}
+            if kind.pattern:
+                schema["pattern"] = f"^({kind.pattern})$"
+                if re.fullmatch(kind.pattern, "1"):
+                    schema = {"anyOf": [schema, {"type": "integer", "minimum": 1}]}
+        case Choice():
+            schema = {"type": "string", "enum": list(kind.options)}
+        case Flag():
+            schema = {"type": "boolean"}
+        case Moment():
+            schema = {"type": "string", "pattern": r"^\d{4}-\d{2}-\d{2}"}
+        case Paint():
+            definitions.setdefault("colour_value", _paint())
+            schema = {"$ref": "#/definitions/colour_value"}
+        case File():
+            schema = {"type": "string", "minLength": 1}
+        case Reference():
+            schema = {"type": "string", "pattern": f"^{NAME.pattern}$"}
+        case _:
+            raise TypeError(f"no schema for {kind!r}")
+    return schema
+
+
+def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
+    number: Schema = {"type": "number"}
+    if kind.positive:
+        number["exclusiveMinimum"] = 0
+    elif kind.minimum is not None:
+        number["minimum"] = kind.minimum
+    if kind.maximum is not None:
+        number["maximum"] = kind.maximum
+    units = units_of(kind.unit)
+    name = "quantity_" + re.sub(
+        r"\W+", "_", kind.unit.replace("²", "2") or "share"
+    ).strip("_")
+    if name not in definitions:
+        symbols = "|".join(re.escape(unit).replace(r"\ ", " ") for unit in units)
+        definitions[name] = {
+            "description": f"A number with a unit: {', '.join(units)}",
+            "type": "string",
+            "pattern": rf"^\s*{NUMBER}\s*({symbols})\s*$",
+        }
+    return {"anyOf": [number, {"$ref": f"#/definitions/{name}"}]}
+
+
+def _paint() -> Schema:
+    return {
+        "description": 'A CSS colour name, or hexadecimal in quotes ("#ff8800").',
+        "anyOf": [
+            {"type": "string", "enum": list(COLOUR_NAMES)},
+            {"type": "string", "pattern": "^#?([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"},
+        ],
+    }

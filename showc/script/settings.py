@@ -1,0 +1,117 @@
+"""Settings: the values of a section after reading, each with its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from showc.script.show import Mark
+
+    Vector = tuple[float, float, float]
+
+T = TypeVar("T")
+
+Value = object
+"""Float, int, str, bool, datetime, list of settings, :class:`Settings`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One value."""
+
+    value: Value
+    """In the unit its field stores."""
+    mark: Mark
+    """Where the value stands; the section's place for a default."""
+    key_mark: Mark
+    """Where its key stands."""
+    written: bool = True
+    """Whether the script says so, or it is a default."""
+
+
+@dataclass(slots=True)
+class Settings:
+    """Keys and values of one section."""
+
+    name: str
+    """Which section."""
+    mark: Mark
+    """Where it stands."""
+    values: dict[str, Setting] = field(default_factory=dict)
+    """In the order written, defaults after them."""
+    broken: bool = False
+    """Whether something in it was refused."""
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def written(self, key: str) -> bool:
+        """Tell whether the script itself gives the key."""
+        return key in self.values and self.values[key].written
+
+    def mark_of(self, key: str) -> Mark:
+        """Return where the value of a key stands, or else the section."""
+        return self.values[key].mark if key in self.values else self.mark
+
+    def _typed(self, key: str, kind: type[T]) -> T:
+        value = self.values[key].value
+        if not isinstance(value, kind):
+            raise TypeError(f"{self.name}.{key} is {value!r}, {kind} is wanted")
+        return value
+
+    def number(self, key: str) -> float:
+        """Return a quantity."""
+        return float(self._typed(key, float))
+
+    def optional(self, key: str) -> float | None:
+        """Return a quantity, or None if there is none."""
+        return self.number(key) if key in self.values else None
+
+    def integer(self, key: str) -> int:
+        """Return a whole number."""
+        return self._typed(key, int)
+
+    def text(self, key: str) -> str:
+        """Return a text."""
+        return self._typed(key, str)
+
+    def flag(self, key: str) -> bool:
+        """Return a truth value."""
+        return self._typed(key, bool)
+
+    def moment(self, key: str) -> datetime:
+        """Return a date and time."""
+        return self._typed(key, datetime)
+
+    def section(self, key: str) -> Settings:
+        """Return the settings of a section within."""
+        return self._typed(key, Settings)
+
+    def items(self, key: str) -> list[Setting]:
+        """Return the elements of a list."""
+        return list(self._typed(key, list))
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """Return a list of quantities."""
+        return tuple(as_number(item) for item in self.items(key))
+
+    def vector(self, key: str) -> Vector:
+        """Return a list of three quantities."""
+        x, y, z = self.numbers(key)
+        return x, y, z
+
+
+def as_number(setting: Setting) -> float:
+    """Return the quantity a setting holds."""
+    if not isinstance(setting.value, float):
+        raise TypeError(f"{setting.value!r} is not a number")
+    return setting.value
+
+
+def as_numbers(setting: Setting) -> tuple[float, ...]:
+    """Return the quantities of the list a setting holds."""
+    if not isinstance(setting.value, list):
+        raise TypeError(f"{setting.value!r} is not a list")
+    return tuple(as_number(item) for item in setting.value)

@@ -1,0 +1,145 @@
+"""Timing: moves that are asked to be quicker than any drone can fly."""
+
+from __future__ import annotations
+
+from math import sin, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.rules import transitions_of
+from showc.script.wording import number_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.script.build import Sketch
+    from showc.script.show import Show
+    from showc.vehicle import Limits, Quadrotor
+
+    FloatArray = NDArray[np.float64]
+
+
+def least_times(
+    displacement: FloatArray, limits: Limits, vehicle: Quadrotor
+) -> FloatArray:
+    """Return a time below which no drone moves by a displacement, hover to hover.
+
+    Along each axis by itself: speed and acceleration are bounded, and a point with
+    these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the speed v. The
+    horizontal acceleration is at most the thrust's horizontal part at full tilt, the
+    vertical one what thrust and weight leave; both are generous, so that the time is
+    a lower bound.
+
+    Parameters
+    ----------
+    displacement
+        Shape (..., 3) [m].
+    limits
+        What the drone keeps.
+    vehicle
+        What flies.
+
+    Returns
+    -------
+    FloatArray
+        Shape (...) [s].
+    """
+    thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
+    # Roll and pitch tilt together: the horizontal part is at most sqrt(2) sin(tilt).
+    level = thrust * min(1.0, sqrt(2.0) * sin(limits.tilt))
+    up = thrust - vehicle.gravity
+    down = vehicle.gravity
+    times = np.zeros(displacement.shape[:-1])
+    for axis in range(3):
+        distance = np.abs(displacement[..., axis])
+        forward = displacement[..., axis] > 0.0
+        speed = np.where(forward, limits.velocity_max[axis], -limits.velocity_min[axis])
+        if axis < 2:
+            gain = loss = np.full(distance.shape, level)
+        else:
+            gain = np.where(forward, up, down)
+            loss = np.where(forward, down, up)
+        times = np.maximum(times, _axis_time(distance, speed, gain, loss))
+    return times
+
+
+def _axis_time(
+    distance: FloatArray, speed: FloatArray, gain: FloatArray, loss: FloatArray
+) -> FloatArray:
+    """Return the least time of a point that gains and loses speed at given rates."""
+    mean = 1.0 / gain + 1.0 / loss
+    peak = np.sqrt(2.0 * distance / mean)
+    reached = np.minimum(peak, speed)
+    cruise = np.maximum(distance - reached**2 * mean / 2.0, 0.0)
+    return np.asarray(reached * mean + cruise / np.maximum(reached, 1e-12))
+
+
+def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield the transitions whose duration is too short for physics (SHW209)."""
+    show = sketch.show
+    if show is None:
+        return
+    settings = transitions_of(sketch)
+    for index, transition in enumerate(show.transitions):
+        if transition.duration is None:
+            continue
+        least, drone = least_duration(show, index)
+        if transition.duration >= least:
+            continue
+        who = f"drone {drone + 1}" if drone is not None else "some drone"
+        yield Diagnostic(
+            "SHW209",
+            Severity.ERROR,
+            f"`{transition.name}` needs at least {number_text(_up(least))} s, the "
+            f"script gives {number_text(transition.duration)} s",
+            settings[index].mark_of("duration"),
+            notes=(f"{who} cannot be there sooner, by its speed and thrust alone",),
+            help=f"give at least {number_text(_up(least))} s, or leave `duration` out",
+        )
+
+
+def _up(time: float) -> float:
+    return float(np.ceil(time * 1000.0 - 1e-6) / 1000.0)
+
+
+def least_duration(show: Show, index: int) -> tuple[float, int | None]:
+    """Return a lower bound on a transition's time [s], and the drone that sets it.
+
+    With fixed places it is that of the drone that needs longest. With optimal ones
+    it is that of the drone whose nearest place, or of the place whose nearest drone,
+    is furthest in time. Zero where it is not known where the drones come from.
+    """
+    transition = show.transitions[index]
+    if transition.group is not None or show.parking is not None:
+        return 0.0, None
+    before = show.transitions[index - 1] if index else None
+    if before is None:
+        start = show.formations[show.pads].points[: show.drones]
+        start = start + np.array([0.0, 0.0, show.launch.altitude])
+    elif before.group is not None:
+        return 0.0, None
+    else:
+        start = show.formations[before.to].points
+    goal = show.formations[transition.to].points
+    if len(start) != len(goal):
+        return 0.0, None
+    known = index == 0 or all(
+        item.assignment == "fixed" for item in show.transitions[:index]
+    )
+    if transition.assignment == "fixed" and known:
+        times = least_times(goal - start, show.limits, show.vehicle)
+        drone = int(np.argmax(times))
+        return float(times[drone]), drone
+    if transition.assignment == "fixed":
+        return 0.0, None
+    least = 0.0
+    nearest = np.full(len(goal), np.inf)
+    for place in start:
+        times = least_times(goal - place, show.limits, show.vehicle)
+        least = max(least, float(times.min()))
+        nearest = np.minimum(nearest, times)
+    return max(least, float(nearest.max())), None

@@ -1,0 +1,128 @@
+"""Wording: kinds, nodes and numbers in the words of messages and documents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from showc.script.document import Mapping, Node, Sequence
+from showc.script.formation_fields import resolve
+from showc.script.kinds import (
+    Choice,
+    Either,
+    File,
+    Flag,
+    Integer,
+    Items,
+    Kind,
+    Moment,
+    Paint,
+    Quantity,
+    Reference,
+    Section,
+    Table,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+def number_text(value: float) -> str:
+    """Return a number as people write it: six significant digits, no dangling zeros."""
+    if value == round(value) and abs(value) < 1e7:
+        return str(int(value))
+    return f"{value:.6g}"
+
+
+def words(items: Iterable[str], joint: str = "or") -> str:
+    """Join words with commas and a last ``or``."""
+    names = list(items)
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {joint} {names[-1]}"
+
+
+def form_of(node: Node) -> str:
+    """Say what a node of the document looks like."""
+    if isinstance(node, Mapping):
+        return "a mapping"
+    if isinstance(node, Sequence):
+        return "a list"
+    return f"`{node.text}`"
+
+
+def range_text(kind: Quantity | Integer) -> str:
+    """Say what range a number has, or nothing."""
+    low, high = kind.minimum, kind.maximum
+    if isinstance(kind, Quantity) and kind.positive and low in {0.0, None}:
+        start = "above 0"
+        return f"{start}, at most {number_text(high)}" if high is not None else start
+    if low is not None and high is not None:
+        return f"{number_text(low)} to {number_text(high)}"
+    if low is not None:
+        return f"at least {number_text(low)}"
+    return f"at most {number_text(high)}" if high is not None else ""
+
+
+def wanted_text(kind: Kind) -> str:
+    """Say what a kind wants, with its unit and range."""
+    kind = resolve(kind)
+    match kind:
+        case Quantity() | Integer():
+            text = _number_text(kind)
+        case Text():
+            text = kind.says or "a text"
+        case Choice():
+            text = words(f"`{option}`" for option in kind.options)
+        case Flag():
+            text = "`true` or `false`"
+        case Moment():
+            text = "a date and time"
+        case Paint():
+            text = "a colour"
+        case File():
+            text = f"a file ({words(kind.suffixes)})"
+        case Reference():
+            text = f"the name of a {kind.to}"
+        case Items():
+            text = _items_text(kind)
+        case Section():
+            named = f"a mapping of {kind.name} keys"
+            field = kind.field(kind.short) if kind.short else None
+            text = f"{wanted_text(field.kind)} or {named}" if field else named
+        case Table():
+            text = f"a mapping from the name of each {kind.what}"
+        case Either():
+            text = words(wanted_text(option) for option in kind.options)
+        case _:
+            text = "something else"
+    return text
+
+
+def _number_text(kind: Quantity | Integer) -> str:
+    bounds = range_text(kind)
+    if isinstance(kind, Integer):
+        return f"a whole number, {bounds}"
+    unit = f" in {kind.unit}" if kind.unit else ""
+    return f"a number{unit}" + (f", {bounds}" if bounds else "")
+
+
+def _items_text(kind: Items) -> str:
+    inner = resolve(kind.item)
+    if isinstance(inner, Section):
+        of = f"{inner.name}s"
+    elif isinstance(inner, Items):
+        of = f"lists of {inner.least}"
+    elif isinstance(inner, Quantity | Integer):
+        of = "numbers" + (
+            f" in {inner.unit}" if isinstance(inner, Quantity) and inner.unit else ""
+        )
+    elif isinstance(inner, Paint):
+        of = "colours"
+    else:
+        of = "elements"
+    if kind.least == kind.most:
+        return f"a list of {kind.least} {of}"
+    if kind.most >= 1000:
+        return f"a list of {of}" + (f", at least {kind.least}" * (kind.least > 1))
+    return f"a list of {kind.least} to {kind.most} {of}"
