@@ -14,8 +14,8 @@ between the hovers gives
 h being the support functions and d the way. Where the left side is the greater, no
 flight takes that time T, nor a shorter one, since a drone may hover.
 
-The integral is rounded upward: on each cell the caps are taken at their greatest, h_U is
-convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
+The integral is rounded upward: on each cell the caps are taken at their greatest, h_U
+is convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
 """
 
 from __future__ import annotations
@@ -119,6 +119,7 @@ def refutes(
     relaxed: Relaxed,
     way: FloatArray,
     time: float,
+    *,
     beta: FloatArray,
     knots: FloatArray,
     multipliers: FloatArray,
@@ -201,7 +202,7 @@ def proved_time(message: Segment, rules: Rules, way: FloatArray) -> float:
     def proved(time: float) -> bool:
         # A shorter time with the same slopes of lambda.
         scaled = multipliers * (time / witness.time)
-        return refutes(relaxed, way, time, beta, knots, scaled)
+        return refutes(relaxed, way, time, beta=beta, knots=knots, multipliers=scaled)
 
     if proved(witness.time):
         return float(witness.time)

@@ -1,8 +1,8 @@
-"""Does the show join up? Hover at joints, formations reached, no gap and no jump."""
+"""How the show joins up: hover at joints, formations reached, no gap, no jump."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +35,7 @@ class _Worst:
     """The worst of many findings of one kind."""
 
     value: float = -1.0
-    where: Place = Place()
+    where: Place = field(default_factory=Place)
     count: int = 0
 
     def see(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
-from google.protobuf.message import DecodeError
+from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
 from showc.verify.damage import Damage
@@ -22,12 +22,13 @@ from showc.verify.show import (
 from showc.verify.wire import numbers_and_doubles
 
 if TYPE_CHECKING:
-    from google.protobuf.message import Message
     from numpy.typing import NDArray
 
-    from showc.verify.mcap import LogFile
+    from showc.verify.logfile import LogFile
 
     FloatArray = NDArray[np.float64]
+
+Parsed = TypeVar("Parsed", bound=Message)
 
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
@@ -73,7 +74,8 @@ def read_show(log: LogFile) -> LoggedShow:
     )
 
 
-def _parse(kind: type[Message], data: bytes, offset: int) -> Message:
+def parse(kind: type[Parsed], data: bytes, offset: int) -> Parsed:
+    """Decode one message; what does not decode is damage at ``offset``."""
     try:
         return kind.FromString(data)
     except (DecodeError, RecursionError, MemoryError) as error:
@@ -86,7 +88,7 @@ def _rules(log: LogFile, channel: int) -> tuple[pb.Rules, int]:
     found: list[tuple[pb.Rules, int, int]] = []
     for data, m, offset in log.read({channel}):
         for start, size, time in zip(m.payload, m.size, m.log_time, strict=True):
-            message = _parse(pb.Rules, data[start : start + size], offset)
+            message = parse(pb.Rules, data[start : start + size], offset)
             found.append((message, int(time), offset))
     if len(found) != 1:
         raise Damage(0, f"{RULES} holds {len(found)} messages, not one")
@@ -155,7 +157,7 @@ def _segments(
     segments: dict[int, pb.Segment] = {}
     for data, m, offset in log.read({channel}):
         for start, size, time in zip(m.payload, m.size, m.log_time, strict=True):
-            message = _parse(pb.Segment, data[start : start + size], offset)
+            message = parse(pb.Segment, data[start : start + size], offset)
             _check_segment(message, rules, offset)
             if message.index in segments:
                 raise Damage(offset, f"segment {message.index} is there twice")

@@ -20,7 +20,7 @@ _TIMES = 32
 
 
 class Fleet:
-    """Evaluates a show; where one segment ends and the next starts, the later counts."""
+    """Evaluates a show; at the joint of two segments the later one counts."""
 
     def __init__(self, show: LoggedShow) -> None:
         self._segments = sorted(show.segments, key=lambda one: one.start)

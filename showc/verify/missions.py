@@ -1,4 +1,4 @@
-"""The files beside the log: are they those of this compile, and fly they to its places?
+"""The files beside the log: those of this compile, and flying to its places.
 
 The log carries the manifest as an attachment; beside ``output.mcap`` lies the folder
 ``output`` with the same manifest and the files whose hashes it names. Each drone's
@@ -18,7 +18,7 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.verify.geodesy import east_north_up, to_east_north_up
-from showc.verify.report import Check, Place
+from showc.verify.report import Check, Place, Verdict
 from showc.verify.waypoints import (
     GLOBAL,
     LAND,
@@ -33,7 +33,7 @@ from showc.verify.waypoints import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.mcap import LogFile
+    from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
@@ -218,7 +218,7 @@ def _end_points(folder: Path, missions: dict[int, str], show: LoggedShow) -> Che
         if ratio > worst:
             worst, where = ratio, place
     note = f"{count:,} ends of legs, to 1e-7 degrees and 1.2 cm of height"
-    verdict = "pass" if count else "fail"
+    verdict: Verdict = "pass" if count else "fail"
     return Check(GROUP, name, verdict, worst, 1.0, "of the resolution", where, (note,))
 
 

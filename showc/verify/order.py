@@ -101,8 +101,8 @@ class Order:
             bad = int(np.flatnonzero(sequence != before + 1)[0])
             raise Damage(
                 offset,
-                f"messages are missing or double on channel {int(channel[bad])}: number "
-                f"{int(sequence[bad])} follows {int(before[bad])}",
+                f"messages are missing or double on channel {int(channel[bad])}: "
+                f"number {int(sequence[bad])} follows {int(before[bad])}",
             )
         self._next[present] = sequence[last] + 1
         time = messages.log_time[order]

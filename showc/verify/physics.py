@@ -1,4 +1,4 @@
-"""Do the logged polynomials solve the equations of motion? Controls are flown again.
+"""Whether the polynomials solve the equations of motion: controls are flown again.
 
 State x, y, z, vx, vy, vz (show frame, z up), roll, pitch, yaw, p, q, r; control thrust
 U1 and torques U2, U3, U4. With f the torque factor of the vehicle:
@@ -33,7 +33,7 @@ import numpy as np
 from showc.verify.bernstein import basis
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -171,7 +171,7 @@ def _worse(first: Replay | None, second: Replay) -> Replay:
 
 
 def _batches(table: PieceTable) -> Iterator[IntArray]:
-    """Groups of drones with meshes of about one size, bounded in memory."""
+    """Group drones with meshes of about one size, bounded in memory."""
     counts = np.diff(table.first)
     order = np.argsort(counts, kind="stable")
     begin = 0
@@ -269,7 +269,13 @@ class _Run:
             [position_ends, velocity_ends, angle_ends, rate_ends], axis=-1
         )
 
-    def _rates(self, first, control, vehicle, advance):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    def _rates(
+        self,
+        first: FloatArray,
+        control: FloatArray,
+        vehicle: Vehicle,
+        advance: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
+    ) -> tuple[FloatArray, FloatArray]:
         ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
         factor = vehicle.torque_factor
         torque = control[..., 1:] * np.array([factor / ix, factor / iy, 1.0 / iz])

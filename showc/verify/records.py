@@ -65,7 +65,7 @@ class Cursor:
         return int.from_bytes(self.data[start : start + size], "little")
 
     def raw(self, prefix: int, what: str) -> tuple[int, int]:
-        """Start and stop of bytes whose length stands before them in ``prefix`` bytes."""
+        """Start and stop of bytes; ``prefix`` bytes before them hold their length."""
         size = self.number(prefix, f"length of {what}")
         start = self._take(size, what)
         return start, start + size

@@ -159,10 +159,8 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
     colour
         Whether to mark verdicts with ANSI colours.
     """
-    lines = [
-        f"{verification.path}: “{verification.title}”, {verification.drones} drones, "
-        f"{verification.duration:.3f} s",
-    ]
+    head = f"{verification.path}: “{verification.title}”, {verification.drones} drones"
+    lines = [f"{head}, {verification.duration:.3f} s"]
     width = max((len(check.name) for check in verification.checks), default=0)
     figures = [_figures(check) for check in verification.checks]
     middle = max((len(text) for text in figures), default=0)

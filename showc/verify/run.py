@@ -13,7 +13,7 @@ from showc.verify.choreography import check_choreography
 from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.decode import read_show
 from showc.verify.limits import TOLERANCE, Extreme, extremes
-from showc.verify.mcap import LogFile, open_log
+from showc.verify.mcap import open_log
 from showc.verify.missions import check_attachments, check_missions
 from showc.verify.physics import Deviation, replay
 from showc.verify.report import Check, Place, Verification
@@ -24,6 +24,7 @@ from showc.verify.separation import RESOLUTION, closest_encounter
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow, Segment
 
 POSITION_ERROR = 1e-3
@@ -40,10 +41,10 @@ class Progress(Protocol):
     """Receives the course of the work."""
 
     def stage(self, title: str, total: int | None = None) -> None:
-        """A new stage begins."""
+        """Begin a new stage."""
 
     def advance(self, steps: int = 1) -> None:
-        """Steps are done."""
+        """Count steps as done."""
 
 
 class _Silent:
@@ -232,9 +233,9 @@ def _segments(show: LoggedShow, watch: Progress) -> list[Check]:
             if key not in tightest or extreme.margin < tightest[key][0].margin:
                 tightest[key] = extreme, segment
         watch.advance()
-    notes = (f"flown again with an integration error of {error:.1e} m",)
+    notes = [f"flown again with an integration error of {error:.1e} m"]
     if clipped > 0.0:
-        notes += (f"controls exceed the rotors by {clipped:.1e} and were cut",)
+        notes.append(f"controls exceed the rotors by {clipped:.1e} and were cut")
     checks = [
         Check(
             "physics",
@@ -244,7 +245,7 @@ def _segments(show: LoggedShow, watch: Progress) -> list[Check]:
             POSITION_ERROR,
             "m",
             position[1],
-            notes,
+            tuple(notes),
         ),
         Check(
             "physics",
@@ -263,6 +264,10 @@ def _segments(show: LoggedShow, watch: Progress) -> list[Check]:
 def _limit(extreme: Extreme, segment: Segment) -> Check:
     bound = extreme.bound
     sign = -1.0 if bound.name.startswith("least") else 1.0
+    note = (
+        f"{bound.name}: margin {extreme.margin:+.3%} of the range "
+        f"(tolerance {TOLERANCE:.0e} of it)"
+    )
     return Check(
         "limits",
         f"{bound.quantity} within limits at every instant",
@@ -271,10 +276,7 @@ def _limit(extreme: Extreme, segment: Segment) -> Check:
         sign * bound.top + 0.0,
         bound.unit,
         _at(segment, extreme),
-        (
-            f"{bound.name}: margin {extreme.margin:+.3%} of the range "
-            f"(tolerance {TOLERANCE:.0e} of it)",
-        ),
+        (note,),
     )
 
 
@@ -285,6 +287,11 @@ def _separation(show: LoggedShow) -> Check:
     if encounter is None:
         return Check("separation", name, "skipped", notes=("there is only one drone",))
     a, b = encounter.pair
+    note = (
+        f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter "
+        f"lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m (resolution "
+        f"{RESOLUTION:.0e} m, tolerance {SEPARATION_TOLERANCE:.0e} m)"
+    )
     return Check(
         "separation",
         name,
@@ -297,9 +304,5 @@ def _separation(show: LoggedShow) -> Check:
             segment=", ".join(one.message.name for one in encounter.segments),
             time=encounter.time,
         ),
-        (
-            f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter "
-            f"lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m (resolution "
-            f"{RESOLUTION:.0e} m, tolerance {SEPARATION_TOLERANCE:.0e} m)",
-        ),
+        (note,),
     )

@@ -1,4 +1,4 @@
-"""Are the samples what the polynomials say, to the rounding that the log declares?
+"""Samples held against the polynomials, to the rounding that the log declares.
 
 Samples are float32 numbers rounded to a grid; the metadata name the grid of each
 quantity. Allowed is half a step of the grid, the rounding of float32, and the change of
@@ -9,26 +9,31 @@ jump, between two mesh intervals, the value on either side is right.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
-from google.protobuf.message import DecodeError
 
 from showc.verify.damage import Damage
+from showc.verify.decode import parse
 from showc.verify.fleet import Fleet
 from showc.verify.report import Check, Place
+from showc.verify.sample import (
+    POINT_FIELDS,
+    expected_fields,
+    frames,
+    point_layout,
+    points_of,
+    same_sign,
+)
 from showc.verify.wire import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
-    from showc.verify.mcap import LogFile
+    from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
@@ -36,36 +41,28 @@ if TYPE_CHECKING:
 
 FLEET, TRANSFORMS = "/fleet/state", "/tf"
 DRONE_STATE = re.compile(r"/drone/(\d+)/state")
-_FRAME = re.compile(r"drone_(\d+)")
-
 GROUP = "choreography"
 
 GRIDS = ("position", "velocity", "attitude", "body_rate", "thrust", "torque")
 
-_POINT_FIELDS = (
-    *("x", "y", "z", "vx", "vy", "vz", "qx", "qy", "qz", "qw"),
-    *("wx", "wy", "wz", "u0", "u1", "u2", "u3"),
-)
-_POINT_QUANTITY = np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 4, 3, 1, 3])
 
-_STATE_FIELDS = (
-    {
-        (number, axis): f"{number}.{axis}"
-        for number in (1, 2, 3, 4)
-        for axis in (1, 2, 3)
-    }
-    | {(5,): "5"}
-    | {(6, axis): f"6.{axis}" for axis in (1, 2, 3)}
-)
-_STATE_QUANTITY = np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 3, 3, 1, 3])
-
-_TRANSFORM_QUANTITY = np.repeat([0, 2], [3, 4])
-
-_NUMPY = {
-    PackedElementField.FLOAT32: "<f4",
-    PackedElementField.FLOAT64: "<f8",
-    PackedElementField.UINT8: "u1",
+_STATE_FIELDS: dict[tuple[int, ...], str] = {
+    **{
+        (group, axis): f"{group}.{axis}" for group in (1, 2, 3, 4) for axis in (1, 2, 3)
+    },
+    (5,): "5",
+    **{(6, axis): f"6.{axis}" for axis in (1, 2, 3)},
 }
+
+Kind = Literal["point", "state", "transform"]
+
+_QUANTITIES = {
+    "point": np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 4, 3, 1, 3]),
+    "state": np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 3, 3, 1, 3]),
+    "transform": np.repeat([0, 2], [3, 4]),
+}
+"""Which of ``GRIDS`` each field of a sample has."""
+
 
 _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
@@ -76,7 +73,7 @@ class _Compared:
     """The worst sample of one kind, as error over what is allowed."""
 
     value: float = 0.0
-    where: Place = Place()
+    where: Place = field(default_factory=Place)
     samples: int = 0
     bad: int = 0
 
@@ -165,11 +162,11 @@ class _Comparison:
         for data, m, offset in self.log.read({channel}):
             clouds = []
             for start, size in zip(m.payload.tolist(), m.size.tolist(), strict=True):
-                cloud = _decode(PointCloud, data[start : start + size], offset)
-                layout = layout or _point_layout(cloud, offset)
-                clouds.append(_points(cloud, layout, self.show.drones, offset))
+                cloud = parse(PointCloud, data[start : start + size], offset)
+                layout = layout or point_layout(cloud, offset)
+                clouds.append(points_of(cloud, layout, self.show.drones, offset))
             points = np.stack(clouds)
-            values = np.stack([points[name] for name in _POINT_FIELDS], axis=-1)
+            values = np.stack([points[name] for name in POINT_FIELDS], axis=-1)
             times = self.seconds(m.log_time)
             drones = np.arange(self.show.drones)
             self._compare(
@@ -178,7 +175,6 @@ class _Comparison:
                 times,
                 drones,
                 "point",
-                _POINT_QUANTITY,
             )
         return worst.check("fleet samples equal to the polynomials")
 
@@ -204,6 +200,8 @@ class _Comparison:
             except Damage as damage:
                 raise Damage(offset, damage.text) from damage
             values = np.stack(list(table.values()), axis=-1)
+            # Undefined numbers must not pass for drones that have no samples.
+            values[np.isnan(values)] = np.inf
             owner = np.array([channels[number] for number in m.channel.tolist()])
             moments, index = np.unique(m.log_time, return_inverse=True)
             grid = np.full((moments.size, self.show.drones, values.shape[1]), np.nan)
@@ -215,7 +213,6 @@ class _Comparison:
                 self.seconds(moments),
                 drones,
                 "state",
-                _STATE_QUANTITY,
             )
         return worst.check("samples of single drones equal to the polynomials")
 
@@ -226,8 +223,8 @@ class _Comparison:
             for start, size, time in zip(
                 m.payload.tolist(), m.size.tolist(), m.log_time, strict=True
             ):
-                message = _decode(FrameTransforms, data[start : start + size], offset)
-                drones, values = _frames(message, self.show.drones, offset)
+                message = parse(FrameTransforms, data[start : start + size], offset)
+                drones, values = frames(message, self.show.drones, offset)
                 if drones.size:
                     self._compare(
                         worst,
@@ -235,7 +232,6 @@ class _Comparison:
                         self.seconds(np.array([time])),
                         drones,
                         "transform",
-                        _TRANSFORM_QUANTITY,
                     )
         if worst.samples == 0:
             return Check(
@@ -252,17 +248,16 @@ class _Comparison:
         values: FloatArray,
         times: FloatArray,
         drones: IntArray,
-        kind: str,
-        quantity: IntArray,
+        kind: Kind,
     ) -> None:
         """Compare values (times, drones, fields); NaN means: not logged."""
         flown = self.fleet_at(times)[:, drones]
-        ratio = self._ratio(values, flown, kind, quantity)
+        ratio = self._ratio(values, flown, kind)
         late = np.flatnonzero(np.any(ratio > 1.0, axis=(1, 2)))
         for index in late.tolist():
             for side in (-_SIDE, _SIDE):
                 other = self.fleet_at(times[index : index + 1] + side)[:, drones]
-                again = self._ratio(values[index : index + 1], other, kind, quantity)
+                again = self._ratio(values[index : index + 1], other, kind)
                 ratio[index] = np.minimum(ratio[index], again[0])
         worst.samples += int(np.sum(~np.isnan(values)))
         worst.bad += int(np.sum(ratio > 1.0))
@@ -274,130 +269,22 @@ class _Comparison:
                 drone=int(drones[place[1]]) + 1, time=float(times[place[0]])
             )
 
-    def _ratio(
-        self, values: FloatArray, flown: FloatArray, kind: str, quantity: IntArray
-    ) -> FloatArray:
+    def _ratio(self, values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
         """Error over what is allowed, shape of ``values``; 0 where not logged."""
-        expected = _expected(flown, kind)
+        expected = expected_fields(flown, kind)
         if kind != "state":
-            values = _same_sign(values, expected, kind)
-        allowed = 0.5 * self.grids[quantity] + 2.0**-23 * np.abs(expected)
-        allowed = (
-            allowed + 1e-9 * (1.0 + np.abs(expected)) + self._drift(flown, quantity)
-        )
+            values = same_sign(values, expected, kind)
+        quantity = _QUANTITIES[kind]
+        allowed = 0.5 * self.grids[quantity] + self._drift(flown)[quantity] + 1e-9
+        allowed = allowed + (2.0**-23 + 1e-9) * np.abs(expected)
         ratio = np.abs(values - expected) / allowed
         missing = np.isnan(values)
         if kind == "state":
             return np.where(missing, 0.0, ratio)
         return np.where(missing, np.inf, ratio)
 
-    def _drift(self, flown: FloatArray, quantity: IntArray) -> FloatArray:
-        """Change of each field within the rounding of time, one for all samples."""
+    @staticmethod
+    def _drift(flown: FloatArray) -> FloatArray:
+        """Change of each quantity within the nanosecond of rounding, shape (6,)."""
         fastest = np.abs(flown[..., [3, 4, 5, 9, 10, 11]]).max(initial=0.0)
-        rate = np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
-        return np.asarray(1e-9 * rate[quantity])
-
-
-def _expected(flown: FloatArray, kind: str) -> FloatArray:
-    """Fields of a sample from states and controls (..., 16)."""
-    if kind == "state":
-        return flown
-    turned = _quaternion(flown[..., 6:9])
-    if kind == "transform":
-        return np.concatenate([flown[..., :3], turned], axis=-1)
-    return np.concatenate([flown[..., :6], turned, flown[..., 9:]], axis=-1)
-
-
-def _quaternion(angles: FloatArray) -> FloatArray:
-    """Rotation by roll about x, then pitch about y, then yaw about z: x, y, z, w."""
-    roll, pitch, yaw = np.moveaxis(0.5 * angles, -1, 0)
-    # Product of the three elementary quaternions qz qy qx.
-    a = np.cos(yaw) * np.cos(pitch)
-    b = np.sin(yaw) * np.sin(pitch)
-    c = np.cos(yaw) * np.sin(pitch)
-    d = np.sin(yaw) * np.cos(pitch)
-    sine, cosine = np.sin(roll), np.cos(roll)
-    return np.stack(
-        [
-            a * sine - b * cosine,
-            c * cosine + d * sine,
-            d * cosine - c * sine,
-            a * cosine + b * sine,
-        ],
-        axis=-1,
-    )
-
-
-def _same_sign(values: FloatArray, expected: FloatArray, kind: str) -> FloatArray:
-    """A quaternion and its negative are one rotation."""
-    part = slice(3, 7) if kind == "transform" else slice(6, 10)
-    product = np.sum(values[..., part] * expected[..., part], axis=-1, keepdims=True)
-    if np.all(product >= 0.0):
-        return values
-    result = values.copy()
-    result[..., part] *= np.where(product < 0.0, -1.0, 1.0)
-    return result
-
-
-def _decode(kind, data, offset):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    try:
-        return kind.FromString(data)
-    except (DecodeError, RecursionError, MemoryError) as error:
-        raise Damage(
-            offset, f"a {kind.DESCRIPTOR.full_name} does not decode"
-        ) from error
-
-
-def _point_layout(cloud: PointCloud, offset: int) -> np.dtype[np.void]:
-    """Read the layout of a point from the message's own description."""
-    names = [field.name for field in cloud.fields]
-    known = all(field.type in _NUMPY for field in cloud.fields)
-    if (
-        not known
-        or len(set(names)) != len(names)
-        or not set(_POINT_FIELDS) <= set(names)
-    ):
-        raise Damage(offset, f"{FLEET} does not describe its points")
-    try:
-        return np.dtype(
-            {
-                "names": names,
-                "formats": [_NUMPY[field.type] for field in cloud.fields],
-                "offsets": [field.offset for field in cloud.fields],
-                "itemsize": cloud.point_stride,
-            }
-        )
-    except (ValueError, TypeError) as error:
-        raise Damage(offset, f"{FLEET} does not describe its points") from error
-
-
-def _points(
-    cloud: PointCloud, layout: np.dtype[np.void], drones: int, offset: int
-) -> NDArray[np.void]:
-    if (
-        cloud.point_stride != layout.itemsize
-        or len(cloud.data) != drones * layout.itemsize
-    ):
-        raise Damage(offset, f"a message on {FLEET} does not hold {drones} drones")
-    return np.frombuffer(cloud.data, dtype=layout)
-
-
-def _frames(
-    message: FrameTransforms, drones: int, offset: int
-) -> tuple[IntArray, FloatArray]:
-    """Drones and their x y z, qx qy qz qw; other frames are left aside."""
-    found, rows = [], []
-    for frame in _drone_frames(message):
-        drone = int(frame.child_frame_id.removeprefix("drone_")) - 1
-        if not 0 <= drone < drones:
-            raise Damage(offset, f"{TRANSFORMS} names {frame.child_frame_id!r}")
-        t, q = frame.translation, frame.rotation
-        found.append(drone)
-        rows.append((t.x, t.y, t.z, q.x, q.y, q.z, q.w))
-    return np.array(found, dtype=np.int64), np.array(rows).reshape(-1, 7)
-
-
-def _drone_frames(message: FrameTransforms) -> Iterator:  # type: ignore[type-arg]
-    return (
-        frame for frame in message.transforms if _FRAME.fullmatch(frame.child_frame_id)
-    )
+        return 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])

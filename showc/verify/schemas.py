@@ -1,4 +1,4 @@
-"""Are the message types in the file the ones that this verifier decodes with?"""
+"""The message types in the file: the ones that this verifier decodes with."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from google.protobuf.descriptor import FileDescriptor
 
-    from showc.verify.mcap import LogFile
+    from showc.verify.logfile import LogFile
     from showc.verify.records import Schema
 
 _TYPES = {

@@ -12,6 +12,7 @@ show is enclosed, and no pair comes nearer at any instant, sampled or not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,7 +153,7 @@ class _Search:
         )
         before = self.best
         self._instant(positions)
-        batch: list[tuple[FloatArray, ...]] = []
+        batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         size = 0
         for low, high in _slices(positions, max(self.best, self.wanted)):
             pairs = self._near(positions, low, high)
@@ -206,12 +207,16 @@ class _Search:
         gap -= radius[first] + radius[second]
         return np.asarray(pairs[gap < self.best - RESOLUTION / 2], dtype=np.int64)
 
-    def _decide(self, positions: Tracks, batch: list[tuple[FloatArray, ...]]) -> None:
+    def _decide(
+        self,
+        positions: Tracks,
+        batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]],
+    ) -> None:
         """Enclose the distances of candidate pairs over their slices."""
-        first, second, low, high = (
-            np.concatenate(part) for part in zip(*batch, strict=True)
-        )
-        first, second = first.astype(np.int64), second.astype(np.int64)
+        first = np.concatenate([part[0] for part in batch])
+        second = np.concatenate([part[1] for part in batch])
+        low = np.concatenate([part[2] for part in batch])
+        high = np.concatenate([part[3] for part in batch])
         row_a, row_b = positions.at(first, low), positions.at(second, low)
         last_a, last_b = positions.first[first + 1] - 1, positions.first[second + 1] - 1
         while first.size:
@@ -282,7 +287,7 @@ class _Search:
         if not self.measure.largest:
             return np.asarray(np.sqrt(np.maximum(work[:, :, 0].min(axis=1), 0.0)))
         away = np.maximum(work.min(axis=1), -work.max(axis=1))
-        return np.maximum(away.max(axis=1), 0.0)
+        return np.asarray(np.maximum(away.max(axis=1), 0.0))
 
     def _value(self, work: FloatArray) -> FloatArray:
         """Distances from one column of ``work`` (n, components)."""
@@ -327,7 +332,7 @@ def _slices(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]
     width = positions.ends - positions.starts
     speed = float(np.max(travel / np.where(width > 0.0, width, np.inf)))
     longest = 0.5 * distance / speed if speed > 0.0 else np.inf
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         parts = max(1, int(np.ceil((high - low) / longest)))
         cuts = np.linspace(low, high, parts + 1)
         yield from zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -92,7 +93,7 @@ def stretches(show: LoggedShow) -> Stretches:
             for segment in show.segments
             if segment.start < high - 1e-8 and segment.end > low + 1e-8
         )
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
+        for low, high in pairwise(edges.tolist())
     )
     return Stretches(edges, flying)
 

@@ -6,6 +6,7 @@ variable-length integers, doubles, and runs of doubles.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,42 +98,47 @@ def layout(data: bytes, fields: dict[Path, str]) -> tuple[dict[str, int], list[i
     """
     found: dict[str, int] = {}
     fixed: list[int] = []
-    _descend(data, 0, len(data), (), fields, found, fixed)
+    descent = _Descent(data, fields, found, fixed)
+    descent.run(0, len(data), ())
     return found, fixed
 
 
-def _descend(
-    data: bytes,
-    position: int,
-    stop: int,
-    path: Path,
-    fields: dict[Path, str],
-    found: dict[str, int],
-    fixed: list[int],
-) -> None:
-    while position < stop:
-        begin = position
-        tag, position = varint(data, position, stop)
-        here, kind = (*path, tag >> 3), tag & 7
-        size = 0
-        if kind == _VARINT:
-            _, position = varint(data, position, stop)
-        elif kind == _LENGTH:
-            size, position = varint(data, position, stop)
-        elif kind in (_FIXED64, _FIXED32):
-            size = 8 if kind == _FIXED64 else 4
-        else:
-            raise Damage(position, f"a message holds a field of kind {kind}")
-        if size > stop - position:
-            raise Damage(position, "a message holds a field that is cut")
-        fixed.extend(range(begin, position))
-        if kind == _FIXED64 and here in fields:
-            found[fields[here]] = position
-        elif kind == _LENGTH and any(key[: len(here)] == here for key in fields):
-            _descend(data, position, position + size, here, fields, found, fixed)
-        else:
-            fixed.extend(range(position, position + size))
-        position += size
+@dataclass(frozen=True, slots=True)
+class _Descent:
+    """Goes through a message, and into its parts that hold wanted doubles."""
+
+    data: bytes
+    fields: dict[Path, str]
+    found: dict[str, int]
+    fixed: list[int]
+
+    def run(self, position: int, stop: int, path: Path) -> None:
+        while position < stop:
+            begin = position
+            tag, position = varint(self.data, position, stop)
+            here, kind = (*path, tag >> 3), tag & 7
+            size = 0
+            if kind == _VARINT:
+                _, position = varint(self.data, position, stop)
+            elif kind == _LENGTH:
+                size, position = varint(self.data, position, stop)
+            elif kind in {_FIXED64, _FIXED32}:
+                size = 8 if kind == _FIXED64 else 4
+            else:
+                raise Damage(position, f"a message holds a field of kind {kind}")
+            if size > stop - position:
+                raise Damage(position, "a message holds a field that is cut")
+            self.fixed.extend(range(begin, position))
+            if kind == _FIXED64 and here in self.fields:
+                self.found[self.fields[here]] = position
+            elif kind == _LENGTH and self._leads_on(here):
+                self.run(position, position + size, here)
+            else:
+                self.fixed.extend(range(position, position + size))
+            position += size
+
+    def _leads_on(self, path: Path) -> bool:
+        return any(key[: len(path)] == path for key in self.fields)
 
 
 def columns(

@@ -1,0 +1,131 @@
+"""One sample: its fields in the bytes, and their values for a state and control."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+
+from showc.verify.damage import Damage
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+    from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+    from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+_FRAME = re.compile(r"drone_(\d+)")
+
+POINT_FIELDS = (
+    *("x", "y", "z", "vx", "vy", "vz", "qx", "qy", "qz", "qw"),
+    *("wx", "wy", "wz", "u0", "u1", "u2", "u3"),
+)
+_NUMPY = {
+    PackedElementField.FLOAT32: "<f4",
+    PackedElementField.FLOAT64: "<f8",
+    PackedElementField.UINT8: "u1",
+}
+
+
+def point_layout(cloud: PointCloud, offset: int) -> np.dtype[np.void]:
+    """Read the layout of a point from the message's own description."""
+    names = [field.name for field in cloud.fields]
+    known = all(field.type in _NUMPY for field in cloud.fields)
+    if (
+        not known
+        or len(set(names)) != len(names)
+        or not set(POINT_FIELDS) <= set(names)
+    ):
+        raise Damage(offset, "/fleet/state does not describe its points")
+    try:
+        return np.dtype(
+            {
+                "names": names,
+                "formats": [_NUMPY[field.type] for field in cloud.fields],
+                "offsets": [field.offset for field in cloud.fields],
+                "itemsize": cloud.point_stride,
+            }
+        )
+    except (ValueError, TypeError) as error:
+        raise Damage(offset, "/fleet/state does not describe its points") from error
+
+
+def points_of(
+    cloud: PointCloud, layout: np.dtype[np.void], drones: int, offset: int
+) -> NDArray[np.void]:
+    """Points (drones,) of a message; damage at ``offset`` if they are not as many."""
+    if (
+        cloud.point_stride != layout.itemsize
+        or len(cloud.data) != drones * layout.itemsize
+    ):
+        raise Damage(offset, f"a message on /fleet/state does not hold {drones} drones")
+    return np.frombuffer(cloud.data, dtype=layout)
+
+
+def frames(
+    message: FrameTransforms, drones: int, offset: int
+) -> tuple[IntArray, FloatArray]:
+    """Drones and their x y z, qx qy qz qw; other frames are left aside."""
+    found, rows = [], []
+    for frame in _drone_frames(message):
+        drone = int(frame.child_frame_id.removeprefix("drone_")) - 1
+        if not 0 <= drone < drones:
+            raise Damage(offset, f"/tf names {frame.child_frame_id!r}")
+        t, q = frame.translation, frame.rotation
+        found.append(drone)
+        rows.append((t.x, t.y, t.z, q.x, q.y, q.z, q.w))
+    return np.array(found, dtype=np.int64), np.array(rows).reshape(-1, 7)
+
+
+def _drone_frames(message: FrameTransforms) -> Iterator[FrameTransform]:
+    return (
+        frame for frame in message.transforms if _FRAME.fullmatch(frame.child_frame_id)
+    )
+
+
+def expected_fields(flown: FloatArray, kind: str) -> FloatArray:
+    """Fields of a sample from states and controls (..., 16)."""
+    if kind == "state":
+        return flown
+    turned = _quaternion(flown[..., 6:9])
+    if kind == "transform":
+        return np.concatenate([flown[..., :3], turned], axis=-1)
+    return np.concatenate([flown[..., :6], turned, flown[..., 9:]], axis=-1)
+
+
+def _quaternion(angles: FloatArray) -> FloatArray:
+    """Rotation by roll about x, then pitch about y, then yaw about z: x, y, z, w."""
+    roll, pitch, yaw = np.moveaxis(0.5 * angles, -1, 0)
+    # Product of the three elementary quaternions qz qy qx.
+    a = np.cos(yaw) * np.cos(pitch)
+    b = np.sin(yaw) * np.sin(pitch)
+    c = np.cos(yaw) * np.sin(pitch)
+    d = np.sin(yaw) * np.cos(pitch)
+    sine, cosine = np.sin(roll), np.cos(roll)
+    return np.stack(
+        [
+            a * sine - b * cosine,
+            c * cosine + d * sine,
+            d * cosine - c * sine,
+            a * cosine + b * sine,
+        ],
+        axis=-1,
+    )
+
+
+def same_sign(values: FloatArray, expected: FloatArray, kind: str) -> FloatArray:
+    """Turn quaternions to the expected sign: both signs are one rotation."""
+    part = slice(3, 7) if kind == "transform" else slice(6, 10)
+    product = np.sum(values[..., part] * expected[..., part], axis=-1, keepdims=True)
+    if np.all(product >= 0.0):
+        return values
+    result = values.copy()
+    result[..., part] *= np.where(product < 0.0, -1.0, 1.0)
+    return result
