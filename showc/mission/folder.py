@@ -1,0 +1,128 @@
+"""The missions of a compiled show as they lie on disk, checked against the manifest."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+from showc.errors import UsageError
+from showc.mission.fleet import fleet_token
+from showc.mission.wire import WireItem, parse_waypoints
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class FleetMission:
+    """One drone's mission file."""
+
+    drone: int
+    """Counting from 1, as in the file's name."""
+    name: str
+    """Relative to the folder: ``missions/drone_0001.waypoints``."""
+    digest: str
+    """SHA-256 of its bytes, hexadecimal."""
+    items: tuple[WireItem, ...]
+    """What it says."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetFolder:
+    """All missions of one compile."""
+
+    token: str
+    """The compile they belong to."""
+    autopilot: str
+    """Whose dialect they speak."""
+    missions: tuple[FleetMission, ...]
+    """By drone."""
+
+
+def read_fleet(folder: Path) -> FleetFolder:
+    """Read the missions in ``folder`` and hold them against its manifest.
+
+    Raises
+    ------
+    UsageError
+        If the folder, the manifest or a file cannot be read, a file is missing, was
+        changed, or the missions are of more than one compile.
+    """
+    manifest = _manifest(folder)
+    try:
+        token = str(manifest["fleet"])
+        described = manifest["missions"]
+        listed = dict(described["files"])
+        autopilot = str(described["autopilot"])
+    except (KeyError, TypeError, ValueError):
+        raise UsageError(
+            f"{folder / 'manifest.json'}: is not a manifest of this version; compile "
+            "the show again"
+        ) from None
+    wanted = sorted(name for name in listed if name.endswith(".waypoints"))
+    found = sorted(
+        f"missions/{path.name}" for path in (folder / "missions").glob("*.waypoints")
+    )
+    strangers = sorted(set(found) - set(wanted))
+    if strangers:
+        raise UsageError(
+            f"{folder / strangers[0]}: is not in the manifest: the folder holds files "
+            "of more than one compile; compile the show again"
+        )
+    contents = {name: _checked(folder, name, listed[name]) for name in wanted}
+    if fleet_token(contents) != token:
+        raise UsageError(
+            f"{folder}: the missions are not those of compile {token[:12]}…; compile "
+            "the show again"
+        )
+    missions = tuple(
+        FleetMission(
+            _drone_of(name),
+            name,
+            sha256(content).hexdigest(),
+            parse_waypoints(content, str(folder / name)),
+        )
+        for name, content in contents.items()
+    )
+    return FleetFolder(token, autopilot, missions)
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    path = folder / "manifest.json"
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be read ({error.strerror}); give the folder that "
+            "`showc compile` wrote"
+        ) from None
+    except ValueError as error:
+        raise UsageError(f"{path}: is not JSON ({error})") from None
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: is not a manifest; compile the show again")
+    return content
+
+
+def _checked(folder: Path, name: str, digest: str) -> bytes:
+    """Content of a file whose hash the manifest names."""
+    path = folder / name
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UsageError(
+            f"{path}: is in the manifest and cannot be read ({error.strerror}); "
+            "compile the show again"
+        ) from None
+    found = sha256(content).hexdigest()
+    if found != digest:
+        raise UsageError(
+            f"{path}: has hash {found[:12]}…, the manifest says {digest[:12]}…: it was "
+            "changed, or is of another compile; compile the show again"
+        )
+    return content
+
+
+def _drone_of(name: str) -> int:
+    return int(name.rsplit("_", 1)[1].removesuffix(".waypoints"))
