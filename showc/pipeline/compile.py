@@ -81,7 +81,7 @@ def compile_script(
     UsageError
         If a file cannot be read or written.
     """
-    from showc.log import write_log  # noqa: PLC0415 - heavy, and not for check
+    from showc.log.writer import write_log  # noqa: PLC0415 - heavy, not for check
     from showc.mission import mission_files  # noqa: PLC0415
     from showc.plan import build_itinerary  # noqa: PLC0415
     from showc.script import load_show  # noqa: PLC0415
