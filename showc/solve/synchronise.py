@@ -8,12 +8,14 @@ searched on a grid, over the drones that matter.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.solve.profile import BLEND, Profile
-from showc.solve.straight import attitude, fly_straight, keeps_limits
+from showc.solve.flat import attitude, keeps_limits
+from showc.solve.straight import fly_straight
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,7 +64,11 @@ def strain(
     jerk = peak / (ramp * (1.0 - BLEND))
     snap = jerk / (BLEND * ramp)
     fraction = np.array([-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
-    flat = attitude(displacement, peak[:, None] * fraction, heading, vehicle.gravity)
+    # u is linear in s'': its derivatives by s'' are the way itself, and zero.
+    way = np.broadcast_to(displacement[:, None, :], (*peak.shape, fraction.size, 3))
+    thrust = way * (peak[:, None] * fraction)[..., None]
+    thrust[..., 2] += vehicle.gravity
+    flat = attitude(thrust, way, np.zeros_like(thrust), heading)
     velocity = displacement * speed[:, None]
     use = np.max(
         np.maximum(
@@ -78,9 +84,9 @@ def strain(
     rate_y = np.abs(flat.pitch[1]) * jerk[:, None]
     use = np.maximum(use, rate_x.max(axis=1) / limits.body_rate[0])
     use = np.maximum(use, rate_y.max(axis=1) / limits.body_rate[1])
-    thrust = vehicle.mass * flat.acceleration
-    use = np.maximum(use, thrust.max(axis=1) / limits.thrust_max)
-    use = np.where(thrust.min(axis=1) < limits.thrust_min, np.inf, use)
+    force = vehicle.mass * flat.acceleration
+    use = np.maximum(use, force.max(axis=1) / limits.thrust_max)
+    use = np.where(force.min(axis=1) < limits.thrust_min, np.inf, use)
     torques = np.stack(
         [
             vehicle.inertia[axis]
@@ -101,8 +107,8 @@ def strain(
     rotors = vehicle.rotor_fractions()
     most = (torques @ np.abs(rotors[:, 1:]).T).max(axis=1)
     base = rotors[0, 0]
-    use = np.maximum(use, base * thrust.max(axis=1) + most)
-    return np.where(base * thrust.min(axis=1) < most, np.inf, use)
+    use = np.maximum(use, base * force.max(axis=1) + most)
+    return np.where(base * force.min(axis=1) < most, np.inf, use)
 
 
 def least_times(
@@ -228,10 +234,9 @@ def _proved(
 ) -> BoolArray:
     """Whether straight flights keep all limits but the volume, shape (n,)."""
     # Both ends lie in the volume, which is convex: so does every straight way.
+    everywhere = (np.inf, np.inf, np.inf)
+    nowhere = (-np.inf, -np.inf, -np.inf)
+    free = replace(limits, position_min=nowhere, position_max=everywhere)
     origin = np.zeros_like(displacement)
     flights = fly_straight(vehicle, heading, origin, displacement, profile)
-    state = flights.state.copy()
-    state[..., :3] = 0.5 * (
-        np.asarray(limits.position_min) + np.asarray(limits.position_max)
-    )
-    return keeps_limits(vehicle, limits, state, flights.control)
+    return keeps_limits(vehicle, free, flights)

@@ -1,0 +1,252 @@
+"""Solved legs, kept by what they were solved from.
+
+The key is a hash of everything the result depends on, so an entry is never wrong, only
+unused. Entries are written under a temporary name and renamed, so two compiles at once
+cannot harm each other; each carries its own checksum, and a damaged one counts as
+absent. The least recently used go when the folder grows too large.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import io
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc._version import __version__
+from showc.flight import (
+    Certificate,
+    ClosestEncounter,
+    DualWitness,
+    LegFlight,
+    Trajectory,
+)
+from showc.trajectory import PiecewisePolynomial
+
+if TYPE_CHECKING:
+    from showc.plan.itinerary import Leg
+    from showc.script.show import Show
+    from showc.solve.options import SolveOptions
+
+FORMAT = "showc-leg-1"
+"""Changes whenever results or their encoding change."""
+_MAGIC = b"showcleg"
+_DIGEST = 32
+
+
+def digest(*parts: object) -> str:
+    """Hash of values, by their content: numbers, text, arrays, dataclasses, nested."""
+    hasher = hashlib.sha256()
+    for part in parts:
+        _feed(hasher, part)
+    return hasher.hexdigest()
+
+
+def _feed(hasher: Any, value: object) -> None:  # noqa: ANN401 - hashlib's own type
+    """Every value is preceded by its kind, so that no two look alike."""
+    if isinstance(value, np.ndarray):
+        hasher.update(f"a{value.dtype.str}{value.shape}".encode())
+        hasher.update(np.ascontiguousarray(value).tobytes())
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        hasher.update(f"d{type(value).__name__}".encode())
+        for item in dataclasses.fields(value):
+            hasher.update(item.name.encode())
+            _feed(hasher, getattr(value, item.name))
+    elif isinstance(value, Mapping):
+        hasher.update(f"m{len(value)}".encode())
+        for key in sorted(value):
+            _feed(hasher, key)
+            _feed(hasher, value[key])
+    elif isinstance(value, float | np.floating):
+        hasher.update(b"f" + float(value).hex().encode())
+    elif isinstance(value, bytes):
+        hasher.update(f"b{len(value)}:".encode() + value)
+    elif isinstance(value, str):
+        encoded = value.encode()
+        hasher.update(f"s{len(encoded)}:".encode() + encoded)
+    elif isinstance(value, bool | int | np.integer) or value is None:
+        hasher.update(f"i{value!r};".encode())
+    elif isinstance(value, Sequence):
+        hasher.update(f"l{len(value)}".encode())
+        for entry in value:
+            _feed(hasher, entry)
+    else:
+        raise TypeError(f"cannot hash a {type(value).__name__}")
+
+
+def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
+    """Name the entry of a leg: hash of all that its flight depends on."""
+    return digest(
+        FORMAT,
+        __version__,
+        _engine_versions(),
+        show.vehicle,
+        leg.limits,
+        show.separation,
+        show.yaw,
+        show.heading,
+        leg.kind,
+        leg.drones,
+        leg.start,
+        leg.goal,
+        leg.duration,
+        leg.others_parked,
+        [options.gap, options.gap_limit, options.repair_rounds],
+    )
+
+
+def _engine_versions() -> list[str]:
+    from importlib.metadata import version  # noqa: PLC0415 - slow to import
+
+    return [version(name) for name in ("casadi", "clarabel", "numpy", "scipy")]
+
+
+class Cache:
+    """A folder of solved legs."""
+
+    def __init__(self, folder: Path | None, limit: int) -> None:
+        self._folder = folder
+        self._limit = limit
+
+    @classmethod
+    def of(cls, options: SolveOptions) -> Cache:
+        """Return the cache that the options ask for."""
+        if not options.use_cache:
+            return cls(None, 0)
+        return cls(options.cache or default_folder(), options.cache_limit)
+
+    def find(self, key: str, leg: Leg) -> LegFlight | None:
+        """Look an entry up; None if there is none, or only a damaged one."""
+        if self._folder is None:
+            return None
+        path = self._path(key)
+        try:
+            content = path.read_bytes()
+        except OSError:
+            return None
+        flight = _decoded(content, leg)
+        with contextlib.suppress(OSError):
+            if flight is None:
+                path.unlink()
+            else:
+                os.utime(path)
+        return flight
+
+    def keep(self, key: str, flight: LegFlight) -> None:
+        """Store an entry; a full or read-only disk is no reason to fail."""
+        if self._folder is None:
+            return
+        path = self._path(key)
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor, name = tempfile.mkstemp(dir=path.parent, suffix=".new")
+            try:
+                with os.fdopen(descriptor, "wb") as stream:
+                    stream.write(_encoded(flight))
+                Path(name).replace(path)
+            except BaseException:
+                with contextlib.suppress(OSError):
+                    Path(name).unlink()
+                raise
+            self._shrink()
+
+    def _path(self, key: str) -> Path:
+        assert self._folder is not None  # noqa: S101 - callers look first
+        return self._folder / key[:2] / f"{key}.leg"
+
+    def _shrink(self) -> None:
+        """Remove the least recently used entries beyond the limit."""
+        assert self._folder is not None  # noqa: S101 - callers look first
+        entries = []
+        for path in self._folder.glob("*/*.leg"):
+            with contextlib.suppress(OSError):
+                status = path.stat()
+                entries.append((status.st_mtime_ns, path.name, status.st_size, path))
+        size = sum(entry[2] for entry in entries)
+        for _, _, weight, path in sorted(entries):
+            if size <= self._limit:
+                break
+            with contextlib.suppress(OSError):
+                path.unlink()
+            size -= weight
+
+
+def default_folder() -> Path:
+    """Return ``showc`` in the user's cache folder (XDG base directories)."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    root = Path(base) if base else Path.home() / ".cache"
+    return root / "showc"
+
+
+def _encoded(flight: LegFlight) -> bytes:
+    arrays: dict[str, Any] = {}
+    alike: dict[tuple[bytes, int, int], list[int]] = {}
+    for index, trajectory in enumerate(flight.trajectories):
+        key = (
+            trajectory.state.breaks.tobytes(),
+            trajectory.state.degree,
+            trajectory.control.degree,
+        )
+        alike.setdefault(key, []).append(index)
+    for number, members in enumerate(alike.values()):
+        flights = [flight.trajectories[index] for index in members]
+        arrays[f"members{number}"] = np.array(members)
+        arrays[f"breaks{number}"] = flights[0].state.breaks
+        arrays[f"state{number}"] = np.stack([f.state.coefficients for f in flights])
+        arrays[f"control{number}"] = np.stack([f.control.coefficients for f in flights])
+    note = {
+        "duration": flight.duration,
+        "groups": len(alike),
+        "certificate": dataclasses.asdict(flight.certificate),
+    }
+    arrays["note"] = np.frombuffer(json.dumps(note).encode(), dtype=np.uint8)
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    payload = stream.getvalue()
+    return _MAGIC + hashlib.sha256(payload).digest() + payload
+
+
+def _decoded(content: bytes, leg: Leg) -> LegFlight | None:
+    head = len(_MAGIC)
+    payload = content[head + _DIGEST :]
+    if (
+        content[:head] != _MAGIC
+        or hashlib.sha256(payload).digest() != content[head : head + _DIGEST]
+    ):
+        return None
+    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+        note = json.loads(arrays["note"].tobytes())
+        trajectories: dict[int, Trajectory] = {}
+        for number in range(note["groups"]):
+            breaks = arrays[f"breaks{number}"]
+            states, controls = arrays[f"state{number}"], arrays[f"control{number}"]
+            for place, index in enumerate(arrays[f"members{number}"].tolist()):
+                trajectories[index] = Trajectory(
+                    PiecewisePolynomial(breaks, states[place]),
+                    PiecewisePolynomial(breaks, controls[place]),
+                )
+    record = note["certificate"]
+    witness, closest = record.pop("witness"), record.pop("closest")
+    if witness is not None:
+        witness = DualWitness(
+            witness["drone"],
+            witness["time"],
+            tuple(witness["beta"]),
+            tuple(witness["knots"]),
+            tuple(tuple(row) for row in witness["multipliers"]),
+        )
+    certificate = Certificate(
+        witness=witness,
+        closest=None if closest is None else ClosestEncounter(**closest),
+        **record,
+    )
+    ordered = tuple(trajectories[index] for index in range(len(trajectories)))
+    return LegFlight(leg, note["duration"], ordered, certificate)

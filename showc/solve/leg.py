@@ -1,0 +1,298 @@
+"""One leg: the least common time of its drones, flown apart, with a certificate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import SolveError
+from showc.flight import Certificate, ClosestEncounter, LegFlight, Trajectory
+from showc.plan.metric import measure
+from showc.solve.conflicts import Encounters, closest
+from showc.solve.limiting import Limiting, limiting_time
+from showc.solve.repair import Repair
+from showc.solve.single import Aircraft, hover
+from showc.solve.synchronise import shared_profile
+from showc.solve.tracks import tracks_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.plan.itinerary import Leg
+    from showc.progress import Progress
+    from showc.script.show import Show
+    from showc.solve.options import SolveOptions
+    from showc.solve.pool import Workers
+    from showc.solve.profile import Profile
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""How much nearer than the separation a pair may come by rounding [m]."""
+_STILL = 1e-9
+_LARGEST_STEP = 1.25
+
+
+def whole_milliseconds(time: float) -> float:
+    """Round a time up to a whole millisecond [s]."""
+    return math.ceil(time * 1000.0 - 1e-6) / 1000.0
+
+
+@dataclass(slots=True)
+class _Attempts:
+    """What has been tried, for the certificate."""
+
+    counts: dict[str, float] = field(default_factory=dict)
+
+    def add(self, name: str, value: float = 1.0) -> None:
+        self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def aircraft_of(show: Show, leg: Leg) -> Aircraft:
+    """Return what flies on this leg, with the leg's own limits."""
+    return Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
+
+
+def solve_leg(
+    leg: Leg,
+    show: Show,
+    options: SolveOptions,
+    workers: Workers,
+    progress: Progress,
+) -> LegFlight:
+    """Find the least common time of ``leg`` and a flight of each drone that keeps it.
+
+    Returns
+    -------
+    LegFlight
+        Every limit kept at every instant, every pair apart in continuous time, the
+        duration a whole number of milliseconds.
+
+    Raises
+    ------
+    SolveError
+        If the leg cannot be flown in the time the script gives, or a pair cannot be
+        kept apart; the message names them, the constraint and the time needed.
+    """
+    return _Solver(leg, show, options, workers, progress).solve()
+
+
+class _Solver:
+    """Carries one leg through its stages."""
+
+    def __init__(
+        self,
+        leg: Leg,
+        show: Show,
+        options: SolveOptions,
+        workers: Workers,
+        progress: Progress,
+    ) -> None:
+        self.leg = leg
+        self.aircraft = aircraft_of(show, leg)
+        self.separation: Separation = show.separation
+        self.options = options
+        self.workers = workers
+        self.progress = progress
+        self.tried = _Attempts()
+        self.where = place(leg)
+
+    def solve(self) -> LegFlight:
+        """Go through the stages."""
+        leg = self.leg
+        self._check_ends()
+        moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
+        if not moving.any():
+            return self._hold()
+        shared = shared_profile(
+            self.aircraft.vehicle,
+            leg.limits,
+            self.aircraft.heading,
+            leg.start,
+            leg.goal,
+        )
+        limiting = limiting_time(
+            self.aircraft, leg.start, leg.goal, self.workers, self.progress
+        )
+        self.tried.add("minimum_time_solves", limiting.solves)
+        if leg.duration is not None:
+            return self._fixed(leg.duration, limiting, shared)
+        return self._shortest(limiting, shared)
+
+    def _hold(self) -> LegFlight:
+        if self.leg.duration is None:
+            duration = 0.001
+        else:
+            duration = whole_milliseconds(self.leg.duration)
+        trajectories = tuple(
+            hover(self.aircraft, position, duration) for position in self.leg.start
+        )
+        nearest = self._closest(trajectories)
+        certificate = Certificate(
+            duration, 0.0, 0.0, None, nearest, "hold: every drone hovers", {}
+        )
+        return LegFlight(self.leg, duration, trajectories, certificate)
+
+    def _fixed(
+        self, duration: float, limiting: Limiting, shared: Profile
+    ) -> LegFlight:
+        """Fly the leg in the time that the script gives."""
+        time = whole_milliseconds(duration)
+        if time < limiting.witness.time:
+            needed = whole_milliseconds(max(limiting.time, limiting.witness.time))
+            raise SolveError(
+                f"{self.where}: needs >= {needed:.3f} s, script gives {time:.3f} s: "
+                f"drone {limiting.drone + 1} cannot make its way of "
+                f"{limiting.distance:.2f} m in less under its limits "
+                f"(proved for anything under {limiting.witness.time:.3f} s); "
+                "give it more time or leave 'duration' out"
+            )
+        repair = self._repair(time, shared)
+        if repair.run():
+            return self._finish(repair, limiting)
+        least = self._shortest(limiting, shared)
+        raise SolveError(
+            f"{self.where}: needs >= {least.duration:.3f} s, script gives "
+            f"{time:.3f} s: {repair.trouble}; give it more time or leave "
+            "'duration' out"
+        )
+
+    def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:
+        """Fly the leg in the least time found."""
+        gap = self.options.gap
+        best: Repair | None = None
+        failed = limiting.time
+        while best is None:
+            time = whole_milliseconds(limiting.time * (1.0 + gap))
+            repair = self._repair(time, shared)
+            if repair.run():
+                best = repair
+                break
+            failed = time
+            self.progress.note(
+                f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
+            )
+            gap = max(1.6 * gap, gap + 0.006)
+            if gap > self.options.gap_limit:
+                raise SolveError(
+                    f"{self.where}: {repair.trouble}, even in {time:.3f} s "
+                    f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
+                    "slowest drone needs); move the formations apart or let the "
+                    "assignment be optimal"
+                )
+        for _ in range(3):
+            middle = whole_milliseconds(0.5 * (failed + best.duration))
+            small = (best.duration - failed) < 0.008 * limiting.time
+            if small or middle >= best.duration or failed <= limiting.time:
+                break
+            repair = self._repair(middle, shared)
+            if repair.run():
+                best = repair
+            else:
+                failed = middle
+        return self._finish(best, limiting)
+
+    def _repair(self, time: float, shared: Profile) -> Repair:
+        self.tried.add("common_times_tried")
+        return Repair(
+            aircraft=self.aircraft,
+            separation=self.separation,
+            start=self.leg.start,
+            goal=self.leg.goal,
+            parked=self.leg.others_parked,
+            duration=time,
+            shared=shared,
+            rounds=self.options.repair_rounds,
+            workers=self.workers,
+            progress=self.progress,
+            name=self.leg.name,
+        )
+
+    def _finish(self, repair: Repair, limiting: Limiting) -> LegFlight:
+        trajectories = repair.trajectories
+        nearest = self._closest(trajectories)
+        statistics = {
+            **self.tried.counts,
+            **repair.counts,
+            "drones": float(len(trajectories)),
+            "dual_bounds": float(limiting.bounds),
+        }
+        certificate = Certificate(
+            repair.duration,
+            min(limiting.time, repair.duration),
+            limiting.witness.time,
+            limiting.witness,
+            nearest,
+            repair.method,
+            dict(sorted(statistics.items())),
+        )
+        return LegFlight(self.leg, repair.duration, trajectories, certificate)
+
+    def _check_ends(self) -> None:
+        """Refuse formations that break the separation or the flight volume."""
+        leg, limits = self.leg, self.leg.limits
+        for points, formation in (
+            (leg.start, leg.from_formation),
+            (leg.goal, leg.to_formation),
+        ):
+            outside = np.any(
+                (points < np.asarray(limits.position_min) - _STILL)
+                | (points > np.asarray(limits.position_max) + _STILL),
+                axis=1,
+            )
+            if outside.any():
+                drone = int(leg.drones[int(np.argmax(outside))])
+                x, y, z = points[int(np.argmax(outside))]
+                raise SolveError(
+                    f"{self.where}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
+                    f"in {formation!r} is outside the flight volume; move the "
+                    "formation or widen the volume"
+                )
+            still = tuple(hover(self.aircraft, point, 1.0) for point in points)
+            tracks = tracks_of(still, leg.others_parked)
+            found = closest(tracks, self.separation)
+            if len(found) and found.distance[0] < self.separation.distance - TOLERANCE:
+                raise SolveError(
+                    f"{self.where}: {self._pair(found)} stand "
+                    f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
+                    f"is {self.separation.distance:.3f} m; spread the formation"
+                )
+
+    def _pair(self, found: Encounters) -> str:
+        return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
+
+    def _closest(self, trajectories: tuple[Trajectory, ...]) -> ClosestEncounter | None:
+        if len(trajectories) < 2:
+            return None
+        # Drones that take no part count for the separation, not for this record.
+        found = closest(tracks_of(trajectories), self.separation)
+        first, second = int(found.first[0]), int(found.second[0])
+        gap = (
+            trajectories[first].state(found.time)[0, :3]
+            - trajectories[second].state(found.time)[0, :3]
+        )
+        return ClosestEncounter(
+            int(self.leg.drones[first]),
+            int(self.leg.drones[second]),
+            float(found.time[0]),
+            float(measure(gap, self.separation)),
+        )
+
+
+def place(leg: Leg) -> str:
+    """Where the script asks for the leg, as ``path:line:column: name``."""
+    if leg.mark is None:
+        return leg.name
+    return f"{leg.mark.path}:{leg.mark.line}:{leg.mark.column}: {leg.name}"
+
+
+def pair_names(leg: Leg, first: int, second: int) -> str:
+    """Names of two drones for people; from ``leg.drones`` on they are parked ones."""
+    one = f"drone {int(leg.drones[first]) + 1}"
+    if second < leg.drones.size:
+        return f"{one} and drone {int(leg.drones[second]) + 1}"
+    return f"{one} and a parked drone"

@@ -1,0 +1,168 @@
+"""The slowest drones of a leg: their minimum times, and the proof of a lower bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.solve.bound import Relaxation, lower_bound
+from showc.solve.single import Aircraft, Result, minimum_time
+from showc.solve.synchronise import SHAPES, least_times
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.flight import DualWitness
+    from showc.progress import Progress
+    from showc.solve.pool import Workers
+
+    FloatArray = NDArray[np.float64]
+
+_CANDIDATES = 16
+_SOLVED_AT_LEAST = 2
+_SOLVED_AT_MOST = 4
+_SCATTER = 0.006
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limiting:
+    """What bounds the common time of a leg from below."""
+
+    time: float
+    """Greatest minimum time found of any single drone [s]."""
+    drone: int
+    """Row of that drone in the leg."""
+    distance: float
+    """Length of its way [m]."""
+    witness: DualWitness
+    """Proof of the greatest rigorous bound; ``drone`` in it is a row of the leg."""
+    solves: int
+    """Minimum-time problems solved."""
+    bounds: int
+    """Moves for which a bound was proved."""
+    flights: dict[int, Result]
+    """Minimum-time flights by row."""
+
+
+def limiting_time(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    workers: Workers,
+    progress: Progress,
+) -> Limiting:
+    """Find the drones that need the longest, and prove how long they need.
+
+    Candidates are the moves with the longest straight flights and the longest
+    single-axis times; each gets a rigorous bound. Minimum times are solved for those
+    with the greatest bounds. A drone that is slower still would only make the reported
+    gap look larger than it is, never smaller.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (n, 3) [m]; at least one drone moves.
+    """
+    displacement = goal - start
+    # Moves that differ by rounding alone are one.
+    rounded = np.round(displacement, 9)
+    distinct, rows = np.unique(rounded, axis=0, return_index=True)
+    moves = np.linalg.norm(distinct, axis=1) > 0.0
+    distinct, rows = distinct[moves], rows[moves]
+    candidates = _candidates(aircraft, distinct)
+    relaxation = Relaxation(
+        aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
+    )
+    progress.stage("lower bounds", candidates.size)
+    witnesses: list[DualWitness] = workers.run(
+        lower_bound,
+        [
+            (
+                relaxation,
+                int(rows[index]),
+                displacement[rows[index]],
+                _guess(relaxation, distinct[index]),
+            )
+            for index in candidates
+        ],
+        progress.advance,
+    )
+    proved = np.array([witness.time for witness in witnesses])
+    order = np.lexsort((candidates, -proved))
+    near = proved[order] > proved[order[0]] * (1.0 - _SCATTER)
+    wanted = int(np.clip(near.sum(), _SOLVED_AT_LEAST, _SOLVED_AT_MOST))
+    chosen = [int(rows[candidates[index]]) for index in order[:wanted]]
+    progress.stage("minimum times", len(chosen))
+    results: list[Result] = workers.run(
+        minimum_time,
+        [(aircraft, start[row], goal[row]) for row in chosen],
+        progress.advance,
+    )
+    flights = {
+        row: result
+        for row, result in zip(chosen, results, strict=True)
+        if result.solved
+    }
+    if flights:
+        slowest = max(flights, key=lambda row: (flights[row].duration, -row))
+        time = flights[slowest].duration
+    else:
+        # The straight flight is always there; the gap is then measured against it.
+        times = least_times(
+            aircraft.vehicle,
+            aircraft.limits,
+            aircraft.heading,
+            displacement[chosen],
+            SHAPES,
+        ).min(axis=1)
+        slowest, time = chosen[int(np.argmax(times))], float(times.max())
+    best = witnesses[int(order[0])]
+    return Limiting(
+        max(time, best.time),
+        slowest,
+        float(np.linalg.norm(displacement[slowest])),
+        best,
+        len(chosen),
+        len(witnesses),
+        flights,
+    )
+
+
+def _candidates(aircraft: Aircraft, displacement: FloatArray) -> NDArray[np.int64]:
+    """Moves that may be the slowest, by two cheap measures."""
+    if displacement.shape[0] <= _CANDIDATES:
+        return np.arange(displacement.shape[0])
+    straight = least_times(
+        aircraft.vehicle,
+        aircraft.limits,
+        aircraft.heading,
+        displacement,
+        SHAPES[::29],
+    ).min(axis=1)
+    velocity = np.where(
+        displacement > 0.0,
+        np.asarray(aircraft.limits.velocity_max),
+        np.asarray(aircraft.limits.velocity_min),
+    )
+    axis = (displacement / velocity).max(axis=1)
+    half = _CANDIDATES // 2
+    return np.union1d(
+        np.argsort(-straight, kind="stable")[:half],
+        np.argsort(-axis, kind="stable")[:half],
+    )
+
+
+def _guess(relaxation: Relaxation, displacement: FloatArray) -> float:
+    """A time near the least one: the slowest axis, speeding up at half a g."""
+    limits = relaxation.limits
+    velocity = np.where(
+        displacement > 0.0,
+        np.asarray(limits.velocity_max),
+        np.abs(np.asarray(limits.velocity_min)),
+    )
+    way = np.abs(displacement)
+    pull = 0.5 * relaxation.vehicle.gravity
+    ramp = np.minimum(velocity / pull, np.sqrt(way / pull))
+    return float((way / velocity + ramp).max())

@@ -1,0 +1,263 @@
+"""Where work is done: in this process, in processes of this machine, on a cluster.
+
+The same work gives the same results everywhere: a task is a function of its arguments
+alone, and results come back in the order of the tasks.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any, Protocol
+
+from showc.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+_THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+_DEATHS = 3
+_PRELOAD = ("showc.solve.single",)
+
+
+class Workers(Protocol):
+    """Does many like tasks."""
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = ...,
+    ) -> list[Any]:
+        """Call ``function(*task)`` for every task; results in the tasks' order.
+
+        ``done`` is told how many more tasks have been finished.
+        """
+
+
+def _ignore(steps: int) -> None:
+    del steps
+
+
+def _several(function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list[Any]:
+    return [function(*task) for task in tasks]
+
+
+def chunks(tasks: Sequence[Any]) -> list[list[Any]]:
+    """Cut tasks into chunks by their number alone, never by who works on them."""
+    size = 1 if len(tasks) < 32 else 2 if len(tasks) < 128 else 6
+    return [list(tasks[top : top + size]) for top in range(0, len(tasks), size)]
+
+
+class InProcess:
+    """Works in the calling process."""
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+    ) -> list[Any]:
+        """See :class:`Workers`."""
+        results = []
+        for task in tasks:
+            results.append(function(*task))
+            done(1)
+        return results
+
+
+class Processes:
+    """Works in processes of this machine, started when first needed.
+
+    A worker that dies takes the others of its pool along; the unfinished tasks are
+    then given to a new pool, a few times.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._executor: ProcessPoolExecutor | None = None
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+    ) -> list[Any]:
+        """See :class:`Workers`."""
+        if len(tasks) < 2:
+            return InProcess().run(function, tasks, done)
+        parts = chunks(tasks)
+        results: list[list[Any] | None] = [None] * len(parts)
+        deaths = 0
+        while any(result is None for result in results):
+            waiting: dict[Future[list[Any]], int] = {}
+            try:
+                waiting.update(
+                    (self._pool().submit(_several, function, part), index)
+                    for index, part in enumerate(parts)
+                    if results[index] is None
+                )
+                while waiting:
+                    ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        results[waiting[future]] = future.result()
+                        done(len(parts[waiting.pop(future)]))
+            except BrokenProcessPool:
+                deaths += 1
+                self.close()
+                if deaths > _DEATHS:
+                    raise
+            except BaseException:
+                for future in waiting:
+                    future.cancel()
+                raise
+        return [value for result in results if result is not None for value in result]
+
+    def _pool(self) -> ProcessPoolExecutor:
+        if self._executor is None:
+            method = "forkserver" if os.name == "posix" else "spawn"
+            context = get_context(method)
+            if method == "forkserver":
+                context.set_forkserver_preload(list(_PRELOAD))
+            with _single_threaded():
+                self._executor = ProcessPoolExecutor(
+                    self._jobs, mp_context=context, initializer=_warm
+                )
+                # The server and its workers inherit the environment of this moment.
+                for future in [
+                    self._executor.submit(_warm) for _ in range(self._jobs)
+                ]:
+                    future.result()
+        return self._executor
+
+    def close(self) -> None:
+        """Let the processes go."""
+        if self._executor is not None:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+            self._executor = None
+
+
+class Cluster:
+    """Works on a Dask cluster; needs the ``distributed`` package."""
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client  # noqa: PLC0415 - optional dependency
+        except ImportError as error:
+            raise UsageError(
+                "working on a cluster needs the package 'distributed': "
+                "pip install 'showc[cluster]'"
+            ) from error
+        try:
+            self._client = Client(address, timeout="20s", set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise UsageError(
+                f"no Dask scheduler answers at {address!r} ({error}); "
+                "wanted an address such as tcp://host:8786"
+            ) from error
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+    ) -> list[Any]:
+        """See :class:`Workers`.
+
+        The scheduler gives tasks of a worker that died to another one.
+        """
+        from distributed import as_completed  # noqa: PLC0415 - optional dependency
+
+        parts = chunks(tasks)
+        futures = self._client.map(
+            _several,
+            [function] * len(parts),
+            parts,
+            pure=False,
+            retries=_DEATHS,
+        )
+        sizes = {
+            future.key: len(part) for future, part in zip(futures, parts, strict=True)
+        }
+        for future in as_completed(futures):
+            done(sizes[future.key])
+        return [
+            value for part in self._client.gather(futures) for value in part
+        ]
+
+    def close(self) -> None:
+        """Leave the cluster; it goes on without us."""
+        self._client.close()
+
+
+@contextmanager
+def workers(jobs: int | None, cluster: str | None) -> Iterator[Workers]:
+    """Provide workers as the options ask for, and let them go afterwards.
+
+    Parameters
+    ----------
+    jobs
+        Processes; None: one for every core this process may use.
+    cluster
+        Address of a Dask scheduler; takes precedence.
+
+    Raises
+    ------
+    UsageError
+        If ``jobs`` is not positive or the cluster cannot be reached.
+    """
+    if cluster is not None:
+        remote = Cluster(cluster)
+        try:
+            yield remote
+        finally:
+            remote.close()
+        return
+    count = usable_cores() if jobs is None else jobs
+    if count < 1:
+        raise UsageError(f"{count} jobs asked for; wanted 1 or more")
+    if count == 1:
+        yield InProcess()
+        return
+    local = Processes(count)
+    try:
+        yield local
+    finally:
+        local.close()
+
+
+def usable_cores() -> int:
+    """Count the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """One thread a solver: the processes share the cores already."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _warm() -> None:
+    """Import what the work needs before it arrives."""
+    for name in _PRELOAD:
+        importlib.import_module(name)

@@ -1,0 +1,318 @@
+"""All flights at one common time: independent first, then repaired until apart.
+
+Drones that can, fly straight on the shared profile; the others follow it as near as
+they can, first as splines, then by optimal control. Pairs that come too near get moving
+half-spaces, and only drones of such pairs are solved again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.flight import Trajectory
+from showc.solve.bend import bent, head_on_crowds
+from showc.solve.conflicts import conflicts
+from showc.solve.flat import keeps_limits
+from showc.solve.single import follow
+from showc.solve.spline import SplineFlight, follow_spline
+from showc.solve.straight import fly_straight
+from showc.solve.synchronise import best_profile
+from showc.solve.tracks import tracks_of
+from showc.solve.walls import NODES, gathered, pair_walls
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.progress import Progress
+    from showc.solve.conflicts import Encounters
+    from showc.solve.pool import Workers
+    from showc.solve.profile import Profile
+    from showc.solve.single import Aircraft, Result
+    from showc.solve.walls import PairWalls
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+
+TOLERANCE = 1e-7
+"""How much nearer than the separation a pair may come by rounding [m]."""
+_MARGIN = 2e-3
+_INTERVAL = 0.15
+_STILL = 1e-9
+
+STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
+
+
+class Repair:
+    """Flights of all drones over one common time."""
+
+    def __init__(
+        self,
+        *,
+        aircraft: Aircraft,
+        separation: Separation,
+        start: FloatArray,
+        goal: FloatArray,
+        parked: FloatArray | None,
+        duration: float,
+        shared: Profile,
+        rounds: int,
+        workers: Workers,
+        progress: Progress,
+        name: str,
+    ) -> None:
+        self.aircraft = aircraft
+        self.separation = separation
+        self.start, self.goal, self.parked = start, goal, parked
+        self.duration = duration
+        self.shared = shared
+        self.rounds = rounds
+        self.workers, self.progress, self.name = workers, progress, name
+        self.trouble = ""
+        self.pair: tuple[int, int] | None = None
+        self.counts: dict[str, float] = {}
+        self.intervals = int(np.clip(np.ceil(duration / _INTERVAL), 16, 72))
+        self.flown: list[Trajectory] = []
+        self.kind: list[str] = []
+        self._positions: dict[int, FloatArray] = {}
+        self._rigid: set[int] = set()
+
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """What was found; meaningful after :meth:`run` has succeeded."""
+        return tuple(self.flown)
+
+    @property
+    def method(self) -> str:
+        """What was done, in words."""
+        parts = [
+            f"{self.kind.count(kind)} {words}"
+            for kind, words in (
+                (STRAIGHT, "straight on the shared profile"),
+                (SPLINE, "by splines"),
+                (OPTIMAL, "by optimal control"),
+            )
+            if kind in self.kind
+        ]
+        text = "independent flights at a common time: " + ", ".join(parts)
+        rounds = int(self.counts.get("repair_rounds", 0))
+        if rounds:
+            text += f"; {rounds} rounds of half-spaces"
+        return text
+
+    def run(self) -> bool:
+        """Find flights that keep apart; False leaves ``trouble`` saying why not."""
+        return self._base() and self._apart()
+
+    def _base(self) -> bool:
+        """Each drone on its own."""
+        aircraft, duration = self.aircraft, self.duration
+        way = self.goal - self.start
+        if duration >= self.shared.duration:
+            profile = self.shared.stretched(duration)
+        else:
+            profile, _ = best_profile(
+                aircraft.vehicle, aircraft.limits, aircraft.heading, way, duration
+            )
+        flights = fly_straight(
+            aircraft.vehicle, aircraft.heading, self.start, self.goal, profile
+        )
+        good = keeps_limits(aircraft.vehicle, aircraft.limits, flights)
+        self.reference = profile.derivatives()[0]
+        self.flown = [flights.trajectory(row) for row in range(way.shape[0])]
+        self.kind = [STRAIGHT] * way.shape[0]
+        slow = np.nonzero(~good)[0]
+        return slow.size == 0 or self._slow(slow)
+
+    def _slow(self, rows: NDArray[np.int64]) -> bool:
+        """Drones that cannot fly straight on the profile: one of each equal move."""
+        moves: dict[tuple[float, ...], list[int]] = {}
+        for row in rows.tolist():
+            key = tuple(np.round(self.goal[row] - self.start[row], 9).tolist())
+            moves.setdefault(key, []).append(row)
+        groups = list(moves.values())
+        self.progress.stage(f"{self.name}: drones without slack", len(groups))
+        results: list[Result] = self.workers.run(
+            follow,
+            [
+                (
+                    self.aircraft,
+                    self.start[group[0]],
+                    self.goal[group[0]],
+                    self.duration,
+                    self.reference,
+                )
+                for group in groups
+            ],
+            self.progress.advance,
+        )
+        self._count("optimal_control_solves", len(groups))
+        for group, result in zip(groups, results, strict=True):
+            if result.trajectory is None or not result.solved:
+                row = group[0]
+                length = float(np.linalg.norm(self.goal[row] - self.start[row]))
+                self.trouble = (
+                    f"drone {row + 1} finds no flight of its {length:.2f} m in "
+                    f"{self.duration:.3f} s: {result.message}"
+                )
+                return False
+            for row in group:
+                offset = self.start[row] - self.start[group[0]]
+                self.flown[row] = _moved(result.trajectory, offset)
+                self.kind[row] = OPTIMAL
+        return True
+
+    def _apart(self) -> bool:
+        """Rounds of half-spaces until no pair comes too near."""
+        active: dict[tuple[int, int], None] = {}
+        for number in range(self.rounds + 1):
+            found = self._conflicts()
+            if number == 0:
+                self._count("first_conflicts", len(found))
+            if not len(found):
+                return True
+            worst = int(np.argmin(found.distance))
+            self.pair = int(found.first[worst]), int(found.second[worst])
+            self.trouble = (
+                f"{self._names(*self.pair)} come within {found.distance[worst]:.3f} m "
+                f"at {found.time[worst]:.2f} s, the separation is "
+                f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
+            )
+            if number == self.rounds or self.separation.shape == "all-axes":
+                return False
+            self.progress.note(
+                f"{self.name}: {len(found)} conflicts left at {self.duration:.3f} s"
+            )
+            pairs = list(
+                zip(found.first.tolist(), found.second.tolist(), strict=True)
+            )
+            active.update(dict.fromkeys(pairs))
+            self._count("repair_rounds", 1)
+            if number == 0:
+                self._give_way(found)
+            if not self._bend(pairs, active):
+                return False
+        return False
+
+    def _give_way(self, found: Encounters) -> None:
+        """Bend what the first walls are laid between where drones meet head-on."""
+        width = self.duration / self.intervals
+        instants = (width * (np.arange(self.intervals)[:, None] + NODES)).ravel()
+        for crowd in head_on_crowds(found, self.separation, len(self.flown)):
+            rows = list(crowd)
+            before = np.stack([self._sampled(row).reshape(-1, 3) for row in rows])
+            after = bent(
+                before,
+                instants,
+                np.array([crowd[row] for row in rows]),
+                (self.goal - self.start)[rows],
+                self.separation,
+            )
+            for row, way in zip(rows, after, strict=True):
+                self._positions[row] = way.reshape(self.intervals, -1, 3)
+
+    def _conflicts(self) -> Encounters:
+        return conflicts(
+            tracks_of(self.flown, self.parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+
+    def _bend(
+        self,
+        pairs: Sequence[tuple[int, int]],
+        active: dict[tuple[int, int], None],
+    ) -> bool:
+        """Solve the drones of ``pairs`` again, behind the walls of all active pairs."""
+        count = len(self.flown)
+        busy = sorted(
+            {row for pair in pairs for row in pair if row < count} - self._rigid
+        )
+        if not busy:
+            return False
+        walls: dict[int, list[tuple[NDArray[np.int64], FloatArray, FloatArray]]] = {
+            row: [] for row in busy
+        }
+        for first, second in active:
+            if first not in walls and second not in walls:
+                continue
+            found = self._pair_walls(first, second)
+            if first in walls and found.interval.size:
+                walls[first].append((found.interval, found.normal, found.first))
+            if second in walls and found.interval.size:
+                walls[second].append((found.interval, -found.normal, found.second))
+        self.progress.stage(f"{self.name}: repair", len(busy))
+        results: list[SplineFlight | None] = self.workers.run(
+            follow_spline,
+            [
+                (
+                    self.aircraft,
+                    self.start[row],
+                    self.goal[row],
+                    self.reference,
+                    self.intervals,
+                    gathered(walls[row]),
+                )
+                for row in busy
+            ],
+            self.progress.advance,
+        )
+        self._count("repair_solves", len(busy))
+        changed = False
+        for row, result in zip(busy, results, strict=True):
+            if result is None:
+                # It stays as it is; its partners take the whole correction.
+                self._rigid.add(row)
+                continue
+            changed = True
+            self.flown[row] = result.flight.trajectory(0)
+            self.kind[row] = SPLINE
+            self._positions.pop(row, None)
+        return changed or bool(set(busy) - self._rigid)
+
+    def _pair_walls(self, first: int, second: int) -> PairWalls:
+        count = len(self.flown)
+        stuck = [row >= count or row in self._rigid for row in (first, second)]
+        share = 0.5 if stuck[0] == stuck[1] else float(stuck[1])
+        return pair_walls(
+            self._sampled(first),
+            self._sampled(second),
+            self.separation,
+            share,
+            _MARGIN,
+        )
+
+    def _sampled(self, row: int) -> FloatArray:
+        """Positions at the nodes of the spline's intervals, shape (K, 7, 3)."""
+        if row not in self._positions:
+            width = self.duration / self.intervals
+            at = width * (np.arange(self.intervals)[:, None] + NODES)
+            if row < len(self.flown):
+                position = self.flown[row].state.select(slice(0, 3))(at)
+            else:
+                assert self.parked is not None  # noqa: S101 - the row says so
+                still = self.parked[row - len(self.flown)]
+                position = np.broadcast_to(still, (*at.shape, 3))
+            self._positions[row] = position
+        return self._positions[row]
+
+    def _names(self, first: int, second: int) -> str:
+        if second >= len(self.flown):
+            return f"drone {first + 1} and a parked drone"
+        return f"drones {first + 1} and {second + 1}"
+
+    def _count(self, name: str, value: float) -> None:
+        self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def _moved(trajectory: Trajectory, offset: FloatArray) -> Trajectory:
+    """Return the same flight from another place."""
+    shift = np.zeros(trajectory.state.components)
+    shift[:3] = offset
+    state = trajectory.state
+    return Trajectory(
+        type(state)(state.breaks, state.coefficients + shift), trajectory.control
+    )

@@ -1,0 +1,155 @@
+"""Moving half-spaces that keep a pair apart: each drone keeps to its own side.
+
+For a pair at relative position r(t) and any n(t) no longer than 1,
+``n . x_i >= m + q d / 2`` and ``-n . x_j >= -m + q d / 2`` with q >= \\|n\\| imply
+``\\|r\\| >= d``, whatever m(t) is. On each interval n turns linearly from one unit vector
+to another, m is the middle of the pair at the last iterate. Where the pair meets
+head-on, n turns so that each passes on its own right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.solve.spline import WALL_DEGREE, Walls
+from showc.trajectory import bernstein_basis_inverse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+NODES: FloatArray = 0.5 * (1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE))
+"""Where positions are taken on each interval, as fractions of it, shape (7,)."""
+_REACH = 1.6
+_HEAD_ON = 0.15
+_BEHIND = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairWalls:
+    """Walls of one pair, before they are given out."""
+
+    interval: IntArray
+    """Shape (m,)."""
+    normal: FloatArray
+    """For the first of the pair at both ends of the interval, (m, 2, 3), show frame."""
+    first: FloatArray
+    """Offsets for the first at ``NODES``, shape (m, 7) [m]."""
+    second: FloatArray
+    """Offsets for the second with the opposite normal, shape (m, 7) [m]."""
+
+
+def pair_walls(
+    first: FloatArray,
+    second: FloatArray,
+    separation: Separation,
+    share: float,
+    margin: float,
+) -> PairWalls:
+    """Walls between two drones from their last positions.
+
+    Parameters
+    ----------
+    first, second
+        Positions at ``NODES`` of each interval, shape (K, 7, 3) [m].
+    share
+        Part of the correction that the first takes: 1/2, or 1 if the second cannot
+        move, or 0.
+    margin
+        How much more than the separation to keep [m].
+    """
+    scale = np.asarray(separation.metric_scale)
+    relative = (first - second) * scale
+    wanted = separation.distance + margin
+    if separation.shape == "any-axis":
+        distance = np.abs(relative).max(axis=2)
+        normal = _axis_normals(relative)
+    else:
+        distance = np.sqrt(np.einsum("kij,kij->ki", relative, relative))
+        normal = _normals(relative, distance, wanted)
+    near = np.nonzero(distance.min(axis=1) < _REACH * wanted)[0]
+    turning = (1.0 - NODES)[:, None] * normal[near, None, 0] + NODES[
+        :, None
+    ] * normal[near, None, 1]
+    # \\|n\\|² = 1 - 4 s (1 - s) (1 - c²), c half way, so \\|n\\| is at most this:
+    halfway = 0.25 * np.einsum(
+        "kj,kj->k", normal[near].sum(axis=1), normal[near].sum(axis=1)
+    )
+    length = 1.0 - 2.0 * (NODES * (1.0 - NODES)) * (1.0 - halfway)[:, None]
+    reached = np.einsum("kij,kij->ki", relative[near], turning)
+    keep = np.full(near.size, wanted)
+    # Where the pair is apart already it need not do more than it does.
+    safe = distance[near].min(axis=1) >= wanted
+    keep[safe] = np.minimum(wanted, (reached / length).min(axis=1)[safe])
+    # Both ends are given: no wall may ask for more than they allow.
+    for index, node in ((0, 0), (relative.shape[0] - 1, -1)):
+        row = np.nonzero(near == index)[0]
+        keep[row] = np.minimum(keep[row], reached[row, node])
+    shown = turning * scale
+    along_first = np.einsum("kij,kij->ki", first[near], shown)
+    along_second = np.einsum("kij,kij->ki", second[near], shown)
+    lack = keep[:, None] * length - (along_first - along_second)
+    return PairWalls(
+        near,
+        normal[near] * scale,
+        along_first + share * lack,
+        -(along_second - (1.0 - share) * lack),
+    )
+
+
+def _normals(
+    relative: FloatArray, distance: FloatArray, wanted: float
+) -> FloatArray:
+    """Unit normals at both ends of each interval, (K, 2, 3), metric coordinates."""
+    borders = np.concatenate([relative[:, 0], relative[-1:, -1]])
+    interval, node = np.unravel_index(int(np.argmin(distance)), distance.shape)
+    miss = relative[interval, node]
+    motion = relative[interval, -1] - relative[interval, 0]
+    size = float(np.linalg.norm(miss))
+    if size < _HEAD_ON * wanted:
+        # To the right of the first's motion as seen by the second: motion x e_z.
+        aside = np.array([motion[1], -motion[0], 0.0])
+        if np.linalg.norm(aside) < 1e-6 * max(float(np.linalg.norm(motion)), 1e-12):
+            aside = np.array([1.0, 0.0, 0.0])
+        aside /= np.linalg.norm(aside)
+    else:
+        aside = miss / size
+    across = borders @ aside
+    along = borders - across[:, None] * aside
+    # Slow the turning down to what an interval can follow.
+    travel = float(np.linalg.norm(motion - (motion @ aside) * aside))
+    slower = min(1.0, wanted / max(travel, 1e-9))
+    pushed = slower * along + np.maximum(across, wanted)[:, None] * aside
+    behind = across < -_BEHIND * wanted
+    toward = np.where(behind[:, None], borders, pushed)
+    length = np.linalg.norm(toward, axis=1, keepdims=True)
+    normal = toward / np.where(length > 0.0, length, 1.0)
+    return np.stack([normal[:-1], normal[1:]], axis=1)
+
+
+def _axis_normals(relative: FloatArray) -> FloatArray:
+    """Use the axis along which the pair is farthest apart on each interval."""
+    middle = relative[:, relative.shape[1] // 2]
+    low, high = relative.min(axis=1), relative.max(axis=1)
+    axis = np.argmax(np.maximum(low, -high), axis=1)
+    rows = np.arange(relative.shape[0])
+    normal = np.zeros((relative.shape[0], 3))
+    normal[rows, axis] = np.where(middle[rows, axis] >= 0.0, 1.0, -1.0)
+    return np.stack([normal, normal], axis=1)
+
+
+def gathered(parts: list[tuple[IntArray, FloatArray, FloatArray]]) -> Walls:
+    """Join walls of one drone: intervals, normals, offsets at ``NODES``."""
+    inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
+    return Walls(
+        np.concatenate([part[0] for part in parts]),
+        np.concatenate([part[1] for part in parts]),
+        np.concatenate([part[2] for part in parts]) @ inverse.T,
+    )
