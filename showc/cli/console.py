@@ -37,7 +37,8 @@ class PlainProgress:
 
     def __init__(self, interval: float = 5.0) -> None:
         self._interval = interval
-        self._title, self._total, self._done = "", None, 0
+        self._title, self._done = "", 0
+        self._total: int | None = None
         self._spoken = self._begun = time.monotonic()
 
     def stage(self, title: str, total: int | None = None) -> None:
