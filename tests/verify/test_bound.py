@@ -1,0 +1,206 @@
+"""The lower bound: support functions against points, integrals against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.log import showc_pb2 as pb
+from showc.solve.bound import Relaxation, lower_bound
+from showc.vehicle import Limits, Quadrotor
+from showc.verify.bound import Relaxed, proved_time
+
+VEHICLE = Quadrotor(
+    name="seed",
+    mass=0.625,
+    arm_length=0.1275,
+    thrust_coefficient=2.103e-6,
+    torque_coefficient=2.091e-8,
+    inertia=(2.3e-3, 2.4e-3, 2.6e-3),
+    rotor_speed_max=1581.0,
+)
+LIMITS = Limits(
+    velocity_min=(-5.0, -4.0, -2.0),
+    velocity_max=(5.0, 4.0, 3.0),
+    tilt=np.radians(20.0),
+    body_rate=(1.7, 1.5, 1.2),
+    thrust_min=1.0,
+    thrust_max=12.0,
+    torque_max=(0.67, 0.5, 0.105),
+    position_min=(-500.0, -500.0, -1.0),
+    position_max=(500.0, 500.0, 200.0),
+)
+
+
+def vector(values):
+    x, y, z = (float(value) for value in values)
+    return pb.Vector3(x=x, y=y, z=z)
+
+
+def rules(*, held=True, heading=0.3):
+    return pb.Rules(
+        yaw_held=held,
+        heading=heading,
+        vehicle=pb.Vehicle(
+            mass=VEHICLE.mass,
+            arm_length=VEHICLE.arm_length,
+            thrust_coefficient=VEHICLE.thrust_coefficient,
+            torque_coefficient=VEHICLE.torque_coefficient,
+            inertia=vector(VEHICLE.inertia),
+            rotor_speed_max=VEHICLE.rotor_speed_max,
+            gravity=VEHICLE.gravity,
+            torque_factor=1.0,
+        ),
+        limits=[
+            pb.Limits(
+                velocity_min=vector(LIMITS.velocity_min),
+                velocity_max=vector(LIMITS.velocity_max),
+                tilt=LIMITS.tilt,
+                body_rate=vector(LIMITS.body_rate),
+                thrust_min=LIMITS.thrust_min,
+                thrust_max=LIMITS.thrust_max,
+                torque_max=vector(LIMITS.torque_max),
+            )
+        ],
+    )
+
+
+def claim(witness):
+    message = pb.Segment(name="leg")
+    message.certificate.dual_bound = witness.time
+    message.certificate.witness.CopyFrom(
+        pb.Witness(
+            drone=0,
+            time=witness.time,
+            beta=vector(witness.beta),
+            knots=witness.knots,
+            multipliers=[x for knot in witness.multipliers for x in knot],
+        )
+    )
+    return message
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(
+    st.tuples(*[st.floats(-3.0, 3.0)] * 3),
+    st.floats(0.0, 1.2),
+    st.floats(0.0, 1.2),
+    st.booleans(),
+    st.integers(0, 1000),
+)
+def test_no_thrust_goes_beyond_the_support_function(direction, roll, pitch, held, seed):
+    relaxed = Relaxed(rules(held=held), rules().limits[0])
+    rng = np.random.default_rng(seed)
+    phi = rng.uniform(-roll, roll, 4000)
+    theta = rng.uniform(-pitch, pitch, 4000)
+    phi[:2], theta[:2] = [roll, -roll], [pitch, pitch]
+    psi = 0.3 if held else rng.uniform(-np.pi, np.pi, 4000)
+    push = rng.uniform(relaxed.least, relaxed.most, 4000)
+    push[:1000], push[1000:2000] = relaxed.most, relaxed.least
+    c, s = np.cos, np.sin
+    thrust = push * np.array(
+        [
+            c(phi) * s(theta) * c(psi) + s(phi) * s(psi),
+            c(phi) * s(theta) * s(psi) - s(phi) * c(psi),
+            c(phi) * c(theta),
+        ]
+    )
+    support = relaxed.thrust_support(
+        np.array(direction), np.array(roll), np.array(pitch)
+    )
+    reached = np.array(direction) @ thrust
+    assert reached.max() <= support + 1e-9
+    # And it is no loose superset: something comes near (random points, so not too near).
+    size = relaxed.most * np.linalg.norm(direction)
+    assert reached.max() >= support - 0.2 * size - 1e-9
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(st.floats(0.0, 3.0), st.integers(0, 1000))
+def test_no_turn_from_rest_goes_beyond_the_caps(duration, seed):
+    """Fly random torques within limits: roll stays below the cap."""
+    relaxed = Relaxed(rules(), rules().limits[0])
+    rng = np.random.default_rng(seed)
+    steps = 2000
+    push = rng.choice([-1.0, 1.0, 1.0], steps) * relaxed.acceleration[0]
+    rate = np.clip(
+        np.cumsum(push) * duration / steps, -relaxed.rate[0], relaxed.rate[0]
+    )
+    roll = np.abs(np.cumsum(rate) * duration / steps)
+    time = (np.arange(steps) + 1) * duration / steps
+    cap, _ = relaxed.caps(time)
+    slack = 2 * relaxed.rate[0] * duration / steps
+    assert np.all(np.minimum(roll, relaxed.tilt) <= cap + slack)
+
+
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("way", [(30.0, 20.0, 10.0), (0.0, -12.0, 0.5), (0.0, 0.0, -9.0)])
+def test_proves_what_the_planner_claims(way, held):
+    """Two codes, one theorem: a claim of the planner's holds here to a microsecond."""
+    relaxation = Relaxation(VEHICLE, LIMITS, "held" if held else "free", 0.3)
+    witness = lower_bound(relaxation, 0, np.array(way), 5.0)
+    assert witness.time > 1.0
+    proved = proved_time(claim(witness), rules(held=held), np.array(way))
+    assert proved == witness.time
+
+
+def test_a_claim_beyond_the_proof_falls_short():
+    way = np.array([30.0, 20.0, 10.0])
+    relaxation = Relaxation(VEHICLE, LIMITS, "held", 0.3)
+    witness = lower_bound(relaxation, 0, way, 5.0)
+    message = claim(witness)
+    message.certificate.witness.time *= 1.02
+    proved = proved_time(message, rules(), way)
+    assert proved < message.certificate.witness.time
+    assert proved == pytest.approx(witness.time, rel=5e-3)
+    # A shorter way takes less: the same numbers prove less.
+    assert proved_time(claim(witness), rules(), 0.97 * way) < witness.time
+    # A drone with stronger motors and less weight is bound by less.
+    lighter = rules()
+    lighter.vehicle.mass *= 0.5
+    lighter.limits[0].tilt *= 2.0
+    assert proved_time(claim(witness), lighter, way) < witness.time
+
+
+def test_straight_up_the_bound_is_the_time_of_full_thrust():
+    """Bang-bang climb in closed form: the bound meets the minimum time."""
+    limits = rules()
+    limits.limits[0].velocity_max.z = 100.0
+    limits.limits[0].velocity_min.z = -100.0
+    up = LIMITS.thrust_max / VEHICLE.mass - VEHICLE.gravity
+    down = VEHICLE.gravity - LIMITS.thrust_min / VEHICLE.mass
+    way = 8.0
+    least = np.sqrt(2.0 * way * (up + down) / (up * down))
+    switch = down / (up + down)
+    witness = pb.Witness(drone=0, beta=vector((0, 0, 1)), knots=[0.0, switch, 1.0])
+
+    def proved(time):
+        # lambda falls with slope -1 (so that beta + lambda' is 0), zero at the switch.
+        witness.time = time
+        values = [(switch - knot) * time for knot in witness.knots]
+        del witness.multipliers[:]
+        witness.multipliers.extend([x for value in values for x in (0.0, 0.0, value)])
+        message = pb.Segment(name="up")
+        message.certificate.witness.CopyFrom(witness)
+        return proved_time(message, limits, np.array([0.0, 0.0, way]))
+
+    assert proved(least * (1.0 - 1e-6)) == least * (1.0 - 1e-6)
+    assert proved(least * (1.0 + 1e-6)) < least
+    assert proved(least * 1.01) == pytest.approx(least, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda w: w.ClearField("knots"),
+        lambda w: w.multipliers.append(0.0),
+        lambda w: setattr(w, "time", float("nan")),
+        lambda w: w.multipliers.__setitem__(0, float("inf")),
+        lambda w: w.knots.__setitem__(1, -0.5),
+    ],
+)
+def test_a_malformed_witness_proves_nothing(spoil):
+    way = np.array([5.0, 0.0, 0.0])
+    message = claim(lower_bound(Relaxation(VEHICLE, LIMITS), 0, way, 2.0))
+    spoil(message.certificate.witness)
+    assert proved_time(message, rules(heading=0.0), way) == 0.0

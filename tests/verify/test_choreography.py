@@ -1,0 +1,187 @@
+"""How a show joins up: each rule broken alone is found alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from verified import with_table
+
+from showc.log import showc_pb2 as pb
+from showc.verify.choreography import check_choreography
+
+HOVER = "hover at both ends of every segment"
+REACHED = "every drone ends where its segment asks"
+FORMATION = "every formation is reached"
+INSIDE = "state continuous inside every segment"
+COVERED = "every drone covered from launch to landing"
+JOINED = "segments joined without a jump"
+PADS = "from the pads on the ground, and back to them"
+YAW = "yaw at the show's heading at every instant"
+
+
+@pytest.fixture
+def show(log_and_show):
+    return log_and_show[1]
+
+
+def failures(show):
+    return {check.name for check in check_choreography(show) if check.verdict == "fail"}
+
+
+def moved(show, number, component, shift, *, drone=1, begin=True, end=True):
+    """Change the first or last coefficients of one drone's state."""
+    table = show.segments[number].tables[0]
+    state = table.state.copy()
+    if begin:
+        state[table.first[drone], 0, component] += shift
+    if end:
+        state[table.first[drone + 1] - 1, -1, component] += shift
+    return with_table(show, number, state=state)
+
+
+def remade(show, number, **fields):
+    """Change fields of a segment's message."""
+    segment = show.segments[number]
+    message = pb.Segment()
+    message.CopyFrom(segment.message)
+    for name, value in fields.items():
+        if isinstance(value, list):
+            del getattr(message, name)[:]
+            getattr(message, name).extend(value)
+        else:
+            setattr(message, name, value)
+    segments = list(show.segments)
+    segments[number] = replace(segment, message=message)
+    return replace(show, segments=tuple(segments))
+
+
+def test_the_exact_flight_joins_up(show):
+    assert failures(show) == set()
+
+
+@pytest.mark.parametrize("component", [3, 5, 6, 7, 9, 11])
+def test_moving_at_a_joint(show, component):
+    assert HOVER in failures(moved(show, 2, component, 2e-6, begin=False))
+
+
+@pytest.mark.parametrize("component", range(12))
+def test_a_jump_at_a_joint(show, component):
+    found = failures(moved(show, 2, component, 2e-6, begin=False))
+    assert JOINED in found
+    assert JOINED not in failures(moved(show, 2, component, 5e-7, begin=False))
+
+
+def test_a_formation_missed_by_two_millimetres(show):
+    found = failures(moved(show, 2, 0, 2e-3, begin=False))
+    assert {REACHED, FORMATION, JOINED} <= found
+
+
+def test_goals_that_are_not_the_formation(show):
+    """The segment's own goals are moved along with its end: the formation is not."""
+    missed = moved(show, 2, 0, 2e-3, begin=False)
+    segments = list(missed.segments)
+    goals = segments[2].goals.copy()
+    goals[1, 0] += 2e-3
+    segments[2] = replace(segments[2], goals=goals)
+    found = failures(replace(missed, segments=tuple(segments)))
+    assert FORMATION in found
+    assert REACHED not in found
+
+
+def test_two_drones_in_one_place(show):
+    places = list(show.segments[2].message.places)
+    places[0] = places[1]
+    assert FORMATION in failures(remade(show, 2, places=places))
+
+
+def test_a_formation_that_does_not_exist(show):
+    assert FORMATION in failures(remade(show, 2, to_formation="nowhere"))
+
+
+def test_a_gap_in_time(show):
+    start = show.segments[3].start
+    assert COVERED in failures(remade(show, 3, start=start + 0.001))
+
+
+def test_a_segment_that_is_shorter_than_it_says(show):
+    duration = show.segments[3].duration
+    found = failures(remade(show, 3, duration=duration + 0.001))
+    assert INSIDE in found
+
+
+def test_a_drone_left_out_of_a_segment(show):
+    segment = show.segments[3]
+    table = segment.tables[0]
+    short = replace(
+        table,
+        drones=table.drones[:-1],
+        first=table.first[:-1],
+        start=table.start[: table.first[-2]],
+        end=table.end[: table.first[-2]],
+        state=table.state[: table.first[-2]],
+        control=table.control[: table.first[-2]],
+    )
+    segments = list(show.segments)
+    segments[3] = replace(
+        segment,
+        tables=(short,),
+        drones=segment.drones[:-1],
+        goals=segment.goals[:-1],
+    )
+    segments[3] = remade(
+        replace(show, segments=tuple(segments)),
+        3,
+        places=list(segment.message.places)[:-1],
+    ).segments[3]
+    assert COVERED in failures(replace(show, segments=tuple(segments)))
+
+
+def test_a_jump_inside_a_segment(show):
+    table = show.segments[2].tables[0]
+    middle = 0.5 * table.end[0]
+    count = table.drones.size
+    state = np.repeat(table.state, 2, axis=0)
+    state[::2] = table.state[:, :1]
+    state[1::2] = table.state[:, -1:]
+    broken = with_table(
+        show,
+        2,
+        first=2 * table.first,
+        start=np.tile([0.0, middle], count),
+        end=np.tile([middle, table.end[0]], count),
+        state=state,
+        control=np.repeat(table.control, 2, axis=0),
+    )
+    assert failures(broken) == {INSIDE}
+
+
+def test_yaw_that_moves_though_held(show):
+    table = show.segments[2].tables[0]
+    state = table.state.copy()
+    state[1, 2, 8] += 1e-4
+    assert failures(with_table(show, 2, state=state)) == {YAW}
+
+
+def test_free_yaw_may_move_between_hovers(show):
+    rules = pb.Rules()
+    rules.CopyFrom(show.rules)
+    rules.yaw_held = False
+    table = show.segments[2].tables[0]
+    state = table.state.copy()
+    state[1, 2, 8] += 1.0
+    free = with_table(replace(show, rules=rules), 2, state=state)
+    assert failures(free) == set()
+
+
+def test_a_first_segment_that_is_no_launch(show):
+    assert PADS in failures(remade(show, 0, kind=pb.Segment.TRANSITION))
+
+
+def test_a_last_segment_that_is_no_landing(show):
+    last = len(show.segments) - 1
+    assert PADS in failures(remade(show, last, kind=pb.Segment.HOLD))
+
+
+def test_landing_beside_the_pads(show):
+    last = len(show.segments) - 1
+    assert PADS in failures(moved(show, last, 0, 2e-3, begin=False))

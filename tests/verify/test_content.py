@@ -1,0 +1,268 @@
+"""Logs that are whole as files but whose messages were changed."""
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rewritten import rewritten
+
+from showc.errors import DamagedFileError
+from showc.log import showc_pb2 as pb
+from showc.verify import DamagedLogError, verify_log
+
+SETTINGS = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+TOPICS = (
+    "/show/rules",
+    "/show/segments",
+    "/drone/0002/trajectory",
+    "/fleet/state",
+    "/drone/0003/state",
+    "/tf",
+)
+
+
+@pytest.fixture(scope="module")
+def data(log_path):
+    return log_path.read_bytes()
+
+
+def verified(content, tmp_path):
+    path = tmp_path / "output.mcap"
+    path.write_bytes(content)
+    return verify_log(path, missions=False)
+
+
+def changed(data, kind, topic, number, change):
+    """Log in which ``change`` was called on one decoded message."""
+
+    def replace(found, index, message):
+        if found != topic or index != number:
+            return message
+        decoded = kind.FromString(message)
+        change(decoded)
+        return decoded.SerializeToString(deterministic=True)
+
+    return rewritten(data, replace)
+
+
+def failures(verification):
+    return {check.name for check in verification.checks if check.verdict == "fail"}
+
+
+def test_writing_again_changes_nothing(data, tmp_path):
+    again = rewritten(data, lambda topic, number, message: message)
+    assert again != data
+    verification = verified(again, tmp_path)
+    assert verification.passed
+    assert not any(check.verdict == "warning" for check in verification.checks)
+
+
+@SETTINGS
+@given(
+    st.sampled_from(TOPICS),
+    st.integers(min_value=0, max_value=8),
+    st.integers(min_value=0),
+    st.binary(min_size=1, max_size=24),
+    st.booleans(),
+)
+def test_garbage_in_messages_raises_nothing_else(
+    data, tmp_path, topic, number, place, new, cut
+):
+    def replace(found, index, message):
+        if found != topic or index != number:
+            return message
+        start = place % len(message)
+        return message[:start] + new + (b"" if cut else message[start + len(new) :])
+
+    content = rewritten(data, replace)
+    try:
+        verification = verified(content, tmp_path)
+    except DamagedFileError as error:
+        assert "byte" in str(error)  # noqa: PT017
+    else:
+        assert verification.exit_code in {0, 1}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    ("kind", "topic", "field"),
+    [
+        (pb.Trajectory, "/drone/0001/trajectory", "state"),
+        (pb.Trajectory, "/drone/0001/trajectory", "control"),
+        (pb.Trajectory, "/drone/0001/trajectory", "breaks"),
+        (pb.Segment, "/show/segments", "goals"),
+    ],
+)
+def test_numbers_that_are_none_are_damage(data, tmp_path, kind, topic, field, value):
+    def change(message):
+        getattr(message, field)[1] = value
+
+    content = changed(data, kind, topic, 0, change)
+    with pytest.raises(DamagedLogError, match="contradicts itself"):
+        verified(content, tmp_path)
+
+
+def test_mass_zero_is_damage(data, tmp_path):
+    def change(rules):
+        rules.vehicle.mass = 0.0
+
+    with pytest.raises(DamagedLogError, match="mass"):
+        verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
+
+
+def test_a_trajectory_left_out_is_damage(data, tmp_path):
+    content = rewritten(
+        data,
+        lambda topic, number, message: (
+            None if (topic, number) == ("/drone/0002/trajectory", 3) else message
+        ),
+    )
+    with pytest.raises(DamagedLogError, match="lacks the trajectories"):
+        verified(content, tmp_path)
+
+
+def test_a_heavier_drone_does_not_fly_these_controls(data, tmp_path):
+    """The numbers come from the file: another mass, another flight."""
+
+    def change(rules):
+        rules.vehicle.mass *= 1.001
+
+    verification = verified(
+        changed(data, pb.Rules, "/show/rules", 0, change), tmp_path
+    )
+    assert "controls fly the logged positions" in failures(verification)
+
+
+def test_a_tighter_limit_is_kept_by_nobody(data, tmp_path):
+    def change(rules):
+        rules.limits[0].velocity_max.z = 2.7
+
+    verification = verified(
+        changed(data, pb.Rules, "/show/rules", 0, change), tmp_path
+    )
+    assert failures(verification) == {"velocity within limits at every instant"}
+    check = verification.check("velocity within limits at every instant")
+    assert check.value == pytest.approx(2.70303, abs=1e-5)
+    assert check.limit == 2.7
+
+
+def test_a_sample_moved_by_two_millimetres_is_found(data, tmp_path):
+    from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+    def change(cloud):
+        points = bytearray(cloud.data)
+        offset = 2 * cloud.point_stride
+        (x,) = struct.unpack_from("<f", points, offset)
+        struct.pack_into("<f", points, offset, x + 2.0 / 1024.0)
+        cloud.data = bytes(points)
+
+    verification = verified(
+        changed(data, PointCloud, "/fleet/state", 117, change), tmp_path
+    )
+    assert failures(verification) == {"fleet samples equal to the polynomials"}
+    check = verification.check("fleet samples equal to the polynomials")
+    assert check.where.drone == 3
+    assert check.where.time == pytest.approx(117 / 20.0)
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "attitude", "body_rate"])
+def test_a_changed_sample_of_one_drone_is_found(data, tmp_path, field):
+    def change(state):
+        getattr(state, field).y += 0.01
+
+    content = changed(data, pb.DroneState, "/drone/0004/state", 200, change)
+    verification = verified(content, tmp_path)
+    assert failures(verification) == {
+        "samples of single drones equal to the polynomials"
+    }
+    where = verification.check("samples of single drones equal to the polynomials")
+    assert where.where.drone == 4
+    assert where.where.time == pytest.approx(10.0)
+
+
+def test_a_changed_frame_is_found(data, tmp_path):
+    from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+
+    def change(message):
+        message.transforms[1].rotation.z += 0.001
+
+    content = changed(data, FrameTransforms, "/tf", 30, change)
+    verification = verified(content, tmp_path)
+    assert failures(verification) == {"frames of the drones equal to the polynomials"}
+
+
+def test_a_sample_left_out_is_found(data, tmp_path):
+    content = rewritten(
+        data,
+        lambda topic, number, message: (
+            None if (topic, number) == ("/fleet/state", 40) else message
+        ),
+    )
+    assert "samples at every step of the log rate" in failures(
+        verified(content, tmp_path)
+    )
+
+
+def test_a_witness_proves_what_it_proves_and_no_more(data, tmp_path):
+    """A climb of 6 m at 3 m/s takes 2 s: beta alone proves that."""
+
+    def claim(time):
+        def change(segment):
+            certificate = segment.certificate
+            certificate.dual_bound = certificate.witness.time = time
+            certificate.witness.beta.z = 1.0
+            certificate.witness.knots.extend([0.0, 1.0])
+            certificate.witness.multipliers.extend([0.0] * 6)
+
+        content = changed(data, pb.Segment, "/show/segments", 0, change)
+        return verified(content, tmp_path)
+
+    name = "no claimed lower bound on a time beyond its proof"
+    assert name not in failures(claim(1.999))
+    wrong = claim(2.001)
+    assert name in failures(wrong)
+    assert wrong.check(name).value == pytest.approx(0.001, abs=1e-6)
+
+
+def test_a_bound_above_the_time_flown_is_found(data, tmp_path):
+    def change(segment):
+        segment.certificate.dual_bound = segment.duration + 0.001
+
+    content = changed(data, pb.Segment, "/show/segments", 0, change)
+    assert "lower bound below single-drone minimum and time flown" in failures(
+        verified(content, tmp_path)
+    )
+
+
+def test_a_wrong_claim_of_the_closest_encounter_is_found(data, tmp_path):
+    def change(segment):
+        segment.certificate.closest.distance += 0.01
+
+    content = changed(data, pb.Segment, "/show/segments", 0, change)
+    assert "claimed closest encounters are as claimed" in failures(
+        verified(content, tmp_path)
+    )
+
+
+def test_json_and_text_tell_the_same(log_path):
+    import json
+
+    from showc.verify import render_text
+
+    verification = verify_log(log_path, missions=False)
+    result = json.loads(json.dumps(verification.to_json(), allow_nan=False))
+    assert result["passed"] is True
+    assert result["exit_code"] == 0
+    text = render_text(verification)
+    for check in result["checks"]:
+        assert check["name"] in text
+    assert "PROVED" in text
+    assert np.isfinite(result["duration"])
