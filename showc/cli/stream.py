@@ -1,0 +1,103 @@
+"""``showc stream``: fly the trajectories themselves as timed setpoints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from showc.cli.upload import numbers
+
+
+@click.command(name="stream")
+@click.argument(
+    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
+)
+@click.option(
+    "--connect",
+    "connections",
+    multiple=True,
+    required=True,
+    metavar="udp:HOST:PORT",
+    help="Link to the vehicles: udp: or udpin:HOST:PORT listens, udpout:HOST:PORT "
+    "calls.  May be given more than once.",
+)
+@click.option(
+    "--drones", metavar="1-20,23", help="Only these drones.  [default: all of them]"
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=10.0),
+    default=20.0,
+    show_default=True,
+    help="Setpoints a second for each vehicle.",
+)
+@click.option(
+    "--corridor",
+    type=click.FloatRange(min=0.1),
+    default=3.0,
+    show_default=True,
+    help="Abort when a vehicle is farther from its trajectory, in metres.",
+)
+@click.option(
+    "--link-timeout",
+    type=click.FloatRange(min=0.1),
+    default=2.0,
+    show_default=True,
+    help="Abort when a vehicle is silent for longer, in seconds.",
+)
+@click.option(
+    "--flown",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Log of what was flown, for compare.  [default: OUTPUT-flown.mcap]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+def command(
+    log: Path,
+    connections: tuple[str, ...],
+    drones: str | None,
+    rate: float,
+    corridor: float,
+    link_timeout: float,
+    flown: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Fly the trajectories themselves: position, velocity, acceleration, on one clock.
+
+    Puts every vehicle into the mode that follows setpoints, arms it, and flies the show
+    from start to end. When a vehicle falls silent or leaves its corridor, all of them
+    are told to hold. Ends with 0 if all flew to the end and landed, 1 if not.
+
+    \b
+      showc stream output.mcap --connect udp:127.0.0.1:14550
+      showc compare output.mcap output-flown.mcap
+    """
+    from showc.cli.console import progress
+    from showc.mission.stream import StreamOptions, stream_show
+
+    record = flown or log.with_name(f"{log.stem}-flown.mcap")
+    options = StreamOptions(rate=rate, corridor=corridor, link_timeout=link_timeout)
+    with progress(quiet=quiet or as_json) as watcher:
+        report = stream_show(
+            log,
+            connections=connections,
+            drones=numbers(drones),
+            flown=record,
+            options=options,
+            progress=watcher,
+        )
+    if as_json:
+        click.echo(json.dumps(report.to_json(), indent=1))
+        return 0 if report.complete else 1
+    for vehicle in report.vehicles:
+        click.echo(
+            f"drone {vehicle.drone}: {vehicle.phase}, {vehicle.setpoints} setpoints, "
+            f"at most {vehicle.greatest_deviation:.2f} m off"
+            + (f"; {vehicle.reason}" if vehicle.reason else "")
+        )
+    outcome = "flown to the end" if report.complete else f"ABORTED: {report.reason}"
+    click.echo(f"{outcome} (show time {report.show_time:.1f} s); log: {record}")
+    return 0 if report.complete else 1
