@@ -5,7 +5,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from verified import loaded, proved_flight, written  # noqa: E402
+from verified import loaded, proved_flight, written
 
 
 @pytest.fixture(scope="session")

@@ -135,9 +135,7 @@ def test_a_heavier_drone_does_not_fly_these_controls(data, tmp_path):
     def change(rules):
         rules.vehicle.mass *= 1.001
 
-    verification = verified(
-        changed(data, pb.Rules, "/show/rules", 0, change), tmp_path
-    )
+    verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
     assert "controls fly the logged positions" in failures(verification)
 
 
@@ -145,9 +143,7 @@ def test_a_tighter_limit_is_kept_by_nobody(data, tmp_path):
     def change(rules):
         rules.limits[0].velocity_max.z = 2.7
 
-    verification = verified(
-        changed(data, pb.Rules, "/show/rules", 0, change), tmp_path
-    )
+    verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
     assert failures(verification) == {"velocity within limits at every instant"}
     check = verification.check("velocity within limits at every instant")
     assert check.value == pytest.approx(2.70303, abs=1e-5)

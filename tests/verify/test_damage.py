@@ -104,8 +104,8 @@ KINDS = {
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Bytes of a log with several chunks."""
-    from verified import written
     from synthetic import gliding_flight
+    from verified import written
 
     path = tmp_path_factory.mktemp("whole") / "output.mcap"
     data = written(gliding_flight(drones=8, moves=2), path).read_bytes()

@@ -68,7 +68,9 @@ def test_parts_halves_and_products_are_the_same_polynomials(row, one, other):
         at = np.array([share])
         expected = values(whole, low + at * (high - low))
         np.testing.assert_allclose(values(inner, at), expected, atol=1e-11)
-        np.testing.assert_allclose(values(left, at), values(whole, 0.5 * at), atol=1e-11)
+        np.testing.assert_allclose(
+            values(left, at), values(whole, 0.5 * at), atol=1e-11
+        )
         np.testing.assert_allclose(
             values(right, at), values(whole, 0.5 + 0.5 * at), atol=1e-11
         )
@@ -153,5 +155,7 @@ def test_rotor_speeds_follow_the_allocation(log_and_show):
         (thrust, arm, 0.0, -drag),
     ]
     for rotor, control in enumerate(alone):
-        shares = [bound.weights @ np.array([0.0] * 12 + list(control)) for bound in rotors]
+        shares = [
+            bound.weights @ np.array([0.0] * 12 + list(control)) for bound in rotors
+        ]
         np.testing.assert_allclose(shares, np.eye(4)[rotor], atol=1e-12)

@@ -48,7 +48,8 @@ def wandering(rng, drones, degree, most_intervals):
         inside = rng.normal(0.0, 2.0, (times.size - 1, degree - 1, 3))
         paths.append(
             np.concatenate(
-                [corner[:-1, None], corner[:-1, None] + inside, corner[1:, None]], axis=1
+                [corner[:-1, None], corner[:-1, None] + inside, corner[1:, None]],
+                axis=1,
             )
         )
         breaks.append(times)
