@@ -1,0 +1,1 @@
+"""One module a peer: translate a problem, solve it, hand back its polynomials."""
