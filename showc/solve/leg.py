@@ -207,6 +207,7 @@ class _Solver:
             duration=time,
             shared=shared,
             rounds=self.options.repair_rounds,
+            names=self.leg.drones,
             workers=self.workers,
             progress=self.progress,
             name=self.leg.name,

@@ -31,17 +31,19 @@ if TYPE_CHECKING:
     from showc.solve.conflicts import Encounters
     from showc.solve.pool import Workers
     from showc.solve.profile import Profile
-    from showc.solve.single import Aircraft, Result
+    from showc.solve.single import Aircraft
     from showc.solve.walls import PairWalls
+    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 TOLERANCE = 1e-7
 """How much nearer than the separation a pair may come by rounding [m]."""
 _MARGIN = 2e-3
 _INTERVAL = 0.15
-_STILL = 1e-9
+_PATIENCE = 4
 
 STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
 
@@ -60,6 +62,7 @@ class Repair:
         duration: float,
         shared: Profile,
         rounds: int,
+        names: IntArray,
         workers: Workers,
         progress: Progress,
         name: str,
@@ -70,6 +73,7 @@ class Repair:
         self.duration = duration
         self.shared = shared
         self.rounds = rounds
+        self.names = names
         self.workers, self.progress, self.name = workers, progress, name
         self.trouble = ""
         self.pair: tuple[int, int] | None = None
@@ -127,7 +131,7 @@ class Repair:
         slow = np.nonzero(~good)[0]
         return slow.size == 0 or self._slow(slow)
 
-    def _slow(self, rows: NDArray[np.int64]) -> bool:
+    def _slow(self, rows: IntArray) -> bool:
         """Drones that cannot fly straight on the profile: one of each equal move."""
         moves: dict[tuple[float, ...], list[int]] = {}
         for row in rows.tolist():
@@ -135,39 +139,40 @@ class Repair:
             moves.setdefault(key, []).append(row)
         groups = list(moves.values())
         self.progress.stage(f"{self.name}: drones without slack", len(groups))
-        results: list[Result] = self.workers.run(
-            follow,
+        results: list[tuple[str, Trajectory | None, str]] = self.workers.run(
+            stay_near,
             [
                 (
                     self.aircraft,
                     self.start[group[0]],
                     self.goal[group[0]],
-                    self.duration,
                     self.reference,
+                    self.intervals,
                 )
                 for group in groups
             ],
             self.progress.advance,
         )
-        self._count("optimal_control_solves", len(groups))
-        for group, result in zip(groups, results, strict=True):
-            if result.trajectory is None or not result.solved:
+        self._count("solves_without_slack", len(groups))
+        for group, (kind, trajectory, message) in zip(groups, results, strict=True):
+            if trajectory is None:
                 row = group[0]
                 length = float(np.linalg.norm(self.goal[row] - self.start[row]))
                 self.trouble = (
-                    f"drone {row + 1} finds no flight of its {length:.2f} m in "
-                    f"{self.duration:.3f} s: {result.message}"
+                    f"drone {self.names[row] + 1} finds no flight of its "
+                    f"{length:.2f} m in {self.duration:.3f} s: {message}"
                 )
                 return False
             for row in group:
                 offset = self.start[row] - self.start[group[0]]
-                self.flown[row] = _moved(result.trajectory, offset)
-                self.kind[row] = OPTIMAL
+                self.flown[row] = _moved(trajectory, offset)
+                self.kind[row] = kind
         return True
 
     def _apart(self) -> bool:
         """Rounds of half-spaces until no pair comes too near."""
-        active: dict[tuple[int, int], None] = {}
+        active: dict[tuple[int, int], int] = {}
+        fewest, stalled = np.inf, 0
         for number in range(self.rounds + 1):
             found = self._conflicts()
             if number == 0:
@@ -189,7 +194,12 @@ class Repair:
             pairs = list(
                 zip(found.first.tolist(), found.second.tolist(), strict=True)
             )
-            active.update(dict.fromkeys(pairs))
+            for pair in pairs:
+                active[pair] = active.get(pair, 0) + 1
+            stalled = stalled + 1 if len(found) >= fewest else 0
+            fewest = min(fewest, len(found))
+            if stalled > _PATIENCE:
+                return False
             self._count("repair_rounds", 1)
             if number == 0:
                 self._give_way(found)
@@ -224,22 +234,18 @@ class Repair:
     def _bend(
         self,
         pairs: Sequence[tuple[int, int]],
-        active: dict[tuple[int, int], None],
+        active: dict[tuple[int, int], int],
     ) -> bool:
         """Solve the drones of ``pairs`` again, behind the walls of all active pairs."""
         count = len(self.flown)
-        busy = sorted(
-            {row for pair in pairs for row in pair if row < count} - self._rigid
-        )
-        if not busy:
-            return False
-        walls: dict[int, list[tuple[NDArray[np.int64], FloatArray, FloatArray]]] = {
+        busy = sorted({row for pair in pairs for row in pair if row < count})
+        walls: dict[int, list[tuple[IntArray, FloatArray, FloatArray]]] = {
             row: [] for row in busy
         }
-        for first, second in active:
+        for (first, second), tries in active.items():
             if first not in walls and second not in walls:
                 continue
-            found = self._pair_walls(first, second)
+            found = self._pair_walls(first, second, tries)
             if first in walls and found.interval.size:
                 walls[first].append((found.interval, found.normal, found.first))
             if second in walls and found.interval.size:
@@ -262,18 +268,20 @@ class Repair:
         )
         self._count("repair_solves", len(busy))
         changed = False
+        self._rigid.clear()
         for row, result in zip(busy, results, strict=True):
             if result is None:
-                # It stays as it is; its partners take the whole correction.
+                # It stays as it is; its partners take the whole correction next.
                 self._rigid.add(row)
+                self._positions.pop(row, None)
                 continue
             changed = True
             self.flown[row] = result.flight.trajectory(0)
             self.kind[row] = SPLINE
             self._positions.pop(row, None)
-        return changed or bool(set(busy) - self._rigid)
+        return changed
 
-    def _pair_walls(self, first: int, second: int) -> PairWalls:
+    def _pair_walls(self, first: int, second: int, tries: int) -> PairWalls:
         count = len(self.flown)
         stuck = [row >= count or row in self._rigid for row in (first, second)]
         share = 0.5 if stuck[0] == stuck[1] else float(stuck[1])
@@ -283,6 +291,7 @@ class Repair:
             self.separation,
             share,
             _MARGIN,
+            tries - 1,
         )
 
     def _sampled(self, row: int) -> FloatArray:
@@ -301,11 +310,27 @@ class Repair:
 
     def _names(self, first: int, second: int) -> str:
         if second >= len(self.flown):
-            return f"drone {first + 1} and a parked drone"
-        return f"drones {first + 1} and {second + 1}"
+            return f"drone {self.names[first] + 1} and a parked drone"
+        return f"drones {self.names[first] + 1} and {self.names[second] + 1}"
 
     def _count(self, name: str, value: float) -> None:
         self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def stay_near(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    reference: PiecewisePolynomial,
+    intervals: int,
+) -> tuple[str, Trajectory | None, str]:
+    """Fly one drone near a reference: how, its flight if there is one, why not."""
+    if aircraft.yaw == "held":
+        found = follow_spline(aircraft, start, goal, reference, intervals)
+        if found is not None:
+            return SPLINE, found.flight.trajectory(0), ""
+    result = follow(aircraft, start, goal, reference.end, reference=reference)
+    return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
 def _moved(trajectory: Trajectory, offset: FloatArray) -> Trajectory:

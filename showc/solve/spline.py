@@ -31,6 +31,7 @@ DEGREE = 5
 WALL_DEGREE = DEGREE + 1
 _MARGIN = 0.995
 _ITERATIONS = 6
+_PRICE = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,6 +312,7 @@ class _Program:
                 rate_roll * (cr * c)[:, 0] * pull,
             )
         self._volume(add, zero)
+        self.hard = sum(bound.size for _, bound in parts)
         if self.walls.interval.size:
             at = self.basis.position[self.walls.interval]
             # Bernstein coefficients of (linear) x (degree 5).
@@ -347,20 +349,44 @@ class _Program:
     def solve(self, aim: _Aim) -> FloatArray | None:
         """Positions as Bernstein coefficients (K, 6, 3), None if infeasible."""
         import clarabel  # noqa: PLC0415 - only when solving
-        from scipy.sparse import csc_matrix  # noqa: PLC0415
+        from scipy.sparse import csc_matrix, vstack  # noqa: PLC0415
 
         rows, bounds = self.rows(aim)
         right = bounds - rows @ self.given
         left = rows[:, self.free]
-        busy = np.any(left != 0.0, axis=1)
-        if np.any(right[~busy] < -1e-9):
-            return None
-        left, right = left[busy], right[busy]
         size = np.linalg.norm(left, axis=1)
-        left /= size[:, None]
-        right /= size
-        quadratic = self.quadratic[np.ix_(self.free, self.free)]
-        linear = (self.quadratic @ self.given + self.linear)[self.free]
+        busy = size > 1e-9
+        soft = np.arange(size.size) >= self.hard
+        if np.any(right[~busy & ~soft] < -1e-9):
+            return None
+        # Walls give way at a price: a crowd that is still tangled moves apart as far
+        # as it can, and the next round lays the walls anew.
+        give = np.zeros((size.size, self.walls.interval.size))
+        per = WALL_DEGREE + 1
+        give[self.hard :] = -np.repeat(np.eye(give.shape[1]), per, axis=0)
+        left, right, give = left[busy], right[busy], give[busy]
+        scale = np.where(soft[busy], 1.0, size[busy])[:, None]
+        slack = give.shape[1]
+        matrix = vstack(
+            [
+                csc_matrix(np.concatenate([left, give], axis=1) / scale),
+                csc_matrix(
+                    np.concatenate([np.zeros((slack, left.shape[1])), -np.eye(slack)], 1)
+                ),
+            ],
+            format="csc",
+        )
+        right = np.concatenate([right / scale[:, 0], np.zeros(slack)])
+        quadratic = np.zeros((left.shape[1] + slack,) * 2)
+        quadratic[: left.shape[1], : left.shape[1]] = self.quadratic[
+            np.ix_(self.free, self.free)
+        ]
+        linear = np.concatenate(
+            [
+                (self.quadratic @ self.given + self.linear)[self.free],
+                np.full(slack, _PRICE),
+            ]
+        )
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_iter = 60
@@ -368,7 +394,7 @@ class _Program:
         solver = clarabel.DefaultSolver(
             csc_matrix(np.triu(quadratic)),
             linear,
-            csc_matrix(left),
+            matrix,
             right,
             [clarabel.NonnegativeConeT(right.size)],
             settings,
@@ -380,7 +406,7 @@ class _Program:
         ):
             return None
         values = self.given.copy()
-        values[self.free] = np.asarray(answer.x)
+        values[self.free] = np.asarray(answer.x)[: left.shape[1]]
         count = self.intervals + DEGREE
         position = np.einsum(
             "kin,an->kia", self.basis.position, values.reshape(3, count)

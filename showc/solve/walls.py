@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.solve.bend import HEAD_ON
 from showc.solve.spline import WALL_DEGREE, Walls
 from showc.trajectory import bernstein_basis_inverse
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 NODES: FloatArray = 0.5 * (1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE))
 """Where positions are taken on each interval, as fractions of it, shape (7,)."""
 _REACH = 1.6
-_HEAD_ON = 0.15
+_STALLED = 3
 _BEHIND = 0.3
 
 
@@ -52,6 +53,7 @@ def pair_walls(
     separation: Separation,
     share: float,
     margin: float,
+    tries: int = 0,
 ) -> PairWalls:
     """Walls between two drones from their last positions.
 
@@ -64,6 +66,8 @@ def pair_walls(
         move, or 0.
     margin
         How much more than the separation to keep [m].
+    tries
+        How often walls have failed this pair; then other sides are tried.
     """
     scale = np.asarray(separation.metric_scale)
     relative = (first - second) * scale
@@ -73,7 +77,7 @@ def pair_walls(
         normal = _axis_normals(relative)
     else:
         distance = np.sqrt(np.einsum("kij,kij->ki", relative, relative))
-        normal = _normals(relative, distance, wanted)
+        normal = _normals(relative, distance, wanted, tries)
     near = np.nonzero(distance.min(axis=1) < _REACH * wanted)[0]
     turning = (1.0 - NODES)[:, None] * normal[near, None, 0] + NODES[
         :, None
@@ -105,22 +109,13 @@ def pair_walls(
 
 
 def _normals(
-    relative: FloatArray, distance: FloatArray, wanted: float
+    relative: FloatArray, distance: FloatArray, wanted: float, tries: int
 ) -> FloatArray:
     """Unit normals at both ends of each interval, (K, 2, 3), metric coordinates."""
     borders = np.concatenate([relative[:, 0], relative[-1:, -1]])
     interval, node = np.unravel_index(int(np.argmin(distance)), distance.shape)
-    miss = relative[interval, node]
     motion = relative[interval, -1] - relative[interval, 0]
-    size = float(np.linalg.norm(miss))
-    if size < _HEAD_ON * wanted:
-        # To the right of the first's motion as seen by the second: motion x e_z.
-        aside = np.array([motion[1], -motion[0], 0.0])
-        if np.linalg.norm(aside) < 1e-6 * max(float(np.linalg.norm(motion)), 1e-12):
-            aside = np.array([1.0, 0.0, 0.0])
-        aside /= np.linalg.norm(aside)
-    else:
-        aside = miss / size
+    aside = _side(relative[interval, node], motion, wanted, tries)
     across = borders @ aside
     along = borders - across[:, None] * aside
     # Slow the turning down to what an interval can follow.
@@ -132,6 +127,31 @@ def _normals(
     length = np.linalg.norm(toward, axis=1, keepdims=True)
     normal = toward / np.where(length > 0.0, length, 1.0)
     return np.stack([normal[:-1], normal[1:]], axis=1)
+
+
+def _side(
+    miss: FloatArray, motion: FloatArray, wanted: float, tries: int
+) -> FloatArray:
+    """Direction in which the first passes the second, unit, metric coordinates.
+
+    As they miss each other; head-on to the right; and where that has failed before,
+    above or below, then to the left.
+    """
+    size = float(np.linalg.norm(miss))
+    pace = max(float(np.linalg.norm(motion)), 1e-12)
+    # To the right of the first's motion as seen by the second: motion x e_z.
+    right = np.array([motion[1], -motion[0], 0.0])
+    level = float(np.linalg.norm(right))
+    right = np.array([1.0, 0.0, 0.0]) if level < 1e-6 * pace else right / level
+    if tries >= _STALLED and level > 0.5 * pace:
+        above = np.array([0.0, 0.0, 1.0])
+        above -= (motion @ above) / pace**2 * motion
+        above /= np.linalg.norm(above)
+        choice = (tries // _STALLED) % 4
+        return np.asarray((right, above, -above, -right)[choice])
+    if size < HEAD_ON * wanted:
+        return right
+    return miss / size
 
 
 def _axis_normals(relative: FloatArray) -> FloatArray:
