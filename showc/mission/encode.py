@@ -178,6 +178,8 @@ class _Writer:
         if row is None and not lights:
             return
         if row is not None:
+            release += float(stage.wait[row])
+        if row is not None:
             self.speeds(stage, row)
         self._wait(release)
         if row is None:

@@ -1,9 +1,9 @@
 """How one leg of the show becomes stages that an autopilot flies apart.
 
 The straight line in the shortest common time comes first. Where the predicted flights
-come too near, the encoding changes: more time (delays then cost less distance), the
-drones in waves, a bend along the solved flight, layers of height. The first that is
-proved is taken.
+come too near, the encoding changes: more time (delays then cost less distance), drones
+that leave one after the other, a bend along the solved flight, layers of height. The
+first that is proved is taken.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
+from showc.mission.conflicts import conflict_colours
 from showc.mission.geodesy import POSITION_RESOLUTION
 from showc.mission.law import LegProfile
 from showc.mission.separation import (
@@ -23,11 +24,11 @@ from showc.mission.separation import (
     Motion,
     closest_encounter,
 )
+from showc.mission.stagger import staggered
 from showc.mission.timing import Timing
-from showc.mission.waves import conflict_colours, waves
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -100,7 +101,7 @@ def stage_motion(
         begin,
         end,
         with_rest(stage.profile).select(rank),
-        np.full(count, start),
+        start + np.append(stage.wait, 0.0)[rank],
         np.full(count, timing.low),
         np.full(count, timing.high),
         (start + timing.low, start + stage.duration + timing.high),
@@ -162,6 +163,16 @@ def _candidates(
     yield "straight", [first]
     if first.drones.size == 0:
         return
+    yield from _slower(first, straight, around)
+    yield from _bends(leg, flight, builder, around)
+    yield from _layers(leg, builder, around, first)
+
+
+def _slower(
+    first: Stage, straight: Callable[[float], Stage], around: Surroundings
+) -> Iterator[tuple[str, list[Stage]]]:
+    """Straight lines with more time, or one after the other, quickest first."""
+    found: list[tuple[float, str, float | FloatArray]] = []
     exact = closest_encounter(
         stage_motion(first, around.positions, Timing(around.timing.delay, 0.0)),
         around.separation,
@@ -169,19 +180,20 @@ def _candidates(
     )
     # Time scales a flight without changing its shape: it helps only against delays.
     if exact is None or exact.distance >= around.required:
-        for stretch in STRETCHES[1:]:
-            yield f"straight, time x {stretch:g}", [straight(first.duration * stretch)]
-    order = waves(first, around.separation, around.required)
-    if order is not None:
-        yield (
-            f"{len(order)} waves",
-            [
-                builder.build(drones[wave], start[wave], goal[wave], leg.limits)
-                for wave in (np.isin(drones, part) for part in order)
-            ],
-        )
-    yield from _bends(leg, flight, builder, around)
-    yield from _layers(leg, builder, around, first)
+        found = [
+            (first.duration * stretch, f"straight, time x {stretch:g}", stretch)
+            for stretch in STRETCHES[1:]
+        ]
+    waits = staggered(first, around.separation, around.timing, around.required)
+    if waits is not None:
+        longest = float(waits.max())
+        name = f"straight, staggered by up to {longest:g} s"
+        found.append((first.duration + longest, name, waits))
+    for duration, name, how in sorted(found, key=lambda item: item[0]):
+        if isinstance(how, float):
+            yield name, [straight(duration)]
+        else:
+            yield name, [first.waiting(how)]
 
 
 def _bends(
@@ -286,6 +298,7 @@ def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportErro
         f"{best.distance:.2f} m at {best.time:.1f} s of the leg on the flights that "
         f"the autopilot would make (start delays {around.timing.low:.2f} to "
         f"{around.timing.high:.2f} s); wanted {around.separation.distance:g} m. "
-        "Straight legs, more time, waves, bends and layers of height were tried. Give "
+        "Straight legs, more time, staggered releases, bends and layers of height were "
+        "tried. Give "
         "the formations more room, or fly the show with `showc stream`"
     )

@@ -80,7 +80,7 @@ class PredictedFlight:
 
 def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
     """Move the stage's drones in ``place`` (n, drones, 3) along, ``elapsed`` (n, m)."""
-    part = stage.profile.fraction(elapsed)[..., None]
+    part = stage.profile.fraction(elapsed - stage.wait)[..., None]
     place[:, stage.drones] += part * (stage.end - stage.begin)
 
 

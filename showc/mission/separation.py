@@ -33,6 +33,9 @@ TOLERANCE = 2e-3
 FIRST_PIECES = 32
 """Pieces of the window that a pair is looked at in first."""
 
+SHORTEST_PIECE = 1e-3
+"""Pieces of time below this are not cut further [s]."""
+
 BLOCK = 400_000
 """Pairs handled at once."""
 
@@ -95,6 +98,35 @@ def closest_encounter(
         swept.append(bound[near])
     a, b = np.concatenate(found_a), np.concatenate(found_b)
     return _branch_and_bound(motion, separation, (a, b), best, enough)
+
+
+def pairs_apart(
+    motion: Motion,
+    separation: Separation,
+    pairs: tuple[IntArray, IntArray],
+    required: float,
+) -> NDArray[np.bool_]:
+    """Return which of the ``pairs`` are proved to keep ``required`` [m], shape (m,).
+
+    A pair that is undecided when the pieces are shorter than a millisecond counts as
+    too near.
+    """
+    apart = np.ones(pairs[0].size, dtype=np.bool_)
+    pieces = FIRST_PIECES
+    which = np.repeat(np.arange(pairs[0].size), pieces)
+    piece = np.tile(np.arange(pieces), pairs[0].size)
+    span = motion.window[1] - motion.window[0]
+    while which.size and span / pieces > SHORTEST_PIECE:
+        chosen = pairs[0][which], pairs[1][which]
+        bound, value = _examine(motion, separation, chosen, piece, span / pieces)
+        apart[which[value < required]] = False
+        left = (bound < required) & apart[which]
+        which = np.repeat(which[left], 2)
+        piece = np.repeat(2 * piece[left], 2)
+        piece[1::2] += 1
+        pieces *= 2
+    apart[which] = False
+    return apart
 
 
 def _branch_and_bound(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,11 +53,17 @@ class Stage:
     """Who is steered by the vertical instead of the horizontal speed, shape (n,)."""
     command: FloatArray
     """Commanded horizontal or vertical speed, shape (n,) [m/s]."""
+    wait: FloatArray
+    """How long after the stage's release each one leaves, shape (n,), whole [s]."""
 
     @property
     def duration(self) -> float:
-        """Time of the slowest leg [s]."""
-        return float(self.profile.duration.max(initial=0.0))
+        """Time from the release to the last arrival [s]."""
+        return float((self.wait + self.profile.duration).max(initial=0.0))
+
+    def waiting(self, wait: FloatArray) -> Stage:
+        """Return the same legs, leaving ``wait`` (n,) [s] after the release."""
+        return replace(self, wait=wait)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +147,7 @@ class StageBuilder:
             leg.climb,
             by_climb,
             command,
+            np.zeros(drones.size),
         )
 
 
