@@ -37,9 +37,9 @@ def command(plan: Path, flown: Path, limit: float | None, as_json: bool) -> int:
     else:
         for drone in result.drones:
             click.echo(
-                f"drone {drone.drone}: at most {drone.greatest_error:.2f} m off (at "
-                f"{drone.greatest_error_time:.1f} s), {drone.rms_error:.2f} m root mean "
-                f"square, {drone.lag:+.2f} s late"
+                f"drone {drone.drone}: at most {drone.greatest_error:.2f} m off, at "
+                f"{drone.greatest_error_time:.1f} s; {drone.rms_error:.2f} m root "
+                f"mean square; {drone.lag:+.2f} s late"
             )
         if result.least_separation is not None and result.least_separation_drones:
             first, second = result.least_separation_drones
