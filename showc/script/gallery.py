@@ -213,9 +213,9 @@ class Gallery:
 
     def _shape(self, settings: Settings, count: int) -> Picture:
         shape = SHAPES[settings.text("type")]
-        request = Request(
-            count, self._spacing(settings), self._bench.seed, self._bench.read
-        )
+        # Shapes that choose their own size leave room for straight moves.
+        roomy = settings.optional("spacing") or 1.5 * self._bench.separation.distance
+        request = Request(count, roomy, self._bench.seed, self._bench.read)
         drawing = shape.draw(settings, request)
         colours = drawing.colours
         if colours is None:

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 Schema = dict[str, object]
 
-SCHEMA_ID = "https://showc.dev/schemas/show.schema.json"
-"""Name of the schema; it is not fetched from there."""
+SCHEMA_ID = "urn:showc:show-script:1"
+"""Name of the schema, with the version of the script format."""
 
 
 def schema_text() -> str:

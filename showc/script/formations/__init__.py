@@ -5,20 +5,32 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.script.formations import circle, grid, line, points
-from showc.script.formations.shape import (
-    Drawing,
-    FormationError,
-    Request,
-    Shape,
+from showc.script.formations import (
+    circle,
+    csv_file,
+    cube,
+    grid,
+    helix,
+    image,
+    line,
+    mesh,
+    points,
+    sphere,
+    svg,
+    text,
+    wave,
 )
+from showc.script.formations.shape import Drawing, FormationError, Request, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+_DRAWN = (grid, line, circle, sphere, helix, cube, wave, text)
+_READ = (svg, points, csv_file, mesh, image)
+
 SHAPES: Mapping[str, Shape] = MappingProxyType(
-    {module.SHAPE.section.name: module.SHAPE for module in (grid, line, circle, points)}
+    {module.SHAPE.section.name: module.SHAPE for module in (*_DRAWN, *_READ)}
 )
-"""Every shape, by the key that asks for it."""
+"""Every shape, by the word that ``type`` gives."""
 
 __all__ = ["SHAPES", "Drawing", "FormationError", "Request", "Shape"]

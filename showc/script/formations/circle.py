@@ -28,7 +28,7 @@ SECTION = Section(
             "radius",
             Quantity("m", minimum=0.0, maximum=5000.0, positive=True),
             "Radius.",
-            default_text="large enough for the formation's spacing",
+            default_text="large enough for the spacing, or 1.5 times the separation",
             examples=(12, "12 m"),
         ),
         Field(

@@ -21,7 +21,11 @@ from showc.script.kinds import Either, Field, Integer, Items, Quantity, Section
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from showc.script.settings import Settings
+
+    FloatArray = NDArray[np.float64]
 
 _STEP = Quantity("m", minimum=0.01, maximum=1000.0)
 
@@ -78,8 +82,11 @@ def own_count(
     return None
 
 
-def draw(settings: Settings, request: Request) -> Drawing:
-    """Draw the grid, centred; a last row that is not full is left-aligned."""
+def lattice(settings: Settings, request: Request, plane: str) -> FloatArray:
+    """Return the grid's places, centred, shape (count, 3) [m].
+
+    A last row that is not full is left-aligned.
+    """
     count = request.count
     rows, columns = _size(settings, count)
     layers = settings.integer("layers")
@@ -102,9 +109,14 @@ def draw(settings: Settings, request: Request) -> Drawing:
             index // (columns * rows) * steps[2],
         ]
     )
-    right, up = PLANES[settings.text("plane")]
+    right, up = PLANES[plane]
     frame = np.stack([right, up, np.abs(np.cross(right, up))])
-    return Drawing(centred(across) @ frame)
+    return np.asarray(centred(across) @ frame, dtype=np.float64)
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the grid in its plane."""
+    return Drawing(lattice(settings, request, settings.text("plane")))
 
 
 SHAPE = Shape(SECTION, own_count, draw)

@@ -26,7 +26,7 @@ SECTION = Section(
             "length",
             Quantity("m", minimum=0.0, maximum=10_000.0),
             "Distance from the first place to the last.",
-            default_text="the formation's spacing between neighbours",
+            default_text="the spacing between neighbours, or 1.5 times the separation",
         ),
         Field(
             "direction",

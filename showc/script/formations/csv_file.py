@@ -1,0 +1,129 @@
+"""CSV: places, and colours if there are any, from a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.kinds import Field, File, Section
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from showc.script.settings import Settings
+
+_NAMES = {"r": "red", "g": "green", "b": "blue"}
+_LARGEST = 10_000.0
+
+SECTION = Section(
+    "csv",
+    "Places from a CSV file, in the show frame: columns x, y, z in metres and, if "
+    "wanted, red, green, blue from 0 to 255. A first line with these names is optional "
+    "for x, y, z. The separator is a comma, semicolon or tab.",
+    (Field("file", File((".csv", ".tsv", ".txt")), "The table.", required=True),),
+)
+
+
+def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return places, shape (n, 3) [m], and sRGB colours 0 to 1, (n, 3) or None.
+
+    Raises
+    ------
+    FormationError
+        Naming the first faulty line, and how many there are.
+    """
+    try:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise FormationError("SHW110", f"`{name}` is not UTF-8", "file") from None
+    first = next((line for line in lines if line.strip()), "")
+    separator = max(";\t,", key=first.count)
+    table = [
+        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=separator))])
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not table:
+        raise FormationError("SHW110", f"`{name}` has no lines", "file")
+    columns = _columns(table[0][1])
+    if columns is not None:
+        table = table[1:]
+    else:
+        columns = {"x": 0, "y": 1, "z": 2}
+        if all(len(cells) >= 6 for _, cells in table):
+            columns |= {"red": 3, "green": 4, "blue": 5}
+    values, faults = _values(table, columns)
+    if faults:
+        more = (f"{len(faults)} lines are faulty",) if len(faults) > 1 else ()
+        raise FormationError(
+            "SHW110", f"`{name}`, line {faults[0][0]}: {faults[0][1]}", "file", notes=more
+        )
+    if not values:
+        raise FormationError("SHW110", f"`{name}` has no places", "file")
+    rows = np.array(values, dtype=np.float64)
+    colours = rows[:, 3:6] / 255.0 if rows.shape[1] >= 6 else None
+    return rows[:, :3], colours
+
+
+def _columns(cells: list[str]) -> dict[str, int] | None:
+    """Return where the columns are, if a line names them."""
+    names = [cell.lower().split("[")[0].strip() for cell in cells]
+    names = [_NAMES.get(name, name) for name in names]
+    if not {"x", "y", "z"} <= set(names):
+        return None
+    wanted = ["x", "y", "z"]
+    if {"red", "green", "blue"} <= set(names):
+        wanted += ["red", "green", "blue"]
+    return {name: names.index(name) for name in wanted}
+
+
+def _values(
+    table: list[tuple[int, list[str]]], columns: dict[str, int]
+) -> tuple[list[list[float]], list[tuple[int, str]]]:
+    values, faults = [], []
+    for number, cells in table:
+        row = []
+        for name, column in columns.items():
+            cell = cells[column] if column < len(cells) else ""
+            try:
+                value = float(cell)
+            except ValueError:
+                faults.append((number, f"{name} is `{cell}`, a number is wanted"))
+                break
+            largest = 255.0 if name in {"red", "green", "blue"} else _LARGEST
+            least = 0.0 if name in {"red", "green", "blue"} else -_LARGEST
+            if not math.isfinite(value) or not least <= value <= largest:
+                text = f"{name} is {cell}, {least:g} to {largest:g} is wanted"
+                faults.append((number, text))
+                break
+            row.append(value)
+        else:
+            values.append(row)
+    return values, faults
+
+
+def own_count(settings: Settings, read: Callable[[str, str], bytes]) -> int | None:
+    """Return the number of lines with places."""
+    name = settings.text("file")
+    return len(rows_of(read(name, "file"), name)[0])
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Return the first ``count`` places as they are."""
+    name = settings.text("file")
+    points, colours = rows_of(request.read(name, "file"), name)
+    if len(points) < request.count:
+        raise FormationError(
+            "SHW205",
+            f"`{name}` has {len(points)} places, {request.count} are needed",
+            "file",
+        )
+    cut = request.count
+    return Drawing(points[:cut], colours[:cut] if colours is not None else None)
+
+
+SHAPE = Shape(SECTION, own_count, draw, absolute=True)

@@ -1,0 +1,117 @@
+"""The cube: a box drawn by its edges, its faces, or its inside."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations.evenly import candidates_for, spread_evenly
+from showc.script.formations.mesh import surface_points
+from showc.script.formations.shape import Drawing, Request, Shape, any_count
+from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.script.settings import Settings
+
+    FloatArray = NDArray[np.float64]
+
+_SIDE = Quantity("m", minimum=0.0, maximum=1000.0, positive=True)
+
+SECTION = Section(
+    "cube",
+    "A cube or box, drawn by its edges, its faces, or its inside.",
+    (
+        Field(
+            "size",
+            Either((_SIDE, Items(_SIDE, 3, 3))),
+            "Length of the sides: one number, or one each along x, y, z.",
+            default=12.0,
+        ),
+        Field(
+            "draw",
+            Choice(("edges", "faces", "inside")),
+            "Where the places are. Edges have a place at every corner first.",
+            default="edges",
+        ),
+    ),
+)
+
+
+def _corners(size: FloatArray) -> FloatArray:
+    return np.array(list(product((-0.5, 0.5), repeat=3))) * size
+
+
+def _edges(size: FloatArray, count: int) -> FloatArray:
+    """Return the corners, then places spread over the twelve edges by length."""
+    corners = _corners(size)
+    if count <= len(corners):
+        return corners[spread_evenly(corners, count, rounds=0)]
+    pairs = [
+        (first, second)
+        for first in range(8)
+        for second in range(first + 1, 8)
+        if np.count_nonzero(corners[first] != corners[second]) == 1
+    ]
+    lengths = [
+        float(np.linalg.norm(corners[second] - corners[first]))
+        for first, second in pairs
+    ]
+    inner = [0] * len(pairs)
+    for _ in range(count - len(corners)):
+        # The next place goes where the gaps are widest.
+        gaps = [length / (n + 1) for length, n in zip(lengths, inner, strict=True)]
+        inner[int(np.argmax(np.round(gaps, 9)))] += 1
+    points = [corners]
+    for (first, second), number in zip(pairs, inner, strict=True):
+        share = (np.arange(number)[:, None] + 1.0) / (number + 1.0)
+        points.append(corners[first] + share * (corners[second] - corners[first]))
+    return np.concatenate(points)
+
+
+def _faces(size: FloatArray, count: int) -> FloatArray:
+    triangles = []
+    for axis, side in product(range(3), (-0.5, 0.5)):
+        others = [other for other in range(3) if other != axis]
+        quad = np.zeros((4, 3))
+        quad[:, axis] = side
+        quad[:, others] = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        triangles += [quad[[0, 1, 2]], quad[[0, 2, 3]]]
+    dense = surface_points(np.array(triangles) * size, candidates_for(count))
+    return np.asarray(dense[spread_evenly(dense, count)])
+
+
+def _inside(size: FloatArray, count: int) -> FloatArray:
+    """Return the densest lattice with enough places, cut to the number wanted."""
+    number = np.ones(3, dtype=np.int64)
+    while int(np.prod(number)) < count:
+        number[int(np.argmax(np.round(size / number, 9)))] += 1
+    axes = [
+        np.linspace(-0.5, 0.5, int(n)) * side if n > 1 else np.zeros(1)
+        for n, side in zip(number, size, strict=True)
+    ]
+    lattice = np.array(list(product(*axes)))
+    return np.asarray(lattice[spread_evenly(lattice, count, rounds=0)])
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the box about its centre."""
+    value = settings.values["size"].value
+    size = np.array(
+        settings.numbers("size")
+        if isinstance(value, list)
+        else [settings.number("size")] * 3
+    )
+    match settings.text("draw"):
+        case "edges":
+            return Drawing(_edges(size, request.count))
+        case "faces":
+            return Drawing(_faces(size, request.count))
+        case _:
+            return Drawing(_inside(size, request.count))
+
+
+SHAPE = Shape(SECTION, any_count, draw)

@@ -1,0 +1,151 @@
+"""Mesh: places spread evenly over the surface of a model."""
+
+from __future__ import annotations
+
+import sys
+from io import BytesIO
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.script.formations.evenly import candidates_for, spread_evenly
+from showc.script.formations.shape import (
+    Drawing,
+    FormationError,
+    Request,
+    Shape,
+    any_count,
+    centred,
+)
+from showc.script.kinds import Choice, Field, File, Quantity, Section
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.script.settings import Settings
+
+    FloatArray = NDArray[np.float64]
+
+_SUFFIXES = (".obj", ".stl", ".gltf", ".glb", ".ply", ".off")
+
+SECTION = Section(
+    "mesh",
+    "Places spread evenly over the surface of a model.",
+    (
+        Field("file", File(_SUFFIXES), "The model (OBJ, STL, glTF, PLY).", required=True),
+        Field(
+            "size",
+            Quantity("m", minimum=0.1, maximum=1000.0),
+            "Length of the longest side of the box around it.",
+            default=20.0,
+        ),
+        Field(
+            "up",
+            Choice(("y", "z")),
+            "Axis of the model that points up.",
+            default_text="y for OBJ and glTF, z for the others",
+        ),
+    ),
+)
+
+
+def _trimesh() -> Any:  # noqa: ANN401 - a module without types
+    """Import trimesh without scipy.
+
+    It imports all of scipy if it can, which takes longer than everything a check of a
+    script does, and needs none of it to read a model.
+    """
+    blocked = "scipy" not in sys.modules
+    if blocked:
+        sys.modules["scipy"] = None  # type: ignore[assignment]
+    try:
+        import trimesh  # noqa: PLC0415 - takes time
+    finally:
+        if blocked:
+            del sys.modules["scipy"]
+    return trimesh
+
+
+def triangles_of(content: bytes, name: str) -> FloatArray:
+    """Return the triangles of a model, shape (triangles, 3, 3), in its own units.
+
+    Raises
+    ------
+    FormationError
+        If it is no model of its kind, or has no surface.
+    """
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise FormationError(
+            "SHW110",
+            f"`{name}` is no model showc reads",
+            "file",
+            help_text=f"endings: {', '.join(_SUFFIXES)}",
+        )
+    trimesh = _trimesh()
+    try:
+        loaded = trimesh.load(
+            BytesIO(content), file_type=suffix[1:], process=False, maintain_order=True
+        )
+        mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
+        corners = np.asarray(mesh.triangles, dtype=np.float64)
+    except Exception as fault:  # noqa: BLE001 - readers of models raise anything
+        raise FormationError(
+            "SHW110",
+            f"`{name}` cannot be read as {suffix[1:].upper()}: {fault}",
+            "file",
+        ) from None
+    corners = corners[np.all(np.isfinite(corners), axis=(1, 2))]
+    if not len(corners) or float(_areas(corners).sum()) <= 0.0:
+        raise FormationError("SHW110", f"`{name}` has no surface", "file")
+    return corners
+
+
+def _areas(triangles: FloatArray) -> FloatArray:
+    first = triangles[:, 1] - triangles[:, 0]
+    second = triangles[:, 2] - triangles[:, 0]
+    return np.asarray(np.linalg.norm(np.cross(first, second), axis=1) / 2.0)
+
+
+def surface_points(triangles: FloatArray, count: int) -> FloatArray:
+    """Return points on triangles, evenly by area and without chance, (count, 3).
+
+    Systematic sampling over the summed areas picks the triangle, the R2 sequence
+    (Roberts 2018) the place in it.
+    """
+    area = np.cumsum(_areas(triangles))
+    index = np.arange(count)
+    picked = np.searchsorted(area, (index + 0.5) / count * area[-1])
+    picked = np.minimum(picked, len(triangles) - 1)
+    golden = 1.324717957244746
+    u = (0.5 + index / golden) % 1.0
+    v = (0.5 + index / golden**2) % 1.0
+    flip = u + v > 1.0
+    u, v = np.where(flip, 1.0 - u, u), np.where(flip, 1.0 - v, v)
+    corner = triangles[picked]
+    return np.asarray(
+        corner[:, 0]
+        + u[:, None] * (corner[:, 1] - corner[:, 0])
+        + v[:, None] * (corner[:, 2] - corner[:, 0])
+    )
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the model, centred."""
+    name = settings.text("file")
+    triangles = triangles_of(request.read(name, "file"), name)
+    default = "y" if PurePath(name).suffix.lower() in {".obj", ".gltf", ".glb"} else "z"
+    up = settings.text("up") if "up" in settings else default
+    if up == "y":
+        triangles = triangles[..., [0, 2, 1]] * [1.0, -1.0, 1.0]
+    corners = triangles.reshape(-1, 3)
+    extent = float(np.ptp(corners, axis=0).max())
+    scaled = (
+        centred(corners).reshape(-1, 3, 3) * settings.number("size") / extent
+    )
+    dense = surface_points(scaled, candidates_for(request.count))
+    return Drawing(dense[spread_evenly(dense, request.count)])
+
+
+SHAPE = Shape(SECTION, any_count, draw)

@@ -1,0 +1,196 @@
+"""Text: letters of a real font, written, outlined or filled with places."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations.centreline import centreline
+from showc.script.formations.contours import Contour, fill, fitted, follow
+from showc.script.formations.shape import (
+    Drawing,
+    FormationError,
+    Request,
+    Shape,
+    any_count,
+    plane_field,
+    stand,
+)
+from showc.script.kinds import Choice, Either, Field, File, Quantity, Section, Text
+
+if TYPE_CHECKING:
+    from fontTools.ttLib import TTFont
+
+    from showc.script.settings import Settings
+
+BUNDLED = {"regular": "Vera.ttf", "bold": "VeraBd.ttf"}
+"""Fonts that come with showc (Bitstream Vera)."""
+_CURVE_PIECES = 8
+
+SECTION = Section(
+    "text",
+    "Letters of a font, written, outlined or filled with places.",
+    (
+        Field(
+            "text",
+            Text(100),
+            "What to write; `\\n` in double quotes begins a new line.",
+            required=True,
+            examples=("HI", "2025"),
+        ),
+        Field(
+            "height",
+            Quantity("m", minimum=0.1, maximum=1000.0),
+            "Height of the whole text.",
+            default=12.0,
+        ),
+        Field(
+            "font",
+            Either((Choice(tuple(BUNDLED)), File((".ttf", ".otf")))),
+            "`regular` or `bold` (Bitstream Vera), or a font file beside the script.",
+            default="regular",
+        ),
+        Field(
+            "draw",
+            Choice(("centreline", "outline", "inside")),
+            "Where places lie: along the middle of the strokes, as a pen would go; "
+            "along the letters' outline; or all over their inside.",
+            default="centreline",
+        ),
+        plane_field("front"),
+    ),
+)
+
+
+def _font(settings: Settings, request: Request) -> TTFont:
+    from fontTools.ttLib import TTFont, TTLibError  # noqa: PLC0415 - takes time
+
+    name = settings.text("font")
+    if name in BUNDLED:
+        from importlib.resources import files  # noqa: PLC0415 - takes time
+
+        folder = files("showc.script.formations") / "fonts"
+        content = (folder / BUNDLED[name]).read_bytes()
+    else:
+        content = request.read(name, "font")
+    try:
+        font = TTFont(BytesIO(content), fontNumber=0, lazy=True)
+        font.getGlyphSet()
+    except (TTLibError, KeyError, AssertionError, ValueError, EOFError) as fault:
+        raise FormationError(
+            "SHW110", f"`{name}` is not a font: {fault}", "font"
+        ) from None
+    return font
+
+
+def letters(font: TTFont, text: str) -> list[Contour]:
+    """Return the outlines of a text in the font's own units.
+
+    Lines are centred under each other; kerning is left out.
+
+    Raises
+    ------
+    FormationError
+        If the font lacks a letter.
+    """
+    from fontTools.pens.recordingPen import (  # noqa: PLC0415 - takes time
+        DecomposingRecordingPen,
+    )
+
+    glyphs, names = font.getGlyphSet(), font.getBestCmap()
+    missing = sorted({sign for sign in text if sign != "\n" and ord(sign) not in names})
+    if missing:
+        raise FormationError(
+            "SHW110",
+            f"the font has no `{missing[0]}`",
+            "text",
+            help_text="name a font file that has it with `font:`",
+        )
+    head, metrics = font["head"], font["hhea"]
+    line_height = (metrics.ascent - metrics.descent + metrics.lineGap) or (
+        1.2 * head.unitsPerEm
+    )
+    contours = []
+    for row, line in enumerate(text.split("\n")):
+        signs = [glyphs[names[ord(sign)]] for sign in line]
+        width = float(sum(sign.width for sign in signs))
+        pen_x = -width / 2.0
+        for sign in signs:
+            pen = DecomposingRecordingPen(glyphs)
+            sign.draw(pen)
+            shift = np.array([pen_x, -row * line_height])
+            contours += [
+                Contour(points + shift) for points in _flatten(pen.value) if len(points)
+            ]
+            pen_x += sign.width
+    return contours
+
+
+def _flatten(record: list[tuple[str, tuple[object, ...]]]) -> list[np.ndarray]:
+    """Turn a recorded outline into chains of points, curves cut into pieces."""
+    from fontTools.pens.basePen import (  # noqa: PLC0415 - takes time
+        decomposeQuadraticSegment,
+        decomposeSuperBezierSegment,
+    )
+
+    chains: list[list[np.ndarray]] = []
+    for verb, arguments in record:
+        points = [
+            np.array(point, dtype=np.float64)
+            for point in arguments
+            if isinstance(point, tuple)
+        ]
+        if verb == "moveTo":
+            chains.append([points[0]])
+        elif verb == "lineTo":
+            chains[-1].append(points[0])
+        elif verb == "qCurveTo" and arguments[-1] is None:
+            # A closed curve without a single corner: begin between two controls.
+            start = (points[-1] + points[0]) / 2.0
+            chains.append([start])
+            for control, end in decomposeQuadraticSegment([*points, start]):
+                _bend(chains[-1], [np.array(control), np.array(end)])
+        elif verb == "qCurveTo":
+            for control, end in decomposeQuadraticSegment(points):
+                _bend(chains[-1], [np.array(control), np.array(end)])
+        elif verb == "curveTo":
+            for curve in decomposeSuperBezierSegment(points):
+                _bend(chains[-1], [np.array(point) for point in curve])
+        elif verb == "closePath" and chains:
+            chains[-1].append(chains[-1][0])
+    return [np.array(chain) for chain in chains if len(chain) > 2]
+
+
+def _bend(chain: list[np.ndarray], points: list[np.ndarray]) -> None:
+    """Add a Bézier curve from the chain's end as short pieces (de Casteljau)."""
+    start = chain[-1]
+    for step in range(1, _CURVE_PIECES + 1):
+        share = step / _CURVE_PIECES
+        level = [start, *points]
+        while len(level) > 1:
+            level = [
+                first + share * (second - first)
+                for first, second in zip(level, level[1:], strict=False)
+            ]
+        chain.append(level[0])
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the text, centred, in its plane."""
+    contours = letters(_font(settings, request), settings.text("text"))
+    if not contours:
+        raise FormationError("SHW104", "the text has no visible letters", "text")
+    drawn = fitted(contours, settings.number("height"), axis=1)
+    match settings.text("draw"):
+        case "centreline":
+            points = centreline(drawn, request.count)
+        case "outline":
+            points, _ = follow(drawn, request.count)
+        case _:
+            points, _ = fill(drawn, request.count)
+    return Drawing(stand(points, settings.text("plane")))
+
+
+SHAPE = Shape(SECTION, any_count, draw)

@@ -1,0 +1,63 @@
+"""The wave: a level grid whose height runs through a sine."""
+
+from __future__ import annotations
+
+from math import tau
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations import grid
+from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.kinds import Field, Items, Quantity, Section
+
+if TYPE_CHECKING:
+    from showc.script.settings import Settings
+
+SECTION = Section(
+    "wave",
+    "A level grid of rows and columns whose height runs through a sine.",
+    (
+        *(field for field in grid.SECTION.fields if field.key not in {"plane"}),
+        Field(
+            "amplitude",
+            Quantity("m", minimum=0.0, maximum=500.0),
+            "Height of the crests above the middle.",
+            default=3.0,
+        ),
+        Field(
+            "wavelength",
+            Quantity("m", minimum=0.1, maximum=10_000.0),
+            "Distance from crest to crest.",
+            default=20.0,
+        ),
+        Field(
+            "phase",
+            Quantity("deg", minimum=-3600.0, maximum=3600.0),
+            "Phase in the middle.",
+            default=0.0,
+        ),
+        Field(
+            "direction",
+            Items(Quantity(minimum=-1e3, maximum=1e3), 2, 2),
+            "Direction `[x, y]` in which the wave runs; its length does not matter.",
+            default=[1, 0],
+        ),
+    ),
+)
+
+
+def draw(settings: Settings, request: Request) -> Drawing:
+    """Draw the wave about its middle."""
+    points = grid.lattice(settings, request, "horizontal")
+    direction = np.array(settings.numbers("direction"))
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise FormationError("SHW104", "a direction of length zero", "direction")
+    way = points[:, :2] @ direction / size
+    angle = tau * way / settings.number("wavelength") + settings.number("phase")
+    points[:, 2] += settings.number("amplitude") * np.sin(angle)
+    return Drawing(points)
+
+
+SHAPE = Shape(SECTION, grid.own_count, draw)
