@@ -1,0 +1,294 @@
+// Plays the show: time, mouse, keys, and the marks over the picture.
+
+const $ = (selector) => document.querySelector(selector);
+const query = new URLSearchParams(location.search);
+const player = { time: 0, speed: 1, playing: false, chosen: -1, last: 0 };
+let stage, timeline, panel;
+window.__frames = 0;
+
+function seek(time) {
+  player.time = Math.min(Math.max(time, 0), show.duration);
+  wake();
+}
+
+function play(on) {
+  if (on && player.time >= show.duration) player.time = 0;
+  player.playing = on;
+  player.last = performance.now();
+  $("#play-shape").setAttribute("d", on ? "M3 1.5h3.6v13H3zM9.4 1.5H13v13H9.4z" : "M3 1.5v13L14 8z");
+  wake();
+}
+
+function choose(drone) {
+  player.chosen = drone;
+  camera.follow = camera.follow && drone >= 0;
+  panel.choose(drone);
+  stage.showTrail(drone);
+  timeline.draw(drone);
+  wake();
+}
+
+function chapterStep(direction) {
+  const starts = [...new Set(show.segments.filter((s) => s.kind !== "hold").map((s) => s.start)), show.duration];
+  seek(direction > 0
+    ? starts.find((start) => start > player.time + 0.05) ?? show.duration
+    : starts.findLast((start) => start < player.time - 0.6) ?? 0);
+}
+
+function view(name) {
+  lookAt(name, innerWidth, innerHeight);
+  document.querySelectorAll("nav button[data-view]").forEach((button) => button.classList.toggle("on", button.dataset.view === name));
+  wake();
+}
+
+function moveTag(tag, place, text) {
+  tag.hidden = !place;
+  if (!place) return;
+  if (text !== undefined) tag.textContent = text;
+  tag.style.transform = `translate(${place[0].toFixed(1)}px, ${place[1].toFixed(1)}px)`;
+}
+
+// Ring around the chosen drone, line between the nearest pair, N at the arrow.
+function drawMarks(matrix) {
+  const [width, height] = [innerWidth, innerHeight];
+  const onPage = (point) => {
+    const place = project(matrix, point, width, height);
+    return place[2] > 0 ? place : null;
+  };
+  const ring = player.chosen >= 0 ? onPage(placeAt(player.chosen, player.time)) : null;
+  $("#ring").style.display = ring ? "" : "none";
+  if (ring) {
+    $("#ring").setAttribute("cx", ring[0]);
+    $("#ring").setAttribute("cy", ring[1]);
+  }
+  moveTag($("#ring-label"), ring && [ring[0] + 17, ring[1] - 24], ring ? String(player.chosen + 1) : "");
+  const near = show.encounters
+    .filter((e) => Math.abs(e.time - player.time) < (e.tightest ? 1 : 0.4))
+    .sort((a, b) => Math.abs(a.time - player.time) - Math.abs(b.time - player.time))[0];
+  const ends = near ? [near.a, near.b].map((drone) => onPage(placeAt(drone, player.time))) : [];
+  const shown = ends.length === 2 && ends.every(Boolean);
+  $("#pair-line").style.display = shown ? "" : "none";
+  if (shown) {
+    const [a, b] = ends;
+    for (const [name, value] of Object.entries({ x1: a[0], y1: a[1], x2: b[0], y2: b[1] })) $("#pair-line").setAttribute(name, value);
+    $("#pair-line").style.stroke = near.tightest ? "" : "#ffb454";
+  }
+  moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
+    shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
+  const tip = onPage(northArrow()[0]);
+  moveTag($("#north"), tip && tip[1] < height - 160 && [tip[0] - 10, tip[1] - 20]);
+}
+
+function follow() {
+  if (!camera.follow || player.chosen < 0) return;
+  const place = placeAt(player.chosen, player.time);
+  camera.target = camera.target.map((value, axis) => value + 0.2 * (place[axis] - value));
+}
+
+function draw() {
+  follow();
+  const matrix = stage.draw(player.time);
+  drawMarks(matrix);
+  timeline.move(player.time);
+  panel.move(player.time);
+  $("#clock").textContent = clockText(player.time);
+  $("#chapter").textContent = show.segments[segmentAt(player.time)].name;
+  window.__frames++;
+}
+
+// Frames are drawn while something moves, and once after each change.
+let pending = false;
+function wake() {
+  if (pending || !stage) return;
+  pending = true;
+  requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  pending = false;
+  if (player.playing) {
+    player.time += (player.speed * Math.min(now - player.last, 250)) / 1000;
+    if (player.time >= show.duration) {
+      player.time = show.duration;
+      play(false);
+    }
+  }
+  player.last = now;
+  draw();
+  if (player.playing || camera.follow) wake();
+}
+
+function listenToMouse(canvas) {
+  const pointers = new Map();
+  let moved = 0;
+  let spread = 0;
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    canvas.classList.add("grabbing");
+    moved = 0;
+    spread = 0;
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
+    moved += Math.abs(dx) + Math.abs(dy);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    if (pointers.size === 2) {
+      const [a, b] = [...pointers.values()];
+      const wide = Math.hypot(a[0] - b[0], a[1] - b[1]);
+      if (spread) camera.distance *= spread / wide;
+      spread = wide;
+    } else if (event.shiftKey || event.buttons & 2) {
+      const { right, up } = cameraAxes();
+      const step = (2 * camera.distance * Math.tan(FIELD_OF_VIEW / 2)) / innerHeight;
+      camera.follow = false;
+      camera.target = camera.target.map((value, axis) => value - step * (dx * right[axis] - dy * up[axis]));
+    } else {
+      camera.azimuth -= dx * 0.006;
+      camera.elevation = Math.min(Math.max(camera.elevation + dy * 0.006, -0.2), Math.PI / 2 - 1e-3);
+    }
+    wake();
+  });
+  const release = (event) => {
+    if (pointers.has(event.pointerId) && moved < 5 && event.type === "pointerup") pick(event.clientX, event.clientY);
+    pointers.delete(event.pointerId);
+    canvas.classList.remove("grabbing");
+  };
+  canvas.addEventListener("pointerup", release);
+  canvas.addEventListener("pointercancel", release);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    camera.distance = Math.min(Math.max(camera.distance * Math.exp(event.deltaY * 0.0012), 1), 5000);
+    wake();
+  }, { passive: false });
+}
+
+function pick(x, y) {
+  const matrix = viewProjection(innerWidth, innerHeight);
+  let [best, least] = [-1, 18];
+  for (let drone = 0; drone < show.drones; drone++) {
+    const [px, py, depth] = project(matrix, placeAt(drone, player.time), innerWidth, innerHeight);
+    const away = Math.hypot(px - x, py - y);
+    if (depth > 0 && away < least) [best, least] = [drone, away];
+  }
+  choose(best);
+}
+
+function setSpeed(step) {
+  const select = $("#speed");
+  select.selectedIndex = Math.min(Math.max(select.selectedIndex + step, 0), select.options.length - 1);
+  player.speed = Number(select.value);
+}
+
+function stepDrone(step) {
+  choose((player.chosen + step + show.drones) % show.drones);
+}
+
+function toTightest() {
+  const tightest = show.encounters.find((encounter) => encounter.tightest);
+  if (!tightest) return;
+  play(false);
+  seek(tightest.time);
+}
+
+const KEYS = {
+  " ": () => play(!player.playing),
+  ArrowLeft: (event) => seek(player.time - (event.shiftKey ? 5 : 1)),
+  ArrowRight: (event) => seek(player.time + (event.shiftKey ? 5 : 1)),
+  ",": () => seek(player.time - show.frameStep),
+  ".": () => seek(player.time + show.frameStep),
+  "[": () => chapterStep(-1),
+  "]": () => chapterStep(1),
+  "+": () => setSpeed(1),
+  "=": () => setSpeed(1),
+  "-": () => setSpeed(-1),
+  Home: () => seek(0),
+  End: () => seek(show.duration),
+  e: toTightest,
+  n: (event) => stepDrone(event.shiftKey ? -1 : 1),
+  c: () => { camera.follow = player.chosen >= 0 && !camera.follow; wake(); },
+  f: () => view("front"),
+  r: () => view("orbit"),
+  t: () => view("top"),
+  "?": () => ($("#help").hidden = !$("#help").hidden),
+  Escape: () => { if ($("#help").hidden) choose(-1); else $("#help").hidden = true; },
+};
+
+function listen() {
+  listenToMouse($("#stage"));
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+    if (event.key === " " && event.target.tagName === "BUTTON") return;
+    const action = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
+    if (!action) return;
+    event.preventDefault();
+    action(event);
+  });
+  addEventListener("resize", () => { timeline.draw(); wake(); });
+  $("#play").onclick = () => play(!player.playing);
+  $("#previous").onclick = () => chapterStep(-1);
+  $("#next").onclick = () => chapterStep(1);
+  $("#speed").onchange = () => setSpeed(0);
+  $("#tightest").onclick = toTightest;
+  $("#help-button").onclick = KEYS["?"];
+  $("#panel-close").onclick = () => choose(-1);
+  $("#panel-previous").onclick = () => stepDrone(-1);
+  $("#panel-next").onclick = () => stepDrone(1);
+  document.querySelectorAll("nav button[data-view]").forEach((button) => (button.onclick = () => view(button.dataset.view)));
+}
+
+function describe() {
+  document.title = show.name;
+  $("#title").textContent = show.name;
+  $("#subtitle").textContent = `${show.drones} ${show.drones === 1 ? "drone" : "drones"} · ${clockText(show.duration)} · ${show.chapters} moves`;
+  $("#length").textContent = `/ ${clockText(show.duration)}`;
+  const tightest = show.encounters.find((encounter) => encounter.tightest);
+  if (tightest) {
+    $("#tightest").hidden = false;
+    $("#tightest").textContent = `◆ tightest ${tightest.distance.toFixed(2)} m at ${clockText(tightest.time)}`;
+  }
+  $("#legend").textContent = "Chapters · light of the fleet · closest pair of each move (◆ tightest) · mesh intervals of the solution";
+}
+
+// ?t=41&play=0&drone=7&view=top, or a camera: &az=20&el=10&dist=60&target=0,0,10 (degrees, metres)
+function obeyAddress() {
+  view(query.get("view") ?? "orbit");
+  const degrees = Math.PI / 180;
+  if (query.has("az")) camera.azimuth = Number(query.get("az")) * degrees;
+  if (query.has("el")) camera.elevation = Number(query.get("el")) * degrees;
+  if (query.has("dist")) camera.distance = Number(query.get("dist"));
+  if (query.has("target")) camera.target = query.get("target").split(",").map(Number);
+  if (query.has("speed")) {
+    $("#speed").value = query.get("speed");
+    setSpeed(0);
+  }
+  if (query.has("drone")) choose(Math.min(Math.max(Number(query.get("drone")) - 1, -1), show.drones - 1));
+  seek(Number(query.get("t") ?? 0));
+  play(query.get("play") !== "0");
+}
+
+async function start() {
+  const begin = performance.now();
+  try {
+    await unpack();
+    stage = new Stage($("#stage"));
+    timeline = new Timeline($("#timeline"), seek);
+    panel = new Panel($("#panel"), seek);
+    describe();
+    listen();
+    timeline.draw();
+    obeyAddress();
+    draw();
+  } catch (error) {
+    $("#failure").hidden = false;
+    $("#failure").textContent = `The show cannot be drawn here. ${error.message}`;
+    throw error;
+  }
+  window.__load_ms = performance.now() - begin;
+  document.documentElement.dataset.ready = "yes";
+}
+
+start();
