@@ -63,7 +63,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
             nlp_options=QUIET,
             show_summary=False,
         )
-        solves = solution.adaptive["iterations"] if solution.adaptive else 1
+        solves = solution.adaptive["iterations"] + 1
     else:
         solution = maptor.solve_fixed_mesh(ocp, nlp_options=QUIET, show_summary=False)
         solves = 1
