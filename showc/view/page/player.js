@@ -73,6 +73,8 @@ function drawMarks(matrix) {
     for (const [name, value] of Object.entries({ x1: a[0], y1: a[1], x2: b[0], y2: b[1] })) $("#pair-line").setAttribute(name, value);
     $("#pair-line").style.stroke = near.tightest ? "" : "#ffb454";
   }
+  // An empty layer over the whole page would still cost software renderers its area.
+  $("#marks").style.display = ring || shown ? "" : "none";
   moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
     shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
   const tip = onPage(northArrow()[0]);
