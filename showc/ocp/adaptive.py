@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,11 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 import os
-FIRST=int(os.environ.get('FIRST','2')); INNER=int(os.environ.get('INNER','3'))
+
+FIRST = int(os.environ.get("FIRST", "3"))
+BOUNDARY = 0.6
+INNER = int(os.environ.get("INNER", "3"))
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
@@ -92,7 +97,10 @@ class _Refinement:
         self.scales = dict(options.scales)
         self.records: list[MeshRecord] = []
         self.iterations = 0
-        self.restructured = 0
+        self.latest: Transcription | None = None
+        """The transcription solved last."""
+        self.former: Transcription | None = None
+        """The transcription of the solution that the next mesh starts from."""
         self.sign = -1.0 if problem.maximises else 1.0
 
     # --- one mesh ----------------------------------------------------------------
@@ -119,8 +127,10 @@ class _Refinement:
             overrides=self._fixed_at_bounds(mesh, structures),
             guess=guess,
             arcs=arcs,
+            former=self.former if isinstance(guess, Solution) else None,
         )
         self.iterations += solution.iterations
+        self.latest = transcription
         return solution
 
     def _solver(self, *, warm: bool) -> SolverOptions:
@@ -128,7 +138,7 @@ class _Refinement:
         base = self.options.solver
         if not warm or base.solver != "ipopt":
             return base
-        near = eval(os.environ.get("WARM","{}"))
+        near = eval(os.environ.get("WARM", "{}"))
         return replace(base, extra={**near, **base.extra})
 
     def _fixed_at_bounds(
@@ -234,12 +244,25 @@ class _Refinement:
         weight = 1.0
         if former is not None:
             moved = 2.0 * abs(solution.objective - former.solution.objective) / size
-            if moved < total:
+            cut = len(former.solution.mesh.phases) and all(
+                new.intervals > old.intervals or not limited.any()
+                for new, old, limited in zip(
+                    solution.mesh.phases,
+                    former.solution.mesh.phases,
+                    (self._limited(i, former) for i in range(len(audits))),
+                    strict=True,
+                )
+            )
+            if moved < total and cut:
                 weight = moved / total
         indicators = []
         for a, part in zip(audits, lost, strict=True):
             share = weight * part / size * len(part) / 2.0
-            indicators.append(np.maximum(a.dynamics, share) / tolerance)
+            # Where a constraint is active all along, more points of it would only
+            # contradict each other: a finer polynomial keeps it better.
+            along = np.where(a.path_active > BOUNDARY, a.path, 0.0)
+            worst = np.maximum(np.maximum(a.dynamics, share), along)
+            indicators.append(worst / tolerance)
         error = ErrorEstimate(
             max(float(a.dynamics.max()) for a in audits),
             0.0,
@@ -285,29 +308,39 @@ class _Refinement:
 
     def detect(self, passed: _Pass, index: int) -> Structure:
         """Arcs of one phase of a solution."""
-        phase = self.problem.phases[index]
+        phase, auditor = self.problem.phases[index], self.auditors[index]
         state_bounds = np.array(
             [self.table["bounds", phase.name, name] for name in phase.states]
         )
         return detect(
             passed.solution.phases[index],
-            self.auditors[index].control_bounds(self.table),
+            auditor.control_bounds(self.table),
             (state_bounds[:, 0], state_bounds[:, 1]),
+            (
+                partial(auditor.path_values, passed.solution),
+                auditor.path_bounds(self.table),
+            ),
         )
 
-    def place_switches(self, passed: _Pass) -> _Proposal | None:
+    def place_switches(
+        self, passed: _Pass, refused: list[Structure]
+    ) -> _Proposal | None:
         """Mesh whose arcs are those seen in the solution; ``None`` if nothing new."""
         meshes: list[PhaseMesh] = []
         arcs: list[FloatArray | None] = []
         structures: list[Structure | None] = []
         placed = 0
+        if passed.error.dynamics > 1e-2:
+            return None
         for i, phase in enumerate(self.problem.phases):
             part, mesh = passed.solution.phases[i], passed.solution.mesh.phases[i]
             known = passed.structures[i]
             structure = self.detect(passed, i)
             least = 0 if known is None else known.times.size
-            new = least <= structure.times.size <= max(8, mesh.intervals)
+            new = least <= structure.times.size <= mesh.intervals // 2
             if known is not None and structure.same_as(known):
+                new = False
+            if any(structure.same_as(former) for former in refused):
                 new = False
             if not new or structure.times.size == 0:
                 meshes.append(mesh)
@@ -329,6 +362,19 @@ class _Refinement:
         words = f"{placed} switch times placed"
         return _Proposal(Mesh(tuple(meshes)), arcs, structures, words)
 
+    def _limited(self, index: int, passed: _Pass) -> NDArray[np.bool_]:
+        """Intervals whose error is the control's, where its degree is given."""
+        part, phase = passed.solution.phases[index], self.problem.phases[index]
+        audit, chosen = passed.audits[index], part.mesh.control_degrees
+        given = any(
+            control.degree is not None or min(chosen.get(name, (-1,))) >= 0
+            for name, control in phase.controls.items()
+        )
+        size = max(abs(passed.solution.objective), 1e-3)
+        share = audit.objective_control / size * len(audit.dynamics) / 2.0
+        mostly = share > np.maximum(audit.dynamics, self.options.tolerance)
+        return np.asarray(mostly & given)
+
     def refine(self, passed: _Pass) -> _Proposal:
         """Mesh with the intervals refined whose errors are too great."""
         meshes: list[PhaseMesh] = []
@@ -336,14 +382,19 @@ class _Refinement:
         words = []
         for i, part in enumerate(passed.solution.phases):
             mesh = passed.solution.mesh.phases[i]
-            indicator = _per_interval(passed.indicators[i], part)
+            indicator = passed.indicators[i]
+            mesh = _with_path_points(mesh, passed.audits[i], self.options)
             new, action = refine(
                 mesh,
                 part,
                 indicator,
                 rule=self.options.rule,
                 scale=ranges(part.states),
+                must_cut=self._limited(i, passed),
             )
+            audit = passed.audits[i]
+            if audit.path.max() > self.options.tolerance:
+                words.append("path constraints added where they were violated")
             words.append(action)
             arcs.append(part.arc_durations)
             meshes.append(new)
@@ -364,13 +415,21 @@ def _greatest(error: ErrorEstimate) -> float:
     return max(error.dynamics, error.path, error.objective)
 
 
-def _per_interval(indicator: FloatArray, part: PhaseSolution) -> FloatArray:
-    """Indicators for all mesh intervals; collapsed ones count as good."""
-    widths = part.mesh.widths(part.arc_durations)
-    keep = widths > 1e-12 * max(widths.sum(), 1e-300)
-    full = np.zeros(part.mesh.intervals)
-    full[keep] = indicator
-    return full
+def _with_path_points(
+    mesh: PhaseMesh, audit: PhaseAudit, options: Options
+) -> PhaseMesh:
+    """Let path constraints hold where they are violated between the nodes too.
+
+    A new place replaces old ones next to it.
+    """
+    points = [list(places) for places in mesh.path_points]
+    for k in range(mesh.intervals):
+        if audit.path[k] <= options.tolerance or audit.path_active[k] > BOUNDARY:
+            continue
+        for place in audit.path_places[k]:
+            points[k] = [s for s in points[k] if abs(s - place) > 0.03]
+            points[k].append(float(np.clip(place, 0.0, 1.0)))
+    return replace(mesh, path_points=tuple(tuple(sorted(p)) for p in points))
 
 
 def solve(
@@ -418,14 +477,18 @@ def solve(
             solution, iterations=work.iterations, history=tuple(work.records)
         )
     none: list[Structure | None] = [None] * len(problem.phases)
+    work.former = work.latest
     best = current = work.judge(solution, None, none)
     work.rescale(solution)
     tries = 4 if chosen.switches else 0
+    refused: list[Structure] = []
     while len(work.records) < chosen.meshes - 1 and not work.reached(current):
-        proposal = work.place_switches(current) if tries > 0 else None
+        proposal = work.place_switches(current, refused) if tries > 0 else None
         switching = proposal is not None
         tries -= switching
         proposal = proposal or work.refine(current)
+        if not switching and proposal.mesh == current.solution.mesh:
+            break
         if proposal.mesh.point_count > chosen.points:
             break
         work.note(current.solution, current.error, proposal.words)
@@ -438,11 +501,8 @@ def solve(
         if not solution.result.usable or work.worse(solution, current):
             work.note(solution, None, "no better; back to the mesh before")
             if not switching:
-                if any(current.structures) and tries >= 0:
-                    tries = -1
-                else:
-                    break
-            tries = min(tries, 0)
+                break
+            refused += [s for s in proposal.structures if s is not None]
             proposal = work.refine(current)
             solution = work.attempt(
                 proposal.mesh,
@@ -454,6 +514,7 @@ def solve(
                 break
             switching = False
         former = None if switching else current
+        work.former = work.latest
         current = work.judge(solution, former, proposal.structures)
         if _greatest(current.error) < _greatest(best.error) or switching:
             best = current

@@ -56,6 +56,8 @@ class PhaseAudit:
     """Greatest violation of a path constraint over its scale, shape (K,)."""
     path_places: tuple[tuple[float, ...], ...]
     """Fractions of each interval with a local maximum of a violation."""
+    path_active: FloatArray
+    """Share of each interval on which a path constraint is about at its bound."""
     worst_path: str
     """Which path constraint is violated most, and when; empty if none."""
     shooting: float
@@ -98,22 +100,22 @@ class PhaseAuditor:
             sign = -1.0 if problem.maximises else 1.0
             integrands = casadi.vertcat(*[e for _, e in phase.integrals])
             running = sign * casadi.mtimes(factors, integrands)
-        hamiltonian = running + casadi.dot(costate, f)
-        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
-        self.has_gap = (
-            not phase.path_constraints
-            and {str(s) for s in casadi.symvar(hamiltonian)} <= known
-        )
-        if not self.has_gap:
-            hamiltonian = casadi.SX(0)
-        bends = casadi.jacobian(casadi.gradient(running + casadi.dot(costate, f), u), u)
         path = casadi.vertcat(
             casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
         )
+        pressure = casadi.SX.sym("m", path.numel())
+        hamiltonian = running + casadi.dot(costate, f)
+        if phase.path_constraints:
+            hamiltonian += casadi.dot(pressure, path)
+        costate = casadi.vertcat(costate, pressure)
+        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
+        self.has_gap = {str(s) for s in casadi.symvar(hamiltonian)} <= known
+        if not self.has_gap:
+            hamiltonian = casadi.SX(0)
+        bends = casadi.jacobian(casadi.gradient(hamiltonian, u), u)
         limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
         self.affine = tuple(
-            bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0
-            for j in range(u.numel())
+            bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0 for j in range(u.numel())
         )
         """For each control: whether it enters the Hamiltonian linearly, so that an
         arc off its bounds is singular or bound by a state."""
@@ -176,19 +178,19 @@ class PhaseAuditor:
         )
         reference = ranges(phase.states)
         dynamics = np.abs(deviation / reference).max(axis=(1, 2))
-        owner = _owners(phase)
-        costate_end = self._costates(phase, owner, (1.0,))
+        costate_end = self._interpolated(phase, (1.0,), phase.costates)
         residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
-        path, path_places, worst = self._path(phase, p, table)
+        path, path_places, active, worst = self._path(phase, p, table)
         shooting, end = 0.0, starts[-1]
         if shoot:
             shooting, end = self._shoot(phase, control, p, reference)
         return PhaseAudit(
             dynamics,
             residual,
-            self._gap(phase, owner, p, table),
+            self._gap(phase, p, table),
             path,
             path_places,
+            active,
             worst,
             shooting,
             end,
@@ -224,31 +226,43 @@ class PhaseAuditor:
             worst = max(worst, float(np.nan_to_num(error, nan=1e9).max()))
         return worst, x
 
-    def _costates(
-        self, phase: PhaseSolution, owner: list[int], places: tuple[float, ...]
+    def _interpolated(
+        self,
+        phase: PhaseSolution,
+        places: tuple[float, ...],
+        nodal: FloatArray,
     ) -> FloatArray:
-        """Costate polynomials at fractions of each interval: (K, places, states)."""
+        """Values at fractions of each interval from values at the points."""
         first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
         out = []
-        for k in owner:
-            n = phase.mesh.points[k]
+        for k, n in enumerate(phase.mesh.points):
             nodes = collocation(phase.scheme, n)[0]
             from_nodes = np.linalg.inv(bernstein_basis(n - 1, nodes))
             matrix = bernstein_values(n - 1, places) @ from_nodes
-            out.append(matrix @ phase.costates[first[k] : first[k + 1]])
+            out.append(matrix @ nodal[first[k] : first[k + 1]])
         return np.stack(out)
 
-    def _gap(
-        self, phase: PhaseSolution, owner: list[int], p: FloatArray, table: Table
-    ) -> FloatArray:
+    def _gap(self, phase: PhaseSolution, p: FloatArray, table: Table) -> FloatArray:
         """Integral over each interval of the gap in the minimum principle."""
-        count = len(owner)
+        count = phase.states.intervals
         if not self.has_gap or not phase.control_names:
+            return np.zeros(count)
+        if any(phase.mesh.path_points):
+            # Multipliers of single points are no density: nothing can be said.
             return np.zeros(count)
         nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
         x = _flat(_values(phase.states.coefficients, nodes))
         u = _flat(_values(phase.controls.coefficients, nodes))
-        costate = _flat(self._costates(phase, owner, tuple(map(float, nodes))))
+        places = tuple(map(float, nodes))
+        costate = _flat(
+            np.concatenate(
+                [
+                    self._interpolated(phase, places, phase.costates),
+                    self._interpolated(phase, places, phase.path_multipliers),
+                ],
+                axis=2,
+            )
+        )
         widths = np.diff(phase.states.breaks)
         t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
         parameters = np.repeat(p[:, None], t.size, axis=1)
@@ -279,6 +293,25 @@ class PhaseAuditor:
             gap += here - best
         return np.asarray(widths * (gap.reshape(count, -1) @ weights))
 
+    def path_values(self, solution: Solution, times: FloatArray) -> FloatArray:
+        """Values of the path constraints at ``times``: (constraints, n)."""
+        phase = solution.phases[self.index]
+        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        return np.asarray(
+            self.path.map(times.size)(
+                phase.states(times).T,
+                phase.controls(times).T,
+                times[None, :],
+                np.repeat(p[:, None], times.size, axis=1),
+            )
+        )
+
+    def path_bounds(self, table: Table) -> FloatArray:
+        """Bounds of the path constraints, shape (constraints, 2)."""
+        constraints = self.phase.path_constraints
+        pairs = [table["path", self.phase.name, c.name] for c in constraints]
+        return np.array(pairs).reshape(-1, 2)
+
     def _blocked(self, phase: PhaseSolution, x: FloatArray, table: Table) -> FloatArray:
         """Sign of the direction in which each state may not move, else 0."""
         pairs = np.array([table["bounds", phase.name, n] for n in phase.state_names])
@@ -289,11 +322,11 @@ class PhaseAuditor:
 
     def _path(
         self, phase: PhaseSolution, p: FloatArray, table: Table
-    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...], str]:
+    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...], FloatArray, str]:
         count = phase.states.intervals
         constraints = self.phase.path_constraints
         if not constraints:
-            return np.zeros(count), ((),) * count, ""
+            return np.zeros(count), ((),) * count, np.zeros(count), ""
         places = np.array(_SAMPLES)
         x = _flat(_values(phase.states.coefficients, places))
         u = _flat(_values(phase.controls.coefficients, places))
@@ -302,7 +335,7 @@ class PhaseAuditor:
         values = np.asarray(
             self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
         ).reshape(len(constraints), count, places.size)
-        bounds = np.array([table["path", phase.name, c.name] for c in constraints])
+        bounds = self.path_bounds(table)
         scale = np.array([path_scale(*pair) for pair in bounds])[:, None, None]
         violation = (
             np.maximum(
@@ -313,9 +346,7 @@ class PhaseAuditor:
         top = violation.max(axis=0)
         found = []
         for k in range(count):
-            row = np.concatenate([[-np.inf], top[k], [-np.inf]])
-            peak = (row[1:-1] > 0.0) & (row[1:-1] >= row[:-2]) & (row[1:-1] >= row[2:])
-            found.append(tuple(float(s) for s in places[peak]))
+            found.append(_peaks(places, top[k]))
         worst = ""
         if violation.max() > 0.0:
             c, k, s = np.unravel_index(int(np.argmax(violation)), violation.shape)
@@ -324,7 +355,26 @@ class PhaseAuditor:
                 f"{constraints[int(c)].name!r} at t = {time:.6g} in phase "
                 f"{phase.name!r}, by {violation.max() * scale[c, 0, 0]:.3g}"
             )
-        return np.maximum(top.max(axis=1), 0.0), tuple(found), worst
+        greatest = np.maximum(top.max(axis=1), 0.0)
+        near = top > -np.maximum(greatest, 1e-4)[:, None]
+        return greatest, tuple(found), near.mean(axis=1), worst
+
+
+def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
+    """Places of the local maxima of a positive violation, by a parabola's vertex."""
+    row = np.concatenate([[-np.inf], violation, [-np.inf]])
+    peak = (violation > 0.0) & (violation >= row[:-2]) & (violation >= row[2:])
+    found = []
+    step = places[1] - places[0]
+    for at in np.flatnonzero(peak):
+        place = float(places[at])
+        if 0 < at < places.size - 1:
+            left, middle, right = violation[at - 1 : at + 2]
+            bend = left - 2.0 * middle + right
+            if bend < 0.0:
+                place += 0.5 * step * (left - right) / bend
+        found.append(place)
+    return tuple(found)
 
 
 def path_scale(lower: float, upper: float) -> float:
@@ -353,10 +403,3 @@ def _values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
 def _flat(values: FloatArray) -> FloatArray:
     """Columns for a mapped function: (components, K * places)."""
     return values.reshape(-1, values.shape[-1]).T
-
-
-def _owners(phase: PhaseSolution) -> list[int]:
-    """Mesh interval behind each interval of the polynomials."""
-    widths = phase.mesh.widths(phase.arc_durations)
-    keep = np.flatnonzero(widths > 1e-12 * max(widths.sum(), 1e-300))
-    return [int(k) for k in keep]

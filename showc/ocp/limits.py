@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 from showc.ocp.discretisation import Scales
 
 
+SHORTEST = 1e-6
+"""Least duration of an arc over the scale of the phase's duration."""
+
+
 @dataclass(frozen=True, slots=True)
 class Overrides:
     """What differs from the problem's own statement in one solve.
@@ -260,7 +264,10 @@ def box(
         if phase_mesh.arc_count == 1:
             lower[place.durations], upper[place.durations] = low, high
         else:
-            lower[place.durations] = 0.0
+            # An arc may all but vanish, but its interval stays one.
+            lower[place.durations] = (
+                SHORTEST * discretisation.unknown_scale[place.durations]
+            )
 
         def clamp(tables: list[Any], bounds: tuple[Any, Any]) -> None:
             lows, highs = (

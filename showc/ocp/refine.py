@@ -154,8 +154,12 @@ def refine(
     *,
     rule: Rule = "decay",
     scale: FloatArray,
+    must_cut: NDArray[np.bool_],
 ) -> tuple[PhaseMesh, str]:
     """Change the intervals by their ``indicator`` (error over tolerance).
+
+    ``must_cut`` marks intervals where a higher degree cannot help, because it is the
+    control that errs and its degree is given.
 
     Returns
     -------
@@ -184,6 +188,7 @@ def refine(
                     0.25 + decay_rate(phase.controls.coefficients[k], control_scale),
                 )
             smooth = rate > 0.6
+        smooth = smooth and not must_cut[k]
         needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
         needed = max(needed, 2)
         if smooth and cell.points + min(needed, 4) <= MOST_POINTS and needed <= 8:
@@ -259,7 +264,7 @@ def arc_mesh(
     """
     borders = np.concatenate([[phase.start], structure.times, [phase.end]])
     span = phase.end - phase.start
-    breaks, points = phase.states.breaks, _points(phase)
+    breaks, points = phase.states.breaks, np.asarray(phase.mesh.points)
     cells: list[Cell] = []
     for arc in range(borders.size - 1):
         left, right = borders[arc], borders[arc + 1]
@@ -287,9 +292,3 @@ def arc_mesh(
                 )
             )
     return mesh_of(cells), np.maximum(np.diff(borders), 1e-9 * span)
-
-
-def _points(phase: PhaseSolution) -> NDArray[np.int64]:
-    widths = phase.mesh.widths(phase.arc_durations)
-    keep = widths > 1e-12 * widths.sum()
-    return np.asarray(phase.mesh.points)[keep]

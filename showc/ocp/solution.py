@@ -59,6 +59,9 @@ class PhaseSolution:
     objective with respect to the state, for an objective that is minimised."""
     scheme: Scheme = "gauss"
     """Collocation points of the mesh."""
+    path_multipliers: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Multipliers of the path constraints at those times, per unit of time, shape
+    (points, constraints); positive at the upper bound."""
     bound_gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """What the objective could gain where a state's bound is kept by its Bernstein
     coefficients and not touched by the state itself, shape (K, states)."""

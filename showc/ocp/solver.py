@@ -118,13 +118,11 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
     if warm:
         settings |= {
             "warm_start_init_point": "yes",
-            "warm_start_bound_push": 1e-6,
-            "warm_start_bound_frac": 1e-6,
-            "warm_start_slack_bound_push": 1e-6,
-            "warm_start_slack_bound_frac": 1e-6,
-            "warm_start_mult_bound_push": 1e-8,
-            "mu_init": 1e-5,
-            "mu_strategy": "monotone",
+            "warm_start_bound_push": 1e-3,
+            "warm_start_bound_frac": 1e-3,
+            "warm_start_slack_bound_push": 1e-3,
+            "warm_start_slack_bound_frac": 1e-3,
+            "warm_start_mult_bound_push": 1e-3,
         }
     settings |= dict(options.extra)
     return casadi.nlpsol(

@@ -10,28 +10,32 @@ active state bounds, so that singular arcs and boundary arcs are covered as well
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.ocp.solution import PhaseSolution
     from showc.trajectory import PiecewisePolynomial
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
+PathValues = tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], Any]
+
 _SAMPLES = 16
 _CONTROL_CLOSE = 0.02
 """Fraction of a control's range within which it counts as at its bound."""
 _STATE_CLOSE = 1e-4
 """Fraction of a state's range within which it counts as at its bound."""
+_PATH_CLOSE = 2e-3
+"""Fraction of a path constraint's range within which it counts as active."""
 _NEGLIGIBLE = 1e-5
 """Fraction of the phase below which an interval is no arc of its own."""
 
@@ -209,8 +213,13 @@ def detect(
     phase: PhaseSolution,
     control_bounds: tuple[FloatArray, FloatArray],
     state_bounds: tuple[FloatArray, FloatArray],
+    path: PathValues | None = None,
 ) -> Structure:
-    """Read the arcs off a solution."""
+    """Read the arcs off a solution.
+
+    ``path`` gives the values of path constraints, shape (constraints, n), at times
+    (n,), and their bounds, shape (constraints, 2).
+    """
     grid = _grid(phase.states)
     histories: list[list[_Run]] = []
     events: list[float] = []
@@ -224,10 +233,18 @@ def detect(
         events += [run.start for run in runs[1:]]
     span = phase.end - phase.start
     switches = list(events)
-    for i in range(len(phase.state_names)):
-        values = _sampled(phase.states, grid, i)
-        lower, upper = state_bounds[0][i], state_bounds[1][i]
-        kinds, fraction = _classify(values, lower, upper, _STATE_CLOSE)
+    watched = [
+        (_sampled(phase.states, grid, i), state_bounds[0][i], state_bounds[1][i], False)
+        for i in range(len(phase.state_names))
+    ]
+    if path is not None:
+        values, bounds = path[0](grid.times), path[1]
+        watched += [
+            (row, *pair, True) for row, pair in zip(values, bounds, strict=True)
+        ]
+    for values, lower, upper, is_path in watched:
+        close = _PATH_CLOSE if is_path else _STATE_CLOSE
+        kinds, fraction = _classify(values, lower, upper, close)
         runs = _merge_equal(_runs(kinds, grid, fraction))
         for run in runs:
             if run.kind == 0 or run.end - run.start < 0.6 * run.width:

@@ -21,6 +21,7 @@ from showc.ocp.solution import (
     Result,
     Solution,
 )
+from showc.ocp.warmstart import transfer
 from showc.ocp.solver import SolverOptions, make_solver, result_of
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
@@ -86,6 +87,7 @@ class Transcription:
         guess: Guess | Solution | None = None,
         warm: Multipliers | None = None,
         arcs: Sequence[FloatArray | None] | None = None,
+        former: Transcription | None = None,
     ) -> Solution:
         """Solve once.
 
@@ -103,6 +105,9 @@ class Transcription:
         arcs
             First guess of the arcs' durations of each phase, for a mesh with several
             arcs.
+        former
+            The transcription, on another mesh, that ``guess`` is a solution of: its
+            multipliers are carried over.
 
         Returns
         -------
@@ -139,6 +144,8 @@ class Transcription:
             return self._solution(
                 result, f"{result.value} {message}.", nothing, limits, 0, 0.0, given
             )
+        if former is not None and isinstance(guess, Solution):
+            warm = transfer(former, guess, self, scaled["x0"])
         if warm is not None:
             scaled |= {
                 "x0": warm.unknowns,
@@ -363,18 +370,18 @@ class Transcription:
         place, mesh = built.layout.phases[index], self.mesh.phases[index]
         arcs = unknowns[place.durations]
         widths = mesh.widths(arcs)
-        keep = widths > 1e-12 * max(widths.sum(), 1e-300)
-        if not keep.any():
-            keep, widths = np.ones_like(keep), np.full(widths.shape, 1e-12)
+        # A phase of no duration still needs increasing breaks.
+        widths = np.maximum(widths, 1e-12 * max(float(widths.sum()), 1e-6))
         begin = unknowns[place.start]
-        breaks = begin + np.concatenate([[0.0], np.cumsum(widths[keep])])
-        states = _join([unknowns[t] for t in place.states], keep, breaks)
+        breaks = begin + np.concatenate([[0.0], np.cumsum(widths)])
+        states = _join([unknowns[t] for t in place.states], breaks)
         controls = _join(
             [_same_degree([unknowns[c] for c in tables]) for tables in place.controls],
-            keep,
             breaks,
         )
-        times, costates = self._costates(index, mesh, begin, widths, multipliers)
+        times, costates, pressures = self._costates(
+            index, mesh, begin, widths, multipliers
+        )
         return PhaseSolution(
             phase.name,
             mesh,
@@ -386,13 +393,13 @@ class Transcription:
             times,
             costates,
             self.scheme,
-            self._bound_gaps(index, keep, unknowns, limits, multipliers),
+            pressures,
+            self._bound_gaps(index, unknowns, limits, multipliers),
         )
 
     def _bound_gaps(
         self,
         index: int,
-        keep: NDArray[np.bool_],
         unknowns: FloatArray,
         limits: Box,
         multipliers: Multipliers,
@@ -406,7 +413,7 @@ class Transcription:
         pull = multipliers.of_bounds / self.discretisation.unknown_scale
         pull = pull * self.scales.objective
         rows = []
-        for k in np.flatnonzero(keep):
+        for k in range(mesh.intervals):
             table, n = place.states[k], mesh.points[k]
             s = tuple(float(v) for v in np.arange(n + 1) / n)
             value = bernstein_values(n, s) @ unknowns[table]
@@ -428,8 +435,12 @@ class Transcription:
         begin: float,
         widths: FloatArray,
         multipliers: Multipliers,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Costates: multipliers of the defects over the quadrature weights."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Times of the points, costates and path multipliers there.
+
+        The multipliers of the defects over the quadrature weights are costates, those
+        of the path constraints over weight and width are densities in time.
+        """
         nodes = [collocation(self.scheme, n) for n in mesh.points]
         ends = begin + np.cumsum(widths)
         times = np.concatenate(
@@ -439,15 +450,21 @@ class Transcription:
             ]
         )
         weights = np.concatenate([w for _, w in nodes])
-        unit = self.scales.objective
-        columns = [
-            -unit * multipliers.of_constraints[group.rows] / group.scale / weights
-            for group in self.discretisation.groups
-            if group.kind == "dynamics" and group.phase == index
-        ]
-        return times, np.stack(columns, axis=-1) if columns else np.zeros(
-            (times.size, 0)
-        )
+        spans = np.repeat(np.maximum(widths, 1e-300), mesh.points) * weights
+        costates, pressures = [np.zeros((times.size, 0))], [np.zeros((times.size, 0))]
+        seen: set[str] = set()
+        for group in self.discretisation.groups:
+            if group.phase != index or group.kind not in {"dynamics", "path"}:
+                continue
+            force = multipliers.of_constraints[group.rows] / group.scale
+            force = (force * self.scales.objective)[:, None]
+            if group.kind == "dynamics":
+                costates.append(-force / weights[:, None])
+            elif group.name not in seen:
+                # Later groups of that name are single points between the nodes.
+                seen.add(group.name)
+                pressures.append(force / spans[:, None])
+        return times, np.hstack(costates), np.hstack(pressures)
 
 
 def _middle(lower: float, upper: float) -> float:
@@ -487,15 +504,12 @@ def _same_degree(rows: list[FloatArray]) -> FloatArray:
     return np.stack(columns, axis=-1)
 
 
-def _join(
-    tables: list[FloatArray], keep: NDArray[np.bool_], breaks: FloatArray
-) -> PiecewisePolynomial:
+def _join(tables: list[FloatArray], breaks: FloatArray) -> PiecewisePolynomial:
     """One piecewise polynomial from tables (degree + 1, components)."""
-    chosen = [table for table, kept in zip(tables, keep, strict=True) if kept]
-    degree = max(table.shape[0] for table in chosen) - 1
+    degree = max(table.shape[0] for table in tables) - 1
     unit = np.array([0.0, 1.0])
     raised = [
         PiecewisePolynomial(unit, table[None]).elevated(degree).coefficients[0]
-        for table in chosen
+        for table in tables
     ]
     return PiecewisePolynomial(breaks, np.stack(raised))
