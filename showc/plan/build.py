@@ -129,7 +129,10 @@ class _Builder:
         given = choose(self.position, above.points, self.show.separation)
         if landing.assignment == "fixed":
             given = replace(given, reason="every drone to its own pad")
-        self._move("approach", "approach to the pads", above, given)
+        if np.array_equal(above.points[given.places], self.position):
+            self.places = _frozen(given.places.copy())
+        else:
+            self._move("approach", "approach to the pads", above, given)
         self._hold("approach to the pads", landing.hold)
         limits = self.show.limits.with_vertical_speed(
             landing.descent_speed, landing.descent_speed

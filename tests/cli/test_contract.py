@@ -29,7 +29,7 @@ def test_every_verb_has_help(run_showc, verb):
     run = run_showc(verb, "--help")
     assert run.code == 0
     assert f"showc {verb}" in run.out
-    assert len(run.out) > 300
+    assert len(run.out) > 200
 
 
 @pytest.mark.parametrize(
@@ -73,18 +73,18 @@ def test_damaged_logs_are_two(run_showc, tmp_path, verb, content):
 
 def test_a_script_with_findings_is_one(run_showc, tmp_path):
     script = tmp_path / "bad.yaml"
-    script.write_text(GRID.read_text().replace("spacing:", "spacng:"))
+    script.write_text(GRID.read_text().replace("columns:", "colums:"))
     for verb in ("check", "compile", "plan"):
         run = run_showc(verb, script, cwd=tmp_path)
         assert run.code == 1
         said = run.out + run.err
-        assert "spacng" in said and "did you mean" in said and "bad.yaml:" in said
+        assert "colums" in said and "did you mean" in said and "bad.yaml:" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.yaml"]
 
 
 def test_no_colour_in_a_pipe_and_none_where_refused(run_showc, tmp_path):
     script = tmp_path / "bad.yaml"
-    script.write_text(GRID.read_text().replace("spacing:", "spacng:"))
+    script.write_text(GRID.read_text().replace("columns:", "colums:"))
     assert "\x1b[" not in run_showc("check", script).out
     forced = run_showc("check", script, env={"FORCE_COLOR": "1"})
     assert "\x1b[" in forced.out
