@@ -27,9 +27,18 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     BoolArray = NDArray[np.bool_]
 
-STATE_DEGREE = 6
+STATE_DEGREE = 7
 CONTROL_DEGREE = 5
 SLACK = 1e-9
+_HERMITE_NODES: FloatArray = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+
+_RAISE: FloatArray = np.array(
+    [
+        [(j == i) * (1.0 - i / 7.0) + (j == i - 1) * i / 7.0 for j in range(7)]
+        for i in range(8)
+    ]
+)
+"""From Bernstein coefficients of degree 6 to those of degree 7."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +117,10 @@ def fly(
 ) -> FlatFlights:
     """States and controls of flights along given positions, yaw held.
 
-    Positions and velocities stay the exact polynomials; attitude, rates and controls
-    are interpolated at Chebyshev-Lobatto nodes (polynomials of degree 6 and 5).
+    Positions and velocities stay the exact polynomials. Roll and pitch are Hermite
+    interpolants (value, rate and acceleration at the ends, two values between), rates
+    and torques their exact derivatives: flown open-loop, the torques do not drift away
+    from the attitude. Thrust is interpolated at Chebyshev-Lobatto nodes.
 
     Parameters
     ----------
@@ -135,12 +146,20 @@ def fly(
     state[..., 3:6] = speed.elevated(STATE_DEGREE).coefficients.reshape(shape)
     state[..., 8] = heading
 
-    nodes = _lobatto(STATE_DEGREE)
-    to_state = bernstein_basis_inverse(STATE_DEGREE, tuple(nodes)).T
-    wanted = _attitude_at(vehicle, heading, curves, nodes)
-    for column, angle in ((6, wanted.roll), (7, wanted.pitch)):
-        state[..., column] = angle[0] @ to_state
-        state[..., column + 3] = angle[1] @ to_state
+    inner = _attitude_at(vehicle, heading, curves, _HERMITE_NODES)
+    angles = np.stack(
+        [
+            _hermite(angle, np.diff(breaks)[None, :, None])
+            for angle in (inner.roll, inner.pitch)
+        ],
+        axis=-1,
+    )
+    rates = STATE_DEGREE * np.diff(angles, axis=2) / widths
+    torques = (STATE_DEGREE - 1) * np.diff(rates, axis=2) / widths
+    state[..., 6:8] = angles
+    state[..., 9:11] = np.einsum(
+        "rk,nikc->nirc", _RAISE, rates
+    )
 
     nodes = _lobatto(CONTROL_DEGREE)
     to_control = bernstein_basis_inverse(CONTROL_DEGREE, tuple(nodes)).T
@@ -149,8 +168,8 @@ def fly(
     control = np.stack(
         [
             vehicle.mass * wanted.acceleration @ to_control,
-            ix / vehicle.torque_factor * wanted.roll[2] @ to_control,
-            iy / vehicle.torque_factor * wanted.pitch[2] @ to_control,
+            ix / vehicle.torque_factor * torques[..., 0],
+            iy / vehicle.torque_factor * torques[..., 1],
             # The gyroscopic torque about z is balanced, so that yaw stays still.
             (iy - ix) * (wanted.roll[1] * wanted.pitch[1]) @ to_control,
         ],
@@ -234,6 +253,31 @@ def use_of_limits(vehicle: Quadrotor, limits: Limits, flights: FlatFlights) -> U
         outside,
         weak,
     )
+
+
+def _hermite(
+    angle: tuple[FloatArray, FloatArray, FloatArray], widths: FloatArray
+) -> FloatArray:
+    """Bernstein coefficients (n, K, 8) from values and derivatives at four nodes.
+
+    Derivatives at both ends fix three coefficients on each side; the two in the middle
+    follow from the values at the inner nodes.
+    """
+    value, first, second = angle
+    degree = STATE_DEGREE
+    result = np.empty((*value.shape[:2], degree + 1))
+    for end, sign in ((0, 1.0), (-1, -1.0)):
+        order = (0, 1, 2) if end == 0 else (degree, degree - 1, degree - 2)
+        step = sign * widths[..., 0] * first[..., end] / degree
+        bend = widths[..., 0] ** 2 * second[..., end] / (degree * (degree - 1))
+        result[..., order[0]] = value[..., end]
+        result[..., order[1]] = value[..., end] + step
+        result[..., order[2]] = value[..., end] + 2.0 * step + bend
+    basis = bernstein_basis(degree, _HERMITE_NODES[1:3])
+    outer = [0, 1, 2, 5, 6, 7]
+    rest = value[..., 1:3] - result[..., outer] @ basis[:, outer].T
+    result[..., 3:5] = rest @ np.linalg.inv(basis[:, 3:5]).T
+    return result
 
 
 def _lobatto(degree: int) -> FloatArray:

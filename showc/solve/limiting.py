@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-_CANDIDATES = 16
-_SOLVED_AT_LEAST = 2
-_SOLVED_AT_MOST = 4
-_SCATTER = 0.006
+_CANDIDATES = 12
+_SOLVED_AT_LEAST = 1
+_SOLVED_AT_MOST = 2
+_SCATTER = 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
