@@ -311,7 +311,7 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
             certificate = Certificate(
                 duration=time,
                 single_drone_minimum=0.0 if holding else 0.97 * time,
-                dual_bound=0.0 if holding else 0.9 * time,
+                dual_bound=0.0,
                 witness=None,
                 closest=closest,
                 method="made by formula",

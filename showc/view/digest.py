@@ -125,13 +125,9 @@ def _closest(logged: LoggedShow, segment: LoggedSegment) -> Encounter | None:
     certificate = segment.message.certificate
     if certificate.HasField("closest"):
         pair = certificate.closest
-        candidates.append(
-            Encounter(
-                *sorted((pair.drone_a, pair.drone_b)),
-                segment.start + pair.time,
-                pair.distance,
-            )
-        )
+        a, b = sorted((pair.drone_a, pair.drone_b))
+        time = segment.start + pair.time
+        candidates.append(Encounter(a, b, time, pair.distance))
     sampled = _closest_sampled(logged, segment)
     if sampled is not None:
         candidates.append(sampled)

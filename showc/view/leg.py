@@ -1,2 +1,4 @@
 """stub"""
+
+
 def render_leg(*a): ...

@@ -1,7 +1,7 @@
 """One HTML page that plays a logged show, with nothing to load from elsewhere.
 
 Positions are sent as 16-bit steps of the flight's bounding box, colours and plots as
-bytes, all as differences in time, deflated. The page's own code lies in ``page/``.
+bytes, all as differences in time, deflated. The page's own code lies in ``assets/``.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def render_page(logged: LoggedShow) -> str:
         "encounters": _encounters(digests),
         **_site(logged),
     }
-    folder = files("showc.view") / "page"
+    folder = files("showc.view") / "assets"
     return Template((folder / "page.html").read_text("utf-8")).substitute(
         title=html.escape(logged.rules.name),
         style=(folder / "style.css").read_text("utf-8"),
@@ -129,10 +129,10 @@ def _pack_colours(samples: NDArray[np.void]) -> bytes:
 def _signals(
     logged: LoggedShow, frames: NDArray[np.int64]
 ) -> tuple[list[dict[str, Any]], list[bytes]]:
-    """Plotted quantities: their descriptions, and bytes of their differences."""
+    """Describe the plotted quantities, and give the bytes of their differences."""
     samples = logged.samples[frames]
     limits = logged.rules.limits
-    described = (
+    described: tuple[tuple[str, str, int, FloatArray, list[float]], ...] = (
         ("Speed", "m/s", 2, speeds(samples), []),
         (
             "Tilt (roll or pitch)",

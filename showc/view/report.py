@@ -1,2 +1,306 @@
-"""stub"""
-def render_report(*a): ...
+"""The report: what the person who signs a show off needs to see, on paper."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.log import showc_pb2 as pb
+from showc.view.digest import Digest, Encounter, digest, tightest
+from showc.view.document import clock, document, row, small, table, text
+from showc.view.forecast import forecast_section
+from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.log.reader import LoggedShow
+
+SHAPES = {
+    pb.Separation.SPHERE: "sphere",
+    pb.Separation.ELLIPSOID: "ellipsoid",
+    pb.Separation.ANY_AXIS: "any axis",
+    pb.Separation.ALL_AXES: "all axes",
+}
+WORDS = {"pass": "ok", "fail": "FAILED", "warning": "warning", "skipped": "not checked"}
+
+
+def render_report(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
+    """Return the report as one printable HTML page.
+
+    Parameters
+    ----------
+    logged
+        The show.
+    verification
+        What ``showc verify --json`` gives; None: the report says that nothing was
+        verified, and has no margins.
+    """
+    digests = digest(logged)
+    body = [
+        _head(logged, verification),
+        _figures(logged, digests),
+        _site(logged),
+        _moves(logged, digests),
+        _checks(verification),
+        forecast_section(logged.manifest),
+        _origin(logged),
+        (
+            '<div class="sign"><div>Signed off by</div><div>Place</div>'
+            "<div>Date</div></div>"
+        ),
+    ]
+    return document(f"{logged.rules.name} – report", "\n".join(body))
+
+
+def _head(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
+    if verification is None:
+        badge = '<div class="verdict none">NOT VERIFIED<small>no proofs</small></div>'
+    else:
+        verdicts = [check["verdict"] for check in verification["checks"]]
+        failed = verdicts.count("fail")
+        if verification["passed"]:
+            proved = f"{verdicts.count('pass')} checks passed"
+            badge = f'<div class="verdict pass">VERIFIED<small>{proved}</small></div>'
+        else:
+            count = f"{failed} of {len(verdicts)} checks failed"
+            badge = f'<div class="verdict fail">FAILED<small>{count}</small></div>'
+    site = logged.rules.site
+    return (
+        f"<header><div><h1>{text(logged.rules.name)}</h1>"
+        f"<p>Drone show report · site {site.latitude:.6f}°, {site.longitude:.6f}°, "
+        f"{site.altitude:.1f} m · heading {site.heading:.1f}°</p></div>{badge}</header>"
+    )
+
+
+def _figures(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
+    nearest = tightest(digests)
+    shown = [
+        (str(logged.drones), "drones"),
+        (clock(logged.duration), "from take-off to landing"),
+        (str(sum(one.moving for one in digests)), "moves"),
+        (f"{logged.positions[..., 2].max():.1f} m", "greatest height"),
+        (f"{max(one.speed for one in digests):.2f} m/s", "greatest speed"),
+        (
+            "–" if nearest is None else f"{nearest.distance:.2f} m",
+            f"smallest separation (rule: {logged.rules.separation.distance:.2f} m)",
+        ),
+    ]
+    inner = "".join(
+        f"<div><b>{text(value)}</b><span>{text(name)}</span></div>"
+        for value, name in shown
+    )
+    return f'<section class="figures">{inner}</section>'
+
+
+def _site(logged: LoggedShow) -> str:
+    corners = len(fence_of(logged))
+    site = logged.rules.site
+    lowest, highest = site.volume_min.z, site.volume_max.z
+    return (
+        "<h2>Site</h2><div class='maps'>"
+        f"<figure>{map_from_above(logged)}<figcaption>From above. Orange: fence of "
+        f"{corners} corners. Squares: pads. Dots: places of the pictures in their "
+        "colours. Cross: origin.</figcaption></figure>"
+        f"<figure>{map_from_the_side(logged)}<figcaption>From the front. Flight "
+        f"volume from {lowest:.1f} m to {highest:.1f} m."
+        "</figcaption></figure></div>"
+    )
+
+
+def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
+    heads = [
+        "", "Move", "Start", "Time [s]", "Lower bound [s]", "Gap",
+        "Smallest separation [m]", "Speed [m/s]", "Roll, pitch [°]",
+    ]  # fmt: skip
+    nearest = tightest(digests)
+    rows = []
+    number = 0
+    for one in digests:
+        number += one.moving
+        rows.append(_move(one, number if one.moving else None, nearest))
+    limits = logged.rules.limits
+    fastest = max(
+        max(abs(value) for value in (v.x, v.y, v.z))
+        for one in limits
+        for v in (one.velocity_min, one.velocity_max)
+    )
+    rows.append(
+        row(
+            [
+                "",
+                "allowed",
+                "",
+                "",
+                "",
+                "",
+                (
+                    f"≥ {logged.rules.separation.distance:.2f} "
+                    f"({SHAPES[logged.rules.separation.shape]})"
+                ),
+                f"≤ {fastest:.2f} an axis",
+                f"≤ {degrees(max(one.tilt for one in limits)):.1f}",
+            ],
+            kind="limit",
+            words=frozenset({1}),
+        )
+    )
+    bounds = [one for one in digests if one.bound is not None]
+    note = (
+        '<p class="note">Lower bound: no flight of all drones can take less (proved). '
+        "Gap: time beyond the longest least time of a single drone alone.</p>"
+        if bounds
+        else '<p class="note">Gap: time beyond the longest least time of a single '
+        "drone alone.</p>"
+    )
+    return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
+
+
+def _move(one: Digest, number: int | None, nearest: Encounter | None) -> str:
+    message = one.segment.message
+    closest = one.closest
+    way = f"{message.from_formation} → {message.to_formation}" if one.moving else ""
+    way = "" if way == message.name.replace("->", "→") else way
+    distance = ""
+    if closest is not None:
+        where = f"{closest.drone_a + 1} and {closest.drone_b + 1}"
+        value = f"{closest.distance:.2f}"
+        if closest is nearest:
+            value = f"<b>◆ {value}</b>"
+        distance = value + small(f"{where}, {clock(closest.time)}")
+    return row(
+        [
+            "" if number is None else str(number),
+            text(message.name) + small(text(way)),
+            clock(one.segment.start),
+            f"{one.segment.duration:.3f}",
+            "–" if one.bound is None else f"{one.bound:.3f}",
+            "–" if one.gap is None else f"{100.0 * one.gap:.1f} %",
+            distance,
+            f"{one.speed:.2f}" if one.moving else "",
+            f"{degrees(one.tilt):.1f}" if one.moving else "",
+        ],
+        kind="" if one.moving else "hold",
+        words=frozenset({1}),
+    )
+
+
+def _checks(verification: Mapping[str, Any] | None) -> str:
+    if verification is None:
+        return (
+            "<h2>Margins</h2><p>Nothing was verified. Run <code>showc verify</code> "
+            "on the log before anyone signs.</p>"
+        )
+    heads = ["", "What is proved", "Found", "Allowed", "Where"]
+    words = frozenset({0, 1, 4})
+    rows = []
+    group = None
+    for check in verification["checks"]:
+        if check["group"] != group:
+            group = check["group"]
+            rows.append(
+                f'<tr><td colspan="5" class="text"><h3>{text(group)}</h3></td></tr>'
+            )
+        verdict = check["verdict"]
+        notes = "".join(small(text(note)) for note in check["notes"])
+        rows.append(
+            row(
+                [
+                    (
+                        f'<span class="{"ok" if verdict == "pass" else verdict}">'
+                        f"{WORDS.get(verdict, text(verdict))}</span>"
+                    ),
+                    text(check["name"]) + notes,
+                    _quantity(check["value"], check["unit"]),
+                    _quantity(check["limit"], check["unit"]),
+                    text(_place(check["where"])),
+                ],
+                words=words,
+            )
+        )
+    return (
+        "<h2>Margins and proofs<small>by showc verify, from the bytes of the log "
+        f"alone</small></h2>{table(heads, rows, words=words)}"
+    )
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    if value is None:
+        return ""
+    if value == int(value) and abs(value) < 1e15:
+        shown = f"{int(value):,}"
+    elif 1e-3 <= abs(value) < 1e6:
+        shown = f"{value:.4g}" if abs(value) < 1000.0 else f"{value:,.0f}"
+    else:
+        shown = f"{value:.1e}"
+    return text(f"{shown} {unit}".strip())
+
+
+def _place(where: Mapping[str, Any]) -> str:
+    parts = []
+    if "pair" in where:
+        parts.append(f"drones {where['pair'][0]} and {where['pair'][1]}")
+    elif "drone" in where:
+        parts.append(f"drone {where['drone']}")
+    if "segment" in where:
+        parts.append(str(where["segment"]))
+    if "time" in where:
+        parts.append(clock(where["time"]))
+    if "file" in where:
+        # The folder is that of whoever verified; the name says enough.
+        parts.append(str(where["file"]).rsplit("/", 1)[-1])
+    return ", ".join(parts)
+
+
+def _origin(logged: LoggedShow) -> str:
+    """Hashes and versions: what exactly was looked at."""
+    manifest, metadata = logged.manifest, logged.metadata
+    files = _entry(_entry(manifest, "missions"), "files")
+    rows = [
+        ("Script", metadata.get("script", ""), metadata.get("script_sha256", "")),
+        ("Manifest", "manifest.json", metadata.get("manifest_sha256", "")),
+    ]
+    rows += [
+        ("Input", str(name), str(digest_))
+        for name, digest_ in _entry(_entry(manifest, "show"), "inputs").items()
+    ]
+    if isinstance(manifest.get("fleet"), str):
+        rows.append(("Fleet", f"{len(files)} files", manifest["fleet"]))
+    rows += [("", str(name), str(value)) for name, value in files.items()]
+    words = frozenset({0, 1, 2})
+    versions = ", ".join(
+        f"{name} {value}" for name, value in _entry(manifest, "versions").items()
+    )
+    lines = [
+        row(
+            [text(kind), text(name), f"<code>{text(value)}</code>"],
+            words=words,
+        )
+        for kind, name, value in rows
+    ]
+    made = text(versions or f"showc {metadata.get('showc_version', '')}")
+    return (
+        "<h2>Files<small>SHA-256</small></h2>"
+        + table(["", "File", "Hash"], lines, words=words)
+        + f'<p class="note">Made with {made}. Vehicle: {text(_vehicle(logged))}.</p>'
+    )
+
+
+def _entry(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return the object under ``key``; empty where the manifest has none."""
+    found = content.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _vehicle(logged: LoggedShow) -> str:
+    vehicle = logged.rules.vehicle
+    weight = vehicle.mass * vehicle.gravity
+    ratio = 4.0 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2 / weight
+    held = "held" if logged.rules.yaw_held else "free"
+    yaw = np.degrees(logged.rules.heading)
+    return (
+        f"{vehicle.name}, {vehicle.mass:.3f} kg, thrust to weight {ratio:.2f}; "
+        f"yaw {held} at {yaw:.1f}°"
+    )

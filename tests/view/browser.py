@@ -12,8 +12,10 @@ import subprocess
 import time
 import urllib.request
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = (
@@ -66,11 +68,7 @@ class Tab:
             {"id": self.count, "method": method, "params": parameters}
         ).encode()
         size = len(message)
-        head = (
-            bytes([0x80 | size])
-            if size < 126
-            else b"\xfe" + struct.pack(">H", size)
-        )
+        head = bytes([0x80 | size]) if size < 126 else b"\xfe" + struct.pack(">H", size)
         self.socket.sendall(b"\x81" + head + bytes(4) + message)
         while True:
             answer = json.loads(self._receive())
@@ -154,7 +152,9 @@ def open_browser(folder: Path, *, width: int = 1280, height: int = 800):
                 raise TimeoutError("the browser did not start")
             time.sleep(0.05)
         port = found.read_text().split()[0]
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=60) as answer:
+        with urllib.request.urlopen(
+            f"http://127.0.0.1:{port}/json", timeout=60
+        ) as answer:
             tabs = [tab for tab in json.load(answer) if tab["type"] == "page"]
         tab = Tab(tabs[0]["webSocketDebuggerUrl"])
         tab.call(

@@ -1,0 +1,63 @@
+"""Pieces of printable HTML: escaped text, tables, the page around them."""
+
+from __future__ import annotations
+
+import html
+from importlib.resources import files
+from string import Template
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def text(value: object) -> str:
+    """Escape a value for HTML."""
+    return html.escape(str(value))
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds, to a tenth."""
+    tenths = round(seconds * 10.0)
+    return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"
+
+
+def table(
+    heads: Sequence[str], rows: Sequence[str], *, words: frozenset[int] = frozenset()
+) -> str:
+    """HTML table; the columns of index in ``words`` are set to the left."""
+    head = "".join(
+        f"<th{_left(index, words)}>{name}</th>" for index, name in enumerate(heads)
+    )
+    return (
+        f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+    )
+
+
+def row(
+    cells: Sequence[str], *, kind: str = "", words: frozenset[int] = frozenset()
+) -> str:
+    """One row of a table; ``cells`` are HTML."""
+    inner = "".join(
+        f"<td{_left(index, words)}>{cell}</td>" for index, cell in enumerate(cells)
+    )
+    return f'<tr class="{kind}">{inner}</tr>' if kind else f"<tr>{inner}</tr>"
+
+
+def _left(index: int, words: frozenset[int]) -> str:
+    return ' class="text"' if index in words else ""
+
+
+def small(value: str) -> str:
+    """Return a line in small print under the cell's value."""
+    return f"<small>{value}</small>" if value else ""
+
+
+def document(title: str, body: str) -> str:
+    """Return a whole page for screen and printer."""
+    folder = files("showc.view") / "assets"
+    return Template((folder / "document.html").read_text("utf-8")).substitute(
+        title=text(title),
+        style=(folder / "report.css").read_text("utf-8"),
+        body=body,
+    )
