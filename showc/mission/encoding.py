@@ -49,6 +49,9 @@ BENDS = (1.0, 1.15, 1.3, 1.6, 2.0)
 BEND_STRETCHES = (1.0, 1.6, 2.5, 4.0)
 """Factors on the times of the legs of a bend."""
 
+STOP = 4.0
+"""About what a further stage costs besides its flying: slack and a whole second [s]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Encoding:
@@ -164,8 +167,14 @@ def _candidates(
     if first.drones.size == 0:
         return
     yield from _slower(first, straight, around)
-    yield from _bends(leg, flight, builder, around)
-    yield from _layers(leg, builder, around, first)
+    found = [
+        *_bends(leg, flight, builder, around),
+        *_layers(leg, builder, around, first),
+    ]
+    # Quickest first, every stop paid for; equal ones in the order of their making.
+    yield from sorted(
+        found, key=lambda item: sum(stage.duration + STOP for stage in item[1])
+    )
 
 
 def _slower(

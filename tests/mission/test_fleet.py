@@ -2,12 +2,14 @@
 
 import itertools
 import json
+import time
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import pytest
 from mission.flights import START, rows, shift_flight, swap_flight
+from synthetic import gliding_flight
 
 from showc.errors import ExportError, UsageError
 from showc.flight import Flight
@@ -251,9 +253,48 @@ def test_drones_that_would_meet_in_the_middle_get_another_encoding():
     missions = mission_files(swap_flight(6), start=START)
     leg = missions.prediction["legs"][1]
     assert leg["encoding"] != "straight"
-    assert 1 < len(leg["slots"]) <= 4
+    assert 1 < len(leg["slots"]) <= 3
     assert leg["closest"]["distance"] >= 0.978
     assert any(leg["name"] in line for line in missions.warnings)
+
+
+def test_crossing_lines_are_flown_one_after_the_other():
+    missions = mission_files(gliding_flight(16), start=START)
+    legs = missions.prediction["legs"]
+    staggered = [leg for leg in legs if "staggered" in leg["encoding"]]
+    assert staggered
+    for leg in legs:
+        assert leg["closest"]["distance"] >= 0.978
+    # The slots in the files are as far apart as the prediction says.
+    first = staggered[0]
+    number = legs.index(first)
+    released = set()
+    for drone in first["drones"]:
+        table = rows(text(missions, drone))
+        slots = [row for row in table if row[3] == DELAY and row[4] < 0]
+        _, hour, minute, second = slots[number][4:8]
+        moment = START.replace(hour=int(hour), minute=int(minute), second=int(second))
+        released.add((moment - START).total_seconds())
+    longest = float(first["encoding"].split()[-2])
+    assert min(released) == first["slot"]
+    assert max(released) == first["slot"] + longest
+    places = missions.predicted.position(
+        np.arange(0.0, missions.predicted.duration, 0.05)
+    )
+    nearest = min(
+        np.linalg.norm(places[:, a] - places[:, :a].swapaxes(0, 1), axis=2).min()
+        for a in range(1, 16)
+    )
+    assert nearest >= min(leg["closest"]["distance"] for leg in legs)
+
+
+@pytest.mark.slow
+def test_a_thousand_missions_take_less_than_ten_seconds():
+    flight = shift_flight(1000, options=LIGHTS)
+    begun = time.process_time()
+    missions = mission_files(flight, start=START)
+    assert time.process_time() - begun < 10.0
+    assert len(missions.files) == 2001
 
 
 def test_a_fleet_that_cannot_be_kept_apart_is_refused():
