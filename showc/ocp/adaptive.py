@@ -33,6 +33,7 @@ import os
 
 FIRST = int(os.environ.get("FIRST", "3"))
 BOUNDARY = 0.6
+LITTLE = 3e-4
 INNER = int(os.environ.get("INNER", "3"))
 
 
@@ -115,6 +116,7 @@ class _Refinement:
         solver: SolverOptions | None = None,
     ) -> Solution:
         """Solve on one mesh."""
+        mesh = self._with_ends(mesh)
         transcription = Transcription(
             self.problem,
             mesh,
@@ -132,6 +134,23 @@ class _Refinement:
         self.iterations += solution.iterations
         self.latest = transcription
         return solution
+
+    def _with_ends(self, mesh: Mesh) -> Mesh:
+        """Path constraints hold at the ends of intervals, which Gauss points miss."""
+        return Mesh(
+            tuple(
+                replace(
+                    part,
+                    path_points=tuple(
+                        tuple(sorted({0.0, 1.0, *places}))
+                        for places in part.path_points
+                    ),
+                )
+                if phase.path_constraints
+                else part
+                for phase, part in zip(self.problem.phases, mesh.phases, strict=True)
+            )
+        )
 
     def _solver(self, *, warm: bool) -> SolverOptions:
         """Options that keep the solver near a good guess."""
@@ -271,6 +290,46 @@ class _Refinement:
         )
         return _Pass(solution, audits, error, indicators, structures)
 
+    def same(self, mesh: Mesh, other: Mesh) -> bool:
+        """Whether both give the same program."""
+        return self._with_ends(mesh) == self._with_ends(other)
+
+    def take(
+        self, proposal: _Proposal, current: _Pass, *, switching: bool
+    ) -> _Pass | None:
+        """Solve and judge a proposal; ``None`` if it is no step forward."""
+        solution = self.attempt(
+            proposal.mesh,
+            current.solution,
+            arcs=proposal.arcs,
+            structures=proposal.structures,
+        )
+        if not solution.result.usable and not switching:
+            self.note(solution, None, "the solver failed; it starts afresh")
+            base = self.options.solver
+            extra = {"mu_strategy": "monotone", **base.extra}
+            self.former = None
+            solution = self.attempt(
+                proposal.mesh,
+                current.solution,
+                arcs=proposal.arcs,
+                structures=proposal.structures,
+                solver=replace(base, extra=extra, iterations=2 * base.iterations),
+            )
+        fresh = None
+        if solution.result.usable and not self.worse(solution, current):
+            former = None if switching else current
+            fresh = self.judge(solution, former, proposal.structures)
+            rough = max(fresh.error.dynamics, fresh.error.path)
+            if switching and rough > 3.0 * _greatest(current.error):
+                fresh = None
+        if fresh is None:
+            self.note(solution, None, "no better; back to the mesh before")
+            self.former = None
+        else:
+            self.former = self.latest
+        return fresh
+
     def reached(self, passed: _Pass) -> bool:
         """Whether all errors are within the tolerance."""
         return _greatest(passed.error) <= self.options.tolerance
@@ -296,6 +355,12 @@ class _Refinement:
                 told = np.all(np.isfinite(bounds)) or state.quantity.scale is not None
                 if not told and name not in self.options.scales:
                     self.scales[key] = float(span[i])
+            size_of = np.abs(part.controls.coefficients).max(axis=(0, 1), initial=0.0)
+            for j, (name, control) in enumerate(phase.controls.items()):
+                bounds = self.table["bounds", phase.name, name]
+                told = np.all(np.isfinite(bounds)) or control.quantity.scale is not None
+                if not told and name not in self.options.scales and size_of[j] > 0.0:
+                    self.scales[f"{phase.name}.{name}"] = float(size_of[j])
             key = f"{phase.name}.duration"
             if key not in self.options.scales:
                 self.scales[key] = max(part.duration, 1e-12)
@@ -420,16 +485,27 @@ def _with_path_points(
 ) -> PhaseMesh:
     """Let path constraints hold where they are violated between the nodes too.
 
-    A new place replaces old ones next to it.
+    A new place replaces old ones next to it. Where places have been added before
+    and little is left, the constraint is tightened by what is left: chasing the
+    place of the greatest violation would never end.
     """
     points = [list(places) for places in mesh.path_points]
+    margins = list(mesh.path_margins)
     for k in range(mesh.intervals):
-        if audit.path[k] <= options.tolerance or audit.path_active[k] > BOUNDARY:
+        violation = float(audit.path[k])
+        if violation <= options.tolerance or audit.path_active[k] > BOUNDARY:
+            continue
+        if violation < LITTLE and len(points[k]) > 2:
+            margins[k] += 1.5 * violation
             continue
         for place in audit.path_places[k]:
             points[k] = [s for s in points[k] if abs(s - place) > 0.03]
             points[k].append(float(np.clip(place, 0.0, 1.0)))
-    return replace(mesh, path_points=tuple(tuple(sorted(p)) for p in points))
+    return replace(
+        mesh,
+        path_points=tuple(tuple(sorted(p)) for p in points),
+        path_margins=tuple(margins),
+    )
 
 
 def solve(
@@ -487,35 +563,18 @@ def solve(
         switching = proposal is not None
         tries -= switching
         proposal = proposal or work.refine(current)
-        if not switching and proposal.mesh == current.solution.mesh:
+        if not switching and work.same(proposal.mesh, current.solution.mesh):
             break
         if proposal.mesh.point_count > chosen.points:
             break
         work.note(current.solution, current.error, proposal.words)
-        solution = work.attempt(
-            proposal.mesh,
-            current.solution,
-            arcs=proposal.arcs,
-            structures=proposal.structures,
-        )
-        if not solution.result.usable or work.worse(solution, current):
-            work.note(solution, None, "no better; back to the mesh before")
-            if not switching:
-                break
+        fresh = work.take(proposal, current, switching=switching)
+        if fresh is None and switching:
             refused += [s for s in proposal.structures if s is not None]
-            proposal = work.refine(current)
-            solution = work.attempt(
-                proposal.mesh,
-                current.solution,
-                arcs=proposal.arcs,
-                structures=proposal.structures,
-            )
-            if not solution.result.usable:
-                break
-            switching = False
-        former = None if switching else current
-        work.former = work.latest
-        current = work.judge(solution, former, proposal.structures)
+            fresh = work.take(work.refine(current), current, switching=False)
+        if fresh is None:
+            break
+        current = fresh
         if _greatest(current.error) < _greatest(best.error) or switching:
             best = current
     best = min(best, current, key=lambda passed: _greatest(passed.error))

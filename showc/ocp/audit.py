@@ -24,6 +24,7 @@ import casadi
 import numpy as np
 from scipy.integrate import DOP853
 
+from showc.ocp import scaling
 from showc.ocp.nodes import bernstein_values, collocation
 from showc.trajectory import bernstein_basis
 
@@ -247,9 +248,6 @@ class PhaseAuditor:
         count = phase.states.intervals
         if not self.has_gap or not phase.control_names:
             return np.zeros(count)
-        if any(phase.mesh.path_points):
-            # Multipliers of single points are no density: nothing can be said.
-            return np.zeros(count)
         nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
         x = _flat(_values(phase.states.coefficients, nodes))
         u = _flat(_values(phase.controls.coefficients, nodes))
@@ -336,7 +334,7 @@ class PhaseAuditor:
             self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
         ).reshape(len(constraints), count, places.size)
         bounds = self.path_bounds(table)
-        scale = np.array([path_scale(*pair) for pair in bounds])[:, None, None]
+        scale = np.array([scaling.of_path(*pair) for pair in bounds])[:, None, None]
         violation = (
             np.maximum(
                 bounds[:, 0, None, None] - values, values - bounds[:, 1, None, None]
@@ -375,14 +373,6 @@ def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
                 place += 0.5 * step * (left - right) / bend
         found.append(place)
     return tuple(found)
-
-
-def path_scale(lower: float, upper: float) -> float:
-    """Scale of a path constraint's violation."""
-    finite = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0.0]
-    if np.isfinite(lower) and np.isfinite(upper) and upper > lower:
-        return upper - lower
-    return max(finite, default=1.0)
 
 
 def ranges(states: Any) -> FloatArray:  # noqa: ANN401

@@ -306,12 +306,13 @@ def box(
         discretisation.layout.statics, problem.statics, strict=True
     ):
         lower[number], upper[number] = table["static", quantity.name]
-    rows = _row_bounds(problem, discretisation, table, overrides)
+    rows = _row_bounds(problem, mesh, discretisation, table, overrides)
     return Box(lower, upper, *rows, tuple(words))
 
 
 def _row_bounds(
     problem: Problem,
+    mesh: Mesh,
     discretisation: Discretisation,
     table: Table,
     overrides: Overrides,
@@ -322,6 +323,11 @@ def _row_bounds(
         phase = problem.phases[group.phase].name
         if group.kind == "path":
             bounds = table["path", phase, group.name]
+            margins = np.array(mesh.phases[group.phase].path_margins)
+            margin = margins[group.interval] * scaling.of_path(*bounds)
+            lower[group.rows] = bounds[0] + margin
+            upper[group.rows] = bounds[1] - margin
+            continue
         elif group.kind == "boundary":
             bounds = table["boundary", group.name]
         elif group.kind == "duration":

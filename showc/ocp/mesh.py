@@ -36,12 +36,17 @@ class PhaseMesh:
     path_points: tuple[tuple[float, ...], ...] = ()
     """Fractions of each interval where path constraints hold besides the
     collocation points; empty means none."""
+    path_margins: tuple[float, ...] = ()
+    """By how much, in their scale, path constraints are tightened on each interval so
+    that they hold between the points; empty means not at all."""
 
     def __post_init__(self) -> None:
         if not self.arcs:
             object.__setattr__(self, "arcs", (0,) * len(self.fractions))
         if not self.path_points:
             object.__setattr__(self, "path_points", ((),) * len(self.fractions))
+        if not self.path_margins:
+            object.__setattr__(self, "path_margins", (0.0,) * len(self.fractions))
         count = len(self.fractions)
         if count == 0 or len(self.points) != count or len(self.arcs) != count:
             raise ValueError(

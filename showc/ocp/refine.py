@@ -53,6 +53,7 @@ class Cell:
     degrees: tuple[tuple[str, int], ...]
     """Degrees of controls set by the mesh."""
     path_points: tuple[float, ...] = ()
+    path_margin: float = 0.0
 
 
 def cells_of(mesh: PhaseMesh) -> list[Cell]:
@@ -64,7 +65,15 @@ def cells_of(mesh: PhaseMesh) -> list[Cell]:
         degrees = tuple((name, d[k]) for name, d in mesh.control_degrees.items())
         right = position + mesh.fractions[k]
         cells.append(
-            Cell(position, right, mesh.points[k], arc, degrees, mesh.path_points[k])
+            Cell(
+                position,
+                right,
+                mesh.points[k],
+                arc,
+                degrees,
+                mesh.path_points[k],
+                mesh.path_margins[k],
+            )
         )
         position = right
     return cells
@@ -82,6 +91,7 @@ def mesh_of(cells: list[Cell]) -> PhaseMesh:
         tuple(int(a) for a in arcs),
         {name: tuple(dict(cell.degrees)[name] for cell in cells) for name in names},
         tuple(cell.path_points for cell in cells),
+        tuple(cell.path_margin for cell in cells),
     )
 
 
@@ -262,6 +272,7 @@ def arc_mesh(
     ``free_controls``: number, name and degree between the bounds of the controls
     whose degree the solver chooses; at a bound they become constant on each interval.
     """
+    smooth = any(degree < 0 for _, _, degree in free_controls)
     borders = np.concatenate([[phase.start], structure.times, [phase.end]])
     span = phase.end - phase.start
     breaks, points = phase.states.breaks, np.asarray(phase.mesh.points)
@@ -274,7 +285,9 @@ def arc_mesh(
         inner = breaks[(breaks > left) & (breaks < right)]
         gaps = np.diff(breaks)[inside].min() if inside.any() else width
         inner = inner[(inner - left > 0.3 * gaps) & (right - inner > 0.3 * gaps)]
-        inner = inner[3::4]
+        # Few intervals where controls are linear in the Hamiltonian: each border is
+        # a place for a false switch.
+        inner = inner[1::2] if smooth else inner[3::4]
         count = max(LEAST_POINTS, int(own.max()) if own.size else 4)
         edges = np.concatenate([[left], inner, [left + width]])
         degrees = {}

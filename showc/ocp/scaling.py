@@ -26,3 +26,11 @@ def of_duration(lower: float, upper: float) -> float:
     if isfinite(upper):
         return upper
     return lower if lower > 0.0 else 1.0
+
+
+def of_path(lower: float, upper: float) -> float:
+    """Return the scale in which a violation of a path constraint is measured."""
+    finite = [abs(b) for b in (lower, upper) if isfinite(b) and b != 0.0]
+    if isfinite(lower) and isfinite(upper) and upper > lower:
+        return upper - lower
+    return max(finite, default=1.0)

@@ -452,7 +452,8 @@ class Transcription:
         weights = np.concatenate([w for _, w in nodes])
         spans = np.repeat(np.maximum(widths, 1e-300), mesh.points) * weights
         costates, pressures = [np.zeros((times.size, 0))], [np.zeros((times.size, 0))]
-        seen: set[str] = set()
+        seen: list[str] = []
+        first = np.concatenate([[0], np.cumsum(mesh.points)])
         for group in self.discretisation.groups:
             if group.phase != index or group.kind not in {"dynamics", "path"}:
                 continue
@@ -461,9 +462,22 @@ class Transcription:
             if group.kind == "dynamics":
                 costates.append(-force / weights[:, None])
             elif group.name not in seen:
-                # Later groups of that name are single points between the nodes.
-                seen.add(group.name)
+                seen.append(group.name)
                 pressures.append(force / spans[:, None])
+            else:
+                # A single point between the nodes acts on the polynomials as these
+                # multipliers at the nodes do.
+                at = 1 + seen.index(group.name)
+                for k, s, weight in zip(
+                    group.interval, group.place, force[:, 0], strict=True
+                ):
+                    n = mesh.points[k]
+                    nodal = slice(first[k], first[k] + n)
+                    share = np.linalg.solve(
+                        bernstein_values(n - 1, tuple(map(float, nodes[k][0]))).T,
+                        bernstein_values(n - 1, (float(s),))[0],
+                    )
+                    pressures[at][nodal, 0] += weight * share / spans[nodal]
         return times, np.hstack(costates), np.hstack(pressures)
 
 
