@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.solve.bend import HEAD_ON
-from showc.solve.spline import WALL_DEGREE, Walls
+from showc.solve.program import WALL_DEGREE, Walls
 from showc.trajectory import bernstein_basis_inverse
 
 if TYPE_CHECKING:

@@ -1,0 +1,439 @@
+"""The convex program behind a spline: limits linearised about an iterate.
+
+Every row of the program concerns one interval, and there the six coefficients of each
+axis that the B-spline has on it; rows are therefore kept as (axis, local coefficient)
+blocks and only become a sparse matrix at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import bernstein_basis, bernstein_basis_inverse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.solve.flat import Use
+    from showc.solve.single import Aircraft
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    Entries = tuple[FloatArray, tuple[IntArray, IntArray]]
+
+DEGREE = 5
+WALL_DEGREE = DEGREE + 1
+_LOCAL = DEGREE + 1
+_MARGIN = 0.995
+_PRICE = 30.0
+_CALM = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walls:
+    """Moving half-spaces ``normal(t) . x(t) >= offset(t)``, each on one interval."""
+
+    interval: IntArray
+    """Shape (m,)."""
+    normal: FloatArray
+    """At the start and end of the interval, linear between; (m, 2, 3), show frame."""
+    offset: FloatArray
+    """Bernstein coefficients of the offset, shape (m, 7) [m]."""
+
+
+NO_WALLS = Walls(np.zeros(0, dtype=np.int64), np.zeros((0, 2, 3)), np.zeros((0, 7)))
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """Shares of the limits that the linearised program aims at."""
+
+    tilt: float = _MARGIN
+    rate: float = _MARGIN
+    power: float = _MARGIN
+    floor: float = 0.2
+    """Least vertical thrust over the weight: rotors need some to make torques."""
+
+    def corrected(self, use: Use) -> Aim:
+        """Aim lower where the true use was too great."""
+
+        def lower(share: float, found: float) -> float:
+            return share * max(0.85, 0.997 / found) if found > 1.0 else share
+
+        return Aim(
+            lower(self.tilt, float(use.tilt[0])),
+            lower(self.rate, float(use.rate[0])),
+            lower(self.power, float(use.power[0])),
+            1.4 * self.floor if use.weak[0] else self.floor,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Basis:
+    """From the local B-spline coefficients to Bernstein ones, shapes (K, ., 6)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    """Elevated to the degree of the acceleration."""
+    gram: FloatArray
+    """Mean of squared values and a little of squared jerk, (n, n)."""
+    weights: FloatArray
+    """From values wanted at ``NODES`` of every interval to the linear term, (n, .)."""
+
+
+_NODES: FloatArray = (np.arange(4) + 0.5) / 4
+
+
+@lru_cache(maxsize=16)
+def _basis(intervals: int, duration: float) -> _Basis:
+    from scipy.interpolate import BSpline  # noqa: PLC0415 - scipy only when solving
+
+    knots = np.concatenate(
+        [np.zeros(DEGREE), np.linspace(0.0, 1.0, intervals + 1), np.ones(DEGREE)]
+    )
+    count = intervals + DEGREE
+    inner = (np.arange(_LOCAL) + 0.5) / _LOCAL
+    at = (np.arange(intervals)[:, None] + inner) / intervals
+    values = BSpline.design_matrix(at.ravel(), knots, DEGREE).toarray()
+    inverse = bernstein_basis_inverse(DEGREE, tuple(inner))
+    whole = np.einsum("ij,kjn->kin", inverse, values.reshape(intervals, -1, count))
+    position = np.stack([whole[k, :, k : k + _LOCAL] for k in range(intervals)])
+    position[np.abs(position) < 1e-13] = 0.0
+    width = duration / intervals
+    velocity = DEGREE * np.diff(position, axis=1) / width
+    acceleration = (DEGREE - 1) * np.diff(velocity, axis=1) / width
+    jerk = (DEGREE - 2) * np.diff(acceleration, axis=1) / width
+    elevation = np.array([[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 2 / 3, 1 / 3], [0, 0, 1]])
+    jerk = np.einsum("ij,kjn->kin", elevation, jerk)
+
+    def spread(local: FloatArray) -> FloatArray:
+        result = np.zeros((*local.shape[:2], count))
+        for k in range(intervals):
+            result[k, :, k : k + _LOCAL] = local[k]
+        return result.reshape(-1, count)
+
+    sampled = spread(
+        np.einsum("jk,ikn->ijn", bernstein_basis(DEGREE, _NODES), position)
+    )
+    rough = spread(jerk)
+    gram = sampled.T @ sampled / sampled.shape[0]
+    # A little weight on jerk keeps the program strictly convex and the flight calm.
+    gram += _CALM * rough.T @ rough / rough.shape[0]
+    return _Basis(
+        position, velocity, acceleration, jerk, gram, -sampled.T / sampled.shape[0]
+    )
+
+
+def _free(count: int) -> NDArray[np.bool_]:
+    """Which of the coefficients x, y, z after each other are not given, (3 n,)."""
+    # Hover at both ends: tilt and body rates vanish, so horizontally velocity,
+    # acceleration and jerk do; vertically only the velocity, thrust may jump.
+    free = np.ones((3, count), dtype=bool)
+    free[:2, :4] = free[:2, -4:] = False
+    free[2, :2] = free[2, -2:] = False
+    return free.ravel()
+
+
+@lru_cache(maxsize=16)
+def _upper(intervals: int, duration: float) -> Entries:
+    """Upper triangle of the quadratic term: values, (rows, columns)."""
+    gram = _basis(intervals, duration).gram
+    free = _free(gram.shape[0])
+    full = np.triu(np.kron(np.eye(3), gram)[np.ix_(free, free)])
+    rows, columns = np.nonzero(full)
+    return full[rows, columns], (rows, columns)
+
+
+class _Rows:
+    """Rows ``a . c <= b`` of a sparse matrix, block by block."""
+
+    def __init__(self) -> None:
+        self.values: list[FloatArray] = []
+        self.bounds: list[FloatArray] = []
+        self.intervals: list[IntArray] = []
+
+    def add(
+        self,
+        x: FloatArray | float,
+        y: FloatArray | float,
+        z: FloatArray | float,
+        bound: FloatArray,
+    ) -> None:
+        """Add rows for every interval; x, y, z of shape (K, r, 6), bound (K, r)."""
+        shape = (*bound.shape, _LOCAL)
+        parts = [np.broadcast_to(np.asarray(part), shape) for part in (x, y, z)]
+        block = np.stack(parts, axis=2).reshape(-1, 3, _LOCAL)
+        self.values.append(block)
+        self.bounds.append(bound.ravel())
+        self.intervals.append(np.repeat(np.arange(shape[0]), shape[1]))
+
+    def add_at(
+        self, intervals: IntArray, values: FloatArray, bound: FloatArray
+    ) -> None:
+        """Add rows for given intervals; values (m, r, 3, 6), bound (m, r)."""
+        self.values.append(values.reshape(-1, 3, _LOCAL))
+        self.bounds.append(bound.ravel())
+        self.intervals.append(np.repeat(intervals, bound.shape[1]))
+
+
+class Program:
+    """The convex program of one drone, linearised about an iterate."""
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        start: FloatArray,
+        goal: FloatArray,
+        reference: PiecewisePolynomial,
+        intervals: int,
+        walls: Walls,
+    ) -> None:
+        duration = reference.end
+        self.aircraft = aircraft
+        self.breaks = np.linspace(0.0, duration, intervals + 1)
+        self.walls = walls
+        self.intervals = intervals
+        self.basis = _basis(intervals, duration)
+        count = intervals + DEGREE
+        self.free = _free(count)
+        fixed = ~self.free.reshape(3, count).T
+        ends = np.zeros((count, 3))
+        ends[: count // 2], ends[count // 2 :] = start, goal
+        self.given = np.where(fixed, ends, 0.0).T.ravel()
+        self.start, self.goal = start, goal
+        self.pitch = np.zeros((intervals, 4))
+        self.roll = np.zeros((intervals, 4))
+        at = (self.breaks[:-1, None] + _NODES * np.diff(self.breaks)[:, None]).ravel()
+        wanted = start + reference(at) * (goal - start)
+        self.linear = (self.basis.weights @ wanted).T.ravel()
+
+    def relinearise(self, position: FloatArray) -> None:
+        """Take pitch and roll at each coefficient from an iterate, (K, 6, 3) [m]."""
+        width = self.breaks[1] - self.breaks[0]
+        second = np.diff(position, 2, axis=1) * DEGREE * (DEGREE - 1) / width**2
+        second[..., 2] += self.aircraft.vehicle.gravity
+        cosine, sine = np.cos(self.aircraft.heading), np.sin(self.aircraft.heading)
+        ahead = cosine * second[..., 0] + sine * second[..., 1]
+        left = cosine * second[..., 1] - sine * second[..., 0]
+        self.pitch = np.arctan2(ahead, second[..., 2])
+        self.roll = -np.arctan2(left, np.hypot(ahead, second[..., 2]))
+
+    def _rows(self, aim: Aim) -> tuple[_Rows, int]:
+        """All rows, the hard ones first, and how many of these there are."""
+        rows = _Rows()
+        limits = self.aircraft.limits
+        # The last velocity coefficient of an interval is the first of the next.
+        velocity = self.basis.velocity[:, :-1]
+        for axis in range(3):
+            for sign, bound in (
+                (1.0, limits.velocity_max[axis]),
+                (-1.0, -limits.velocity_min[axis]),
+            ):
+                parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
+                parts[axis] = sign * velocity
+                rows.add(*parts, np.full(velocity.shape[:2], bound))  # type: ignore[arg-type]
+        self._attitude_rows(rows, aim)
+        self._rate_rows(rows, aim)
+        self._volume_rows(rows)
+        hard = sum(bound.size for bound in rows.bounds)
+        walls = self.walls
+        if walls.interval.size:
+            at = self.basis.position[walls.interval]
+            # Bernstein coefficients of (linear) x (degree 5).
+            share = np.arange(WALL_DEGREE + 1) / WALL_DEGREE
+            padding = np.zeros_like(at[:, :1])
+            early = (1.0 - share)[:, None] * np.concatenate([at, padding], axis=1)
+            late = share[:, None] * np.concatenate([padding, at], axis=1)
+            values = (
+                walls.normal[:, 0, None, :, None] * early[:, :, None, :]
+                + walls.normal[:, 1, None, :, None] * late[:, :, None, :]
+            )
+            rows.add_at(walls.interval, -values, -walls.offset)
+        return rows, hard
+
+    def _attitude_rows(self, rows: _Rows, aim: Aim) -> None:
+        """Tilt and thrust."""
+        limits, vehicle = self.aircraft.limits, self.aircraft.vehicle
+        gravity = vehicle.gravity
+        cosine, sine = np.cos(self.aircraft.heading), np.sin(self.aircraft.heading)
+        push = self.basis.acceleration[:, :-1]
+        pull = np.full(push.shape[:2], gravity)
+        tangent = np.tan(limits.tilt * aim.tilt)
+        theta = self.pitch[:, :-1]
+        s, c = np.sin(theta)[..., None], np.cos(theta)[..., None]
+        for sign in (1.0, -1.0):
+            # |ahead| <= tan(tilt) up
+            rows.add(
+                sign * cosine * push,
+                sign * sine * push,
+                -tangent * push,
+                tangent * pull,
+            )
+            # |left| <= tan(tilt) hypot(ahead, up), the convex right side by its tangent
+            rows.add(
+                (-sign * sine - tangent * s * cosine) * push,
+                (sign * cosine - tangent * s * sine) * push,
+                -tangent * c * push,
+                tangent * c[..., 0] * pull,
+            )
+        # Thrust: |u| <= up / cos²(tilt), and at least up.
+        most = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass * aim.power
+        most *= max(np.cos(limits.tilt) ** 2, 0.5)
+        least = max(limits.thrust_min / vehicle.mass, aim.floor * gravity)
+        # Thrust need not end as hover: its last coefficient counts too.
+        push = self.basis.acceleration
+        rows.add(0.0, 0.0, push, np.full(push.shape[:2], most - gravity))
+        rows.add(0.0, 0.0, -push, np.full(push.shape[:2], gravity - least))
+
+    def _rate_rows(self, rows: _Rows, aim: Aim) -> None:
+        """Body rates, about pitch and roll of the iterate before."""
+        gravity = self.aircraft.vehicle.gravity
+        cosine, sine = np.cos(self.aircraft.heading), np.sin(self.aircraft.heading)
+        chosen = slice(0, 3)
+        push = self.basis.acceleration[:, chosen]
+        jerk = self.basis.jerk[:, chosen]
+        theta, phi = self.pitch[:, chosen], self.roll[:, chosen]
+        s, c = np.sin(theta)[..., None], np.cos(theta)[..., None]
+        sr, cr = np.sin(phi)[..., None], np.cos(phi)[..., None]
+        rate_roll, rate_pitch = (
+            rate * aim.rate for rate in self.aircraft.limits.body_rate[:2]
+        )
+        for sign in (1.0, -1.0):
+            # |ahead' cos(pitch) - up' sin(pitch)| <= rate (ahead sin + up cos)
+            along = sign * c * jerk - rate_pitch * s * push
+            rows.add(
+                cosine * along,
+                sine * along,
+                -sign * s * jerk - rate_pitch * c * push,
+                rate_pitch * gravity * c[..., 0],
+            )
+            # |left' cos(roll) + plane' sin(roll)| <= rate |u|, with
+            # plane' = ahead' sin(pitch) + up' cos(pitch), |u| = plane cos - left sin
+            ahead = sign * sr * s * jerk - rate_roll * cr * s * push
+            left = sign * cr * jerk + rate_roll * sr * push
+            rows.add(
+                cosine * ahead - sine * left,
+                sine * ahead + cosine * left,
+                sign * sr * c * jerk - rate_roll * cr * c * push,
+                rate_roll * gravity * (cr * c)[..., 0],
+            )
+
+    def _volume_rows(self, rows: _Rows) -> None:
+        """Walls of the flight volume that are near enough to matter."""
+        limits = self.aircraft.limits
+        span = float(np.linalg.norm(self.goal - self.start)) + 20.0
+        position = self.basis.position[:, :-1]
+        for axis in range(3):
+            for sign, bound in (
+                (1.0, limits.position_max[axis]),
+                (-1.0, -limits.position_min[axis]),
+            ):
+                reach = max(sign * self.start[axis], sign * self.goal[axis])
+                if bound - reach < span:
+                    parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
+                    parts[axis] = sign * position
+                    rows.add(*parts, np.full(position.shape[:2], bound))  # type: ignore[arg-type]
+
+    def solve(self, aim: Aim) -> FloatArray | None:
+        """Positions as Bernstein coefficients (K, 6, 3) [m], None if infeasible.
+
+        Walls give way at a price: a crowd that is still tangled moves apart as far as
+        it can, and the next round lays the walls anew.
+        """
+        rows, hard = self._rows(aim)
+        values = np.concatenate(rows.values)
+        bounds = np.concatenate(rows.bounds)
+        intervals = np.concatenate(rows.intervals)
+        count = self.intervals + DEGREE
+        columns = (
+            intervals[:, None, None]
+            + np.arange(_LOCAL)
+            + count * np.arange(3)[:, None]
+        )
+        right = bounds - np.einsum("rai,rai->r", values, self.given[columns])
+        values = np.where(self.free[columns], values, 0.0)
+        size = np.sqrt(np.einsum("rai,rai->r", values, values))
+        busy = size > 1e-9
+        soft = np.arange(size.size) >= hard
+        if np.any(right[~busy & ~soft] < -1e-9):
+            return None
+        scale = np.where(soft, 1.0, np.where(busy, size, 1.0))
+        keep = np.nonzero(busy)[0]
+        number = np.cumsum(self.free) - 1
+        data = values[keep] / scale[keep, None, None]
+        row = np.broadcast_to(np.arange(keep.size)[:, None, None], data.shape)
+        used = data != 0.0
+        slack = self.walls.interval.size
+        wall = (keep[keep >= hard] - hard) // (WALL_DEGREE + 1)
+        first = int(np.searchsorted(keep, hard))
+        free = int(self.free.sum())
+        entries = np.concatenate([data[used], -np.ones(wall.size), -np.ones(slack)])
+        entry_rows = np.concatenate(
+            [
+                row[used],
+                first + np.arange(wall.size),
+                keep.size + np.arange(slack),
+            ]
+        )
+        entry_columns = np.concatenate(
+            [number[columns[keep][used]], free + wall, free + np.arange(slack)]
+        )
+        answer = self._answer(
+            entries,
+            entry_rows,
+            entry_columns,
+            np.concatenate([right[keep] / scale[keep], np.zeros(slack)]),
+            slack,
+        )
+        if answer is None:
+            return None
+        found = self.given.copy()
+        found[self.free] = answer[:free]
+        local = found.reshape(3, count)[
+            :, np.arange(self.intervals)[:, None] + np.arange(_LOCAL)
+        ]
+        position = np.einsum("kin,akn->kia", self.basis.position, local)
+        position[0, :2], position[-1, -2:] = self.start, self.goal
+        return position
+
+    def _answer(
+        self,
+        entries: FloatArray,
+        rows: IntArray,
+        columns: IntArray,
+        right: FloatArray,
+        slack: int,
+    ) -> FloatArray | None:
+        import clarabel  # noqa: PLC0415 - only when solving
+        from scipy.sparse import csc_matrix  # noqa: PLC0415
+
+        free = int(self.free.sum())
+        count = self.intervals + DEGREE
+        linear = (self.given.reshape(3, count) @ self.basis.gram).ravel() + self.linear
+        upper = _upper(self.intervals, float(self.breaks[-1]))
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_iter = 60
+        settings.max_threads = 1
+        solver = clarabel.DefaultSolver(
+            csc_matrix(upper, shape=(free + slack,) * 2),
+            np.concatenate([linear[self.free], np.full(slack, _PRICE)]),
+            csc_matrix((entries, (rows, columns)), shape=(right.size, free + slack)),
+            right,
+            [clarabel.NonnegativeConeT(right.size)],
+            settings,
+        )
+        answer = solver.solve()
+        if answer.status not in (
+            clarabel.SolverStatus.Solved,
+            clarabel.SolverStatus.AlmostSolved,
+        ):
+            return None
+        return np.asarray(answer.x)
