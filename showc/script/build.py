@@ -15,7 +15,7 @@ from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.formations import FormationError
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
 from showc.script.placing import paint
-from showc.script.reader import Reader, suggestion
+from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import (
     Formation,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.script.files import InputFiles
+    from showc.script.reader import Reader
 
 Assignment = Literal["optimal", "fixed"]
 

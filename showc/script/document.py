@@ -92,7 +92,7 @@ class _Frame:
     size: int = 1
 
 
-class _Refused(Exception):
+class _RefusedError(Exception):
     """Reading cannot go on."""
 
 
@@ -190,7 +190,7 @@ class _Builder:
         try:
             for event in yaml.parse(text, Loader=_LOADER):
                 self._take(event)
-        except _Refused:
+        except _RefusedError:
             return None
         except yaml.MarkedYAMLError as fault:
             self._syntax(fault)
@@ -211,14 +211,15 @@ class _Builder:
         self.found.append(_error(code, message, span, **more))
 
     def _syntax(self, fault: yaml.MarkedYAMLError) -> None:
-        where = fault.problem_mark or fault.context_mark
+        # The fallback marks may be of libyaml's type, the stubs know the pure one.
+        where: Any = fault.problem_mark or fault.context_mark
         if where is None:
             span = Mark(self.path, 1, 1, 1, 2)
         else:
             line, column = where.line + 1, where.column + 1
             span = Mark(self.path, line, column, line, column + 1)
         labels: tuple[Label, ...] = ()
-        context = fault.context_mark
+        context: Any = fault.context_mark
         if context is not None and fault.context and context is not where:
             line, column = context.line + 1, context.column + 1
             if line != span.line:
@@ -234,7 +235,8 @@ class _Builder:
         )
 
     def _mark(self, event: yaml.Event) -> Mark:
-        start, end = event.start_mark, event.end_mark
+        start: Any = event.start_mark
+        end: Any = event.end_mark
         return Mark(
             self.path, start.line + 1, start.column + 1, end.line + 1, end.column + 1
         )
@@ -258,7 +260,7 @@ class _Builder:
                         self._mark(event),
                         help="one file holds one show: remove the `---`",
                     )
-                    raise _Refused
+                    raise _RefusedError
             case _:
                 pass
 
@@ -306,7 +308,7 @@ class _Builder:
         name = event.anchor
         if name not in self.anchors:
             self._say("SHW001", f"the alias `*{name}` names nothing before it", mark)
-            raise _Refused
+            raise _RefusedError
         node = self.anchors[name]
         if node is None:
             self._say(
@@ -315,7 +317,7 @@ class _Builder:
                 mark,
                 help="write the value out",
             )
-            raise _Refused
+            raise _RefusedError
         self.total += node.size
         self._budget(mark)
         self._place(node, None, counted=True)
@@ -328,7 +330,7 @@ class _Builder:
                 mark,
                 help="put long lists of points into CSV files",
             )
-            raise _Refused
+            raise _RefusedError
 
     def _open(self, event: yaml.CollectionStartEvent) -> None:
         mark = self._mark(event)
@@ -339,12 +341,12 @@ class _Builder:
             self._say(
                 "SHW009", "a key that is a list or a mapping", mark, help="use a word"
             )
-            raise _Refused
+            raise _RefusedError
         if len(self.frames) >= MAX_DEPTH:
             self._say(
                 "SHW008", f"nested more than {MAX_DEPTH} deep", mark, help="flatten it"
             )
-            raise _Refused
+            raise _RefusedError
         if event.anchor is not None:
             self.anchors[event.anchor] = None
         self.frames.append(_Frame(mapping, mark, event.anchor))

@@ -10,18 +10,20 @@ import numpy as np
 from showc.script.diagnostic import Label
 from showc.script.formations import SHAPES, FormationError, Request
 from showc.script.placing import paint, transform, unit_vector
-from showc.script.reader import Reader, suggestion
+from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import Effect, Mark
 from showc.script.spacing import closest
 from showc.script.spreading import spread_apart
 from showc.script.wording import number_text
-from showc.vehicle import Separation
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+    from showc.script.reader import Reader
+    from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
 

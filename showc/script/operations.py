@@ -55,6 +55,7 @@ def _warning(
     message: str,
     span: Mark,
     help_text: str,
+    *,
     notes: tuple[str, ...] = (),
     secondary: tuple[Label, ...] = (),
 ) -> Diagnostic:
@@ -78,12 +79,13 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
         if top > CEILING:
             yield _warning(
                 "SHW301",
-                f"place {place + 1} of `{formation.name}` is {number_text(top)} m above "
-                f"the ground, more than the usual ceiling of {number_text(CEILING)} m",
+                f"place {place + 1} of `{formation.name}` is {number_text(top)} m "
+                "above the ground, more than the usual ceiling of "
+                f"{number_text(CEILING)} m",
                 formation.mark,
                 "fly lower, or state the authorisation in a comment that passes over "
                 "this finding",
-                (f"{int(np.sum(heights > CEILING))} places are above it",),
+                notes=(f"{int(np.sum(heights > CEILING))} places are above it",),
             )
         place = int(np.argmin(heights))
         low = float(heights[place])
@@ -91,11 +93,11 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
         if low < LEVEL_FLOOR and not grounded:
             yield _warning(
                 "SHW302",
-                f"place {place + 1} of `{formation.name}` is {number_text(low)} m above "
-                f"the ground, below {number_text(LEVEL_FLOOR)} m",
+                f"place {place + 1} of `{formation.name}` is {number_text(low)} m "
+                f"above the ground, below {number_text(LEVEL_FLOOR)} m",
                 formation.mark,
                 "raise the formation",
-                ("autopilots of shows refuse level flight below that height",),
+                notes=("autopilots of shows refuse level flight below that height",),
             )
     for key in ("launch", "landing"):
         if key not in sketch.settings.values:
@@ -114,7 +116,7 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
 
 
 def _separation(sketch: Sketch) -> Iterator[Diagnostic]:
-    """A separation that needs precise positioning (SHW303)."""
+    """Find a separation that needs precise positioning (SHW303)."""
     separation = sketch.separation
     if separation is None or separation.distance >= SMALL_SEPARATION:
         return
@@ -124,15 +126,17 @@ def _separation(sketch: Sketch) -> Iterator[Diagnostic]:
         sketch.settings.section("separation").mark_of("distance"),
         "fly with RTK or motion capture, or keep at least "
         f"{number_text(SMALL_SEPARATION)} m",
-        (
-            "positions from satellites alone are wrong by 2 to 3 m, with RTK by 0.01 "
-            "to 0.1 m",
+        notes=(
+            (
+                "positions from satellites alone are wrong by 2 to 3 m, with RTK by "
+                "0.01 to 0.1 m"
+            ),
         ),
     )
 
 
 def _pads(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Pads closer than take-off grids usually are (SHW304)."""
+    """Find pads closer than take-off grids usually are (SHW304)."""
     pads = sketch.formations.get(sketch.pads)
     if pads is None:
         return
@@ -145,9 +149,11 @@ def _pads(sketch: Sketch) -> Iterator[Diagnostic]:
         f"{number_text(pair.distance)} m apart",
         pads.mark,
         f"leave at least {number_text(TIGHT_PADS)} m between pads",
-        (
-            "near the ground drones drift in each other's airflow; take-off grids "
-            "have 2 to 4 m",
+        notes=(
+            (
+                "near the ground drones drift in each other's airflow; take-off grids "
+                "have 2 to 4 m"
+            ),
         ),
     )
 
@@ -166,7 +172,7 @@ def _fleet(sketch: Sketch) -> Iterator[Diagnostic]:
 
 
 def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
-    """A show that outlasts its batteries whatever the planner does (SHW306)."""
+    """Find a show that outlasts its batteries, however it is planned (SHW306)."""
     show = sketch.show
     if show is None:
         return
@@ -207,16 +213,20 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
             f"speed needs {number_text(needed)} m to stop",
             formation.mark,
             "move the formation inwards, or fly slower",
-            (
-                f"{number_text(speed)} m/s, {number_text(REACTION)} s to react, then "
-                "braking at the greatest tilt",
+            notes=(
+                (
+                    f"{number_text(speed)} m/s, {number_text(REACTION)} s to react, "
+                    "then braking at the greatest tilt"
+                ),
             ),
-            (Label(sketch.settings.section("site").mark_of("fence"), "the fence"),),
+            secondary=(
+                Label(sketch.settings.section("site").mark_of("fence"), "the fence"),
+            ),
         )
 
 
 def fence_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the distance of points, shape (n, 2), to a polygon's boundary, (n,) [m]."""
+    """Return how far points, (n, 2), are from a polygon's boundary, (n,) [m]."""
     start = corners
     way = np.roll(corners, -1, axis=0) - corners
     length = np.maximum(np.sum(way * way, axis=1), 1e-30)

@@ -28,7 +28,7 @@ def unit_vector(settings: Settings, key: str) -> FloatArray:
     """
     value = settings.values[key].value
     if isinstance(value, str):
-        return np.eye(3)[_AXES[value]]
+        return np.asarray(np.eye(3)[_AXES[value]], dtype=np.float64)
     direction = np.array(settings.vector(key))
     size = float(np.linalg.norm(direction))
     if size == 0.0:

@@ -8,58 +8,31 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from datetime import UTC, datetime
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from showc.script.colours import COLOUR_NAMES, parse_colour
 from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
 from showc.script.formation_fields import resolve
 from showc.script.kinds import (
-    Choice,
     Either,
     Field,
-    File,
-    Flag,
-    Integer,
     Items,
     Kind,
-    Moment,
-    Named,
     Paint,
     Plain,
-    Quantity,
-    Reference,
     Section,
     Table,
-    Text,
 )
-from showc.script.quantity import QuantityError, parse_quantity
+from showc.script.scalars import ScalarError, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
-from showc.script.wording import form_of, number_text, wanted_text
+from showc.script.wording import form_of, wanted_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from showc.script.show import Mark
-
-_YES_NO = {"yes", "no", "on", "off", "y", "n"}
-_TRUTH = {"true": True, "false": False}
 
 
 class _BadValueError(Exception):
     """The value is not used; why is in the findings already."""
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return the known word that was probably meant, or an empty text."""
-    names = list(known)
-    lower = {name.lower(): name for name in names}
-    if word.lower() in lower:
-        return lower[word.lower()]
-    near = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
-    return lower[near[0]] if near else ""
 
 
 def as_node(value: Plain, mark: Mark) -> Node:
@@ -110,9 +83,7 @@ class Reader:
             )
         )
 
-    def _bad(
-        self, code: str, message: str, span: Mark, **more: str
-    ) -> _BadValueError:
+    def _bad(self, code: str, message: str, span: Mark, **more: str) -> _BadValueError:
         """Add an error and return what to raise."""
         self.say(
             code,
@@ -289,7 +260,16 @@ class Reader:
                         f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                         _near(node.mark, span),
                     )
-                return self._scalar(kind, node, key)
+                try:
+                    return read_scalar(kind, node, key)
+                except ScalarError as fault:
+                    raise self._bad(
+                        fault.code,
+                        str(fault),
+                        _first_line(node.mark),
+                        help_text=fault.help,
+                        fix=fault.fix,
+                    ) from None
 
     def _empty(self, node: Scalar, span: Mark, key: str, kind: Kind) -> None:
         if node.plain and node.text in {"", "~", "null", "Null", "NULL"}:
@@ -376,149 +356,6 @@ class Reader:
             raise _BadValueError
         return elements
 
-    def _scalar(self, kind: Kind, node: Scalar, key: str) -> Value:
-        if node.plain and node.text.lower() in _YES_NO and not _word_fits(kind, node):
-            truth = isinstance(kind, Flag)
-            fix = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
-            raise self._bad(
-                "SHW006",
-                f"`{node.text}` is a truth value to some YAML readers and a word to "
-                "others",
-                node.mark,
-                help_text=f"write `{fix}`" if truth else f'write "{node.text}"',
-                fix=fix if truth else f'"{node.text}"',
-            )
-        match kind:
-            case Quantity():
-                return self._quantity(kind, node, key)
-            case Integer():
-                return self._integer(kind, node, key)
-            case Text():
-                return self._text(kind, node, key)
-            case Choice():
-                return self._choice(kind, node, key)
-            case Flag():
-                if node.plain and node.text.lower() in _TRUTH:
-                    return _TRUTH[node.text.lower()]
-            case Moment():
-                return self._moment(node, key)
-            case Paint():
-                return self._paint(node)
-            case File() | Reference():
-                if node.text.strip():
-                    return node.text
-            case _:
-                pass
-        raise self._bad(
-            "SHW103",
-            f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
-            node.mark,
-        )
-
-    def _quantity(self, kind: Quantity, node: Scalar, key: str) -> float:
-        try:
-            written = parse_quantity(
-                node.text, kind.unit, plain=node.plain, store=kind.unit
-            )
-            stored = parse_quantity(
-                node.text, kind.unit, plain=node.plain, store=kind.store
-            )
-        except QuantityError as fault:
-            raise self._bad(
-                fault.code, f"`{key}`: {fault}", node.mark, help_text=fault.help
-            ) from None
-        below = kind.minimum is not None and written < kind.minimum
-        above = kind.maximum is not None and written > kind.maximum
-        if below or above or (kind.positive and written <= 0.0):
-            unit = f" {kind.unit}" if kind.unit else ""
-            raise self._bad(
-                "SHW104",
-                f"`{key}` is {number_text(written)}{unit}, {wanted_text(kind)} "
-                "is wanted",
-                node.mark,
-            )
-        return stored
-
-    def _integer(self, kind: Integer, node: Scalar, key: str) -> int:
-        try:
-            value = parse_quantity(node.text, "", plain=node.plain)
-        except QuantityError as fault:
-            code = "SHW103" if fault.code == "SHW105" else fault.code
-            raise self._bad(
-                code, f"`{key}`: {fault}", node.mark, help_text=fault.help
-            ) from None
-        if not value.is_integer():
-            raise self._bad(
-                "SHW103", f"`{key}` is {node.text}, a whole number is wanted", node.mark
-            )
-        if not kind.minimum <= value <= kind.maximum:
-            raise self._bad(
-                "SHW104",
-                f"`{key}` is {number_text(value)}, {wanted_text(kind)} is wanted",
-                node.mark,
-            )
-        return int(value)
-
-    def _text(self, kind: Text, node: Scalar, key: str) -> str:
-        if len(node.text) > kind.max_length:
-            raise self._bad(
-                "SHW104",
-                f"`{key}` has {len(node.text)} characters, at most "
-                f"{kind.max_length} are allowed",
-                _first_line(node.mark),
-            )
-        if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
-            raise self._bad(
-                "SHW103", f"`{key}` is `{node.text}`, {kind.says} is wanted", node.mark
-            )
-        return node.text
-
-    def _choice(self, kind: Choice, node: Scalar, key: str) -> str:
-        if node.text in kind.options:
-            return node.text
-        near = suggestion(node.text, kind.options)
-        words = ", ".join(kind.options)
-        raise self._bad(
-            "SHW106",
-            f"`{key}` cannot be `{node.text}`",
-            node.mark,
-            help_text=(f"did you mean `{near}`? " if near else "") + f"words: {words}",
-            fix=near,
-        )
-
-    def _moment(self, node: Scalar, key: str) -> datetime:
-        try:
-            moment = datetime.fromisoformat(node.text.strip())
-        except ValueError:
-            raise self._bad(
-                "SHW103",
-                f"`{key}` is `{node.text}`, a date and time is wanted",
-                node.mark,
-                help_text="write it like 2025-06-01T21:30:00Z",
-            ) from None
-        if moment.tzinfo is None:
-            moment = moment.replace(tzinfo=UTC)
-        return moment.astimezone(UTC)
-
-    def _paint(self, node: Scalar) -> tuple[float, float, float]:
-        colour = parse_colour(node.text)
-        if colour is None:
-            near = suggestion(node.text.strip(), COLOUR_NAMES)
-            raise self._bad(
-                "SHW114",
-                f"`{node.text}` is no colour",
-                node.mark,
-                help_text=(f"did you mean `{near}`? " if near else "")
-                + 'a CSS name, or hexadecimal in quotes: "#ff8800"',
-                fix=near,
-            )
-        return colour
-
-
-def _word_fits(kind: Kind, node: Scalar) -> bool:
-    """Tell whether a plain yes or no is a word of a choice."""
-    return isinstance(kind, Choice) and node.text in kind.options
-
 
 def _paints(kind: Kind) -> bool:
     return isinstance(kind, Paint) or (
@@ -536,6 +373,3 @@ def _first_line(mark: Mark) -> Mark:
 def _near(mark: Mark, key: Mark) -> Mark:
     """Return the span of a value if it stands on one line, else that of its key."""
     return mark if mark.end_line == mark.line else key
-
-
-__all__ = ["Named", "Reader", "as_node", "suggestion"]

@@ -92,10 +92,14 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"of {number_text(distance)} m",
                 formation.mark,
                 notes=(
-                    f"drones in a straight synchronous move between formations of "
-                    f"this spacing can come as near as {sure} m",
-                    f"√2 x {number_text(distance)} m = "
-                    f"{number_text(sqrt(2.0) * distance)} m",
+                    (
+                        f"drones in a straight synchronous move between formations of "
+                        f"this spacing can come as near as {sure} m"
+                    ),
+                    (
+                        f"√2 x {number_text(distance)} m = "
+                        f"{number_text(sqrt(2.0) * distance)} m"
+                    ),
                 ),
                 help="a wider formation is faster to reach, because drones need not "
                 "go around each other",
@@ -136,8 +140,10 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
             else (),
             notes=(
                 f"{count} of {len(points)} places are outside",
-                f"the formation reaches from {_point(points.min(axis=0))} to "
-                f"{_point(points.max(axis=0))}",
+                (
+                    f"the formation reaches from {_point(points.min(axis=0))} to "
+                    f"{_point(points.max(axis=0))}"
+                ),
             ),
             help="move the formation, make it smaller, or enlarge `site: volume:`",
         )
@@ -176,8 +182,10 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                 ),
                 notes=(
                     f"it is at {_point(formation.points[place])}",
-                    f"{int(outside.sum())} of {len(formation.points)} places are "
-                    "outside",
+                    (
+                        f"{int(outside.sum())} of {len(formation.points)} places are "
+                        "outside"
+                    ),
                 ),
                 help="move the formation or the fence",
             )
@@ -282,7 +290,7 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
 
 
 def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Formations of two groups that stand at the same time (SHW208)."""
+    """Check formations of two groups that stand at the same time (SHW208)."""
     if sketch.separation is None:
         return
     standing: dict[str, tuple[Formation, Settings]] = {}

@@ -64,7 +64,7 @@ def range_text(kind: Quantity | Integer) -> str:
     return f"at most {number_text(high)}" if high is not None else ""
 
 
-def wanted_text(kind: Kind) -> str:
+def wanted_text(kind: Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
     """Say what a kind wants, with its unit and range."""
     kind = resolve(kind)
     match kind:

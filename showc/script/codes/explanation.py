@@ -37,11 +37,15 @@ def reference(codes: Iterable[Code]) -> str:
         "",
         "<!-- Made from the program's own table; `make docs` writes it anew. -->",
         "",
-        "Every finding has a code that never changes its meaning. `showc explain "
-        "SHW201` prints what stands here.",
+        (
+            "Every finding has a code that never changes its meaning. `showc explain "
+            "SHW201` prints what stands here."
+        ),
         "",
-        "Warnings can be passed over, with a reason, by a comment on their line or "
-        "alone on the line before:",
+        (
+            "Warnings can be passed over, with a reason, by a comment on their line or "
+            "alone on the line before:"
+        ),
         "",
         "```yaml",
         "separation: 1  # showc: ignore[SHW303] all drones fly with RTK",

@@ -47,9 +47,7 @@ def bounds(contours: Sequence[Contour]) -> tuple[FloatArray, FloatArray]:
     return every.min(axis=0), every.max(axis=0)
 
 
-def fitted(
-    contours: Sequence[Contour], size: float, axis: int
-) -> tuple[Contour, ...]:
+def fitted(contours: Sequence[Contour], size: float, axis: int) -> tuple[Contour, ...]:
     """Scale contours to a size along an axis (0 width, 1 height) and centre them.
 
     Raises
@@ -108,7 +106,7 @@ def _shares(lengths: FloatArray, count: int) -> IntArray:
     while shares.sum() > count:
         most = int(np.argmax(np.where(shares > 1, shares - wanted, -np.inf)))
         shares[most] -= 1
-    return shares
+    return np.asarray(shares, dtype=np.int64)
 
 
 def _along(contour: Contour, count: int) -> FloatArray:

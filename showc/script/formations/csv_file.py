@@ -43,7 +43,10 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     first = next((line for line in lines if line.strip()), "")
     separator = max(";\t,", key=first.count)
     table = [
-        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=separator))])
+        (
+            number,
+            [cell.strip() for cell in next(csv.reader([line], delimiter=separator))],
+        )
         for number, line in enumerate(lines, start=1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
@@ -60,7 +63,10 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     if faults:
         more = (f"{len(faults)} lines are faulty",) if len(faults) > 1 else ()
         raise FormationError(
-            "SHW110", f"`{name}`, line {faults[0][0]}: {faults[0][1]}", "file", notes=more
+            "SHW110",
+            f"`{name}`, line {faults[0][0]}: {faults[0][1]}",
+            "file",
+            notes=more,
         )
     if not values:
         raise FormationError("SHW110", f"`{name}` has no places", "file")

@@ -33,7 +33,9 @@ SECTION = Section(
     "mesh",
     "Places spread evenly over the surface of a model.",
     (
-        Field("file", File(_SUFFIXES), "The model (OBJ, STL, glTF, PLY).", required=True),
+        Field(
+            "file", File(_SUFFIXES), "The model (OBJ, STL, glTF, PLY).", required=True
+        ),
         Field(
             "size",
             Quantity("m", minimum=0.1, maximum=1000.0),
@@ -141,9 +143,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
         triangles = triangles[..., [0, 2, 1]] * [1.0, -1.0, 1.0]
     corners = triangles.reshape(-1, 3)
     extent = float(np.ptp(corners, axis=0).max())
-    scaled = (
-        centred(corners).reshape(-1, 3, 3) * settings.number("size") / extent
-    )
+    scaled = centred(corners).reshape(-1, 3, 3) * settings.number("size") / extent
     dense = surface_points(scaled, candidates_for(request.count))
     return Drawing(dense[spread_evenly(dense, request.count)])
 

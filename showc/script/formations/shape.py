@@ -113,4 +113,5 @@ def stand(flat: FloatArray, plane: str) -> FloatArray:
 
 def centred(points: FloatArray) -> FloatArray:
     """Move points, shape (places, k), so that their bounding box is about zero."""
-    return points - (points.min(axis=0) + points.max(axis=0)) / 2.0
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return np.asarray(points - middle, dtype=np.float64)

@@ -93,12 +93,10 @@ def _flatten(path: object) -> NDArray[np.float64]:
     """Return a curve as a chain of points, (corners, 2)."""
     import svgelements  # noqa: PLC0415 - takes time
 
+    straight = svgelements.Move | svgelements.Line | svgelements.Close
     points: list[tuple[float, float]] = []
     for segment in path:  # type: ignore[attr-defined]
-        if isinstance(segment, svgelements.Move):
-            if segment.end is not None:
-                points.append((segment.end.x, segment.end.y))
-        elif isinstance(segment, svgelements.Line | svgelements.Close):
+        if isinstance(segment, straight):
             if segment.end is not None:
                 points.append((segment.end.x, segment.end.y))
         else:

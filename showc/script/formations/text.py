@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -128,7 +129,9 @@ def letters(font: TTFont, text: str) -> list[Contour]:
     return contours
 
 
-def _flatten(record: list[tuple[str, tuple[object, ...]]]) -> list[np.ndarray]:
+def _flatten(  # noqa: C901 - one case a verb of the pen
+    record: list[tuple[str, tuple[object, ...]]],
+) -> list[np.ndarray]:
     """Turn a recorded outline into chains of points, curves cut into pieces."""
     from fontTools.pens.basePen import (  # noqa: PLC0415 - takes time
         decomposeQuadraticSegment,
@@ -172,7 +175,7 @@ def _bend(chain: list[np.ndarray], points: list[np.ndarray]) -> None:
         while len(level) > 1:
             level = [
                 first + share * (second - first)
-                for first, second in zip(level, level[1:], strict=False)
+                for first, second in itertools.pairwise(level)
             ]
         chain.append(level[0])
 

@@ -18,7 +18,7 @@ SECTION = Section(
     "wave",
     "A level grid of rows and columns whose height runs through a sine.",
     (
-        *(field for field in grid.SECTION.fields if field.key not in {"plane"}),
+        *(field for field in grid.SECTION.fields if field.key != "plane"),
         Field(
             "amplitude",
             Quantity("m", minimum=0.0, maximum=500.0),

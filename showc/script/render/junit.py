@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.render.text import render_text
@@ -46,10 +46,10 @@ def render_junit(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) 
         suite.add_testcase(case)
     report = JUnitXml("showc")
     report.add_testsuite(suite)
-    return report.tostring().decode("utf-8")
+    return str(report.tostring().decode("utf-8")) + "\n"
 
 
-def _failure(kind, item, sources):
+def _failure(kind: Any, item: Diagnostic, sources: Mapping[str, str]) -> Any:  # noqa: ANN401 - junitparser has no types
     """Return a finding as a failure."""
     failure = kind(_printable(item.message), item.code)
     failure.text = _printable(render_text([item], sources))

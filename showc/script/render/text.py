@@ -90,10 +90,12 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
         mark = paint(f"{carets} {label}".rstrip(), tint if primary else _BLUE)
         lead = len(mark) - len(mark.lstrip())
         out.append(f"{margin} {paint('|', _BLUE)} {' ' * lead}{mark.lstrip()}")
-    for note in item.notes:
-        out.append(f"{margin} {paint('=', _BLUE)} {paint('note', _BOLD)}: {note}")
-    if item.help:
-        out.append(f"{margin} {paint('=', _BLUE)} {paint('help', _BOLD)}: {item.help}")
+    remarks = [("note", note) for note in item.notes]
+    remarks += [("help", item.help)] * bool(item.help)
+    out += [
+        f"{margin} {paint('=', _BLUE)} {paint(kind, _BOLD)}: {text}"
+        for kind, text in remarks
+    ]
     return "\n".join(out) + "\n"
 
 

@@ -1,0 +1,208 @@
+"""Scalars: single values read by their kind."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from showc.script.colours import COLOUR_NAMES, parse_colour
+from showc.script.kinds import (
+    Choice,
+    File,
+    Flag,
+    Integer,
+    Kind,
+    Moment,
+    Paint,
+    Quantity,
+    Reference,
+    Text,
+)
+from showc.script.quantity import QuantityError, parse_quantity
+from showc.script.wording import form_of, number_text, wanted_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from showc.script.document import Scalar
+    from showc.script.settings import Value
+
+_YES_NO = {"yes", "no", "on", "off", "y", "n"}
+_TRUTH = {"true": True, "false": False}
+
+
+class ScalarError(ValueError):
+    """A single value is not what its kind wants."""
+
+    def __init__(
+        self, code: str, message: str, help_text: str = "", fix: str = ""
+    ) -> None:
+        super().__init__(message)
+        self.code = code
+        """Code of the diagnostic."""
+        self.help = help_text
+        """What to do."""
+        self.fix = fix
+        """Text to put in its place, if that is certain."""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return the known word that was probably meant, or an empty text."""
+    names = list(known)
+    lower = {name.lower(): name for name in names}
+    if word.lower() in lower:
+        return lower[word.lower()]
+    near = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
+    return lower[near[0]] if near else ""
+
+
+def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
+    """Read a single value.
+
+    Parameters
+    ----------
+    kind
+        What is wanted; not a collection.
+    node
+        What is written.
+    key
+        Its key, for the messages.
+
+    Raises
+    ------
+    ScalarError
+        If it is not what is wanted.
+    """
+    _yes_or_no(kind, node)
+    value: Value = None
+    match kind:
+        case Quantity():
+            value = _quantity(kind, node, key)
+        case Integer():
+            value = _integer(kind, node, key)
+        case Text():
+            value = _text(kind, node, key)
+        case Choice():
+            value = _choice(kind, node, key)
+        case Moment():
+            value = _moment(node, key)
+        case Paint():
+            value = _paint(node)
+        case Flag():
+            value = _TRUTH.get(node.text.lower()) if node.plain else None
+        case File() | Reference():
+            value = node.text if node.text.strip() else None
+        case _:
+            pass
+    if value is None:
+        raise ScalarError(
+            "SHW103", f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted"
+        )
+    return value
+
+
+def _yes_or_no(kind: Kind, node: Scalar) -> None:
+    """Refuse a plain yes, no, on or off, unless it is a word of a choice."""
+    if not node.plain or node.text.lower() not in _YES_NO:
+        return
+    if isinstance(kind, Choice) and node.text in kind.options:
+        return
+    truth = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
+    fix = truth if isinstance(kind, Flag) else f'"{node.text}"'
+    raise ScalarError(
+        "SHW006",
+        f"`{node.text}` is a truth value to some YAML readers and a word to others",
+        f"write {fix}",
+        fix,
+    )
+
+
+def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
+    try:
+        written = parse_quantity(
+            node.text, kind.unit, plain=node.plain, store=kind.unit
+        )
+        stored = parse_quantity(
+            node.text, kind.unit, plain=node.plain, store=kind.store
+        )
+    except QuantityError as fault:
+        raise ScalarError(fault.code, f"`{key}`: {fault}", fault.help) from None
+    below = kind.minimum is not None and written < kind.minimum
+    above = kind.maximum is not None and written > kind.maximum
+    if below or above or (kind.positive and written <= 0.0):
+        unit = f" {kind.unit}" if kind.unit else ""
+        raise ScalarError(
+            "SHW104",
+            f"`{key}` is {number_text(written)}{unit}, {wanted_text(kind)} is wanted",
+        )
+    return stored
+
+
+def _integer(kind: Integer, node: Scalar, key: str) -> int:
+    try:
+        value = parse_quantity(node.text, "", plain=node.plain)
+    except QuantityError as fault:
+        code = "SHW103" if fault.code == "SHW105" else fault.code
+        raise ScalarError(code, f"`{key}`: {fault}", fault.help) from None
+    if not value.is_integer():
+        raise ScalarError("SHW103", f"`{key}` is {node.text}, a whole number is wanted")
+    if not kind.minimum <= value <= kind.maximum:
+        raise ScalarError(
+            "SHW104", f"`{key}` is {number_text(value)}, {wanted_text(kind)} is wanted"
+        )
+    return int(value)
+
+
+def _text(kind: Text, node: Scalar, key: str) -> str:
+    if len(node.text) > kind.max_length:
+        raise ScalarError(
+            "SHW104",
+            f"`{key}` has {len(node.text)} characters, at most {kind.max_length} are "
+            "allowed",
+        )
+    if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
+        raise ScalarError("SHW103", f"`{key}` is `{node.text}`, {kind.says} is wanted")
+    return node.text
+
+
+def _choice(kind: Choice, node: Scalar, key: str) -> str:
+    if node.text in kind.options:
+        return node.text
+    near = suggestion(node.text, kind.options)
+    raise ScalarError(
+        "SHW106",
+        f"`{key}` cannot be `{node.text}`",
+        (f"did you mean `{near}`? " if near else "")
+        + f"words: {', '.join(kind.options)}",
+        near,
+    )
+
+
+def _moment(node: Scalar, key: str) -> datetime:
+    try:
+        moment = datetime.fromisoformat(node.text.strip())
+        if moment.tzinfo is None:
+            moment = moment.replace(tzinfo=UTC)
+        return moment.astimezone(UTC)
+    except (ValueError, OverflowError):
+        raise ScalarError(
+            "SHW103",
+            f"`{key}` is `{node.text}`, a date and time is wanted",
+            "write it like 2025-06-01T21:30:00Z",
+        ) from None
+
+
+def _paint(node: Scalar) -> tuple[float, float, float]:
+    colour = parse_colour(node.text)
+    if colour is None:
+        near = suggestion(node.text.strip(), COLOUR_NAMES)
+        raise ScalarError(
+            "SHW114",
+            f"`{node.text}` is no colour",
+            (f"did you mean `{near}`? " if near else "")
+            + 'a CSS name, or hexadecimal in quotes: "#ff8800"',
+            near,
+        )
+    return colour
