@@ -62,15 +62,10 @@ def read_show(log: LogFile) -> LoggedShow:
         if topic not in topics:
             raise Damage(0, f"there is no {topic}; this is not a log of showc's")
     rules, epoch = _rules(log, topics[RULES])
-    segments = _segments(log, topics[SEGMENTS], rules, epoch)
-    trajectories = _trajectories(log, rules, segments, epoch)
+    messages = _segments(log, topics[SEGMENTS], rules, epoch)
+    segments = _trajectories(log, rules, messages, epoch)
     return LoggedShow(
-        rules,
-        tuple(
-            _segment(message, trajectories.pop(index))
-            for index, message in sorted(segments.items())
-        ),
-        epoch,
+        rules, tuple(segment for _, segment in sorted(segments.items())), epoch
     )
 
 
@@ -193,8 +188,8 @@ def _check_segment(message: pb.Segment, rules: pb.Rules, offset: int) -> None:
 
 
 def _trajectories(
-    log: LogFile, rules: pb.Rules, segments: dict[int, pb.Segment], epoch: int
-) -> dict[int, dict[int, _Trajectory]]:
+    log: LogFile, rules: pb.Rules, messages: dict[int, pb.Segment], epoch: int
+) -> dict[int, Segment]:
     channels = {
         number: int(match[1]) - 1
         for number, channel in log.channels.items()
@@ -205,31 +200,59 @@ def _trajectories(
             0,
             f"there are trajectories of {len(channels)} drones, not of {rules.drones}",
         )
-    starts = {
-        index: epoch + round(message.start * 1e9) for index, message in segments.items()
-    }
-    found: dict[int, dict[int, _Trajectory]] = defaultdict(dict)
+    gathering = _Gathering(messages, epoch)
     for data, m, offset in log.read(set(channels)):
         for start, size, time, channel in zip(
-            m.payload.tolist(), m.size.tolist(), m.log_time, m.channel, strict=True
+            m.payload.tolist(),
+            m.size.tolist(),
+            m.log_time.tolist(),
+            m.channel.tolist(),
+            strict=True,
         ):
             trajectory = _trajectory(data, start, size, offset)
-            index, drone = trajectory.segment, trajectory.drone
-            if index not in segments or drone != channels[int(channel)]:
-                raise Damage(offset, "a trajectory names a wrong segment or drone")
-            if drone in found[index]:
-                raise Damage(
-                    offset, f"drone {drone + 1} flies segment {index} in two ways"
-                )
-            if abs(int(time) - starts[index]) > 1:
-                raise Damage(offset, "a trajectory is not at its segment's start")
-            found[index][drone] = trajectory
-    for index, message in segments.items():
-        if sorted(found[index]) != list(message.drones):
+            if trajectory.drone != channels[channel]:
+                raise Damage(offset, "a trajectory is on another drone's channel")
+            gathering.add(trajectory, time, offset)
+    for index, message in messages.items():
+        if index not in gathering.whole:
             raise Damage(
                 0, f"segment {message.name!r} lacks the trajectories of its drones"
             )
-    return found
+    return gathering.whole
+
+
+class _Gathering:
+    """Collects trajectories until a segment has all of its drones'."""
+
+    def __init__(self, messages: dict[int, pb.Segment], epoch: int) -> None:
+        self.whole: dict[int, Segment] = {}
+        self._messages = messages
+        self._waiting = {
+            index: set(message.drones) for index, message in messages.items()
+        }
+        self._starts = {
+            index: epoch + round(message.start * 1e9)
+            for index, message in messages.items()
+        }
+        self._found: dict[int, list[_Trajectory]] = defaultdict(list)
+
+    def add(self, trajectory: _Trajectory, time: int, offset: int) -> None:
+        """Take the next trajectory of the file."""
+        index = trajectory.segment
+        if trajectory.drone not in self._waiting.get(index, ()):
+            raise Damage(
+                offset,
+                f"drone {trajectory.drone + 1} flies segment {index} twice, or is not "
+                "one of its drones",
+            )
+        if abs(time - self._starts[index]) > 1:
+            raise Damage(offset, "a trajectory is not at its segment's start")
+        self._waiting[index].remove(trajectory.drone)
+        self._found[index].append(trajectory)
+        if not self._waiting[index]:
+            # Copied into tables at once, so that the chunk's bytes can go.
+            found = self._found.pop(index)
+            self.whole[index] = _segment(self._messages[index], found)
 
 
 def _trajectory(data: bytes, start: int, size: int, offset: int) -> _Trajectory:
@@ -262,9 +285,9 @@ def _trajectory(data: bytes, start: int, size: int, offset: int) -> _Trajectory:
     )
 
 
-def _segment(message: pb.Segment, trajectories: dict[int, _Trajectory]) -> Segment:
+def _segment(message: pb.Segment, trajectories: list[_Trajectory]) -> Segment:
     groups: dict[tuple[int, int], list[_Trajectory]] = defaultdict(list)
-    for _, trajectory in sorted(trajectories.items()):
+    for trajectory in sorted(trajectories, key=lambda one: one.drone):
         key = trajectory.state.shape[1], trajectory.control.shape[1]
         groups[key].append(trajectory)
     return Segment(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,12 @@ if TYPE_CHECKING:
 
     from showc.verify.records import Channel, Schema
     from showc.verify.summary import Contents
+
+
+def release(view: memoryview) -> None:
+    """Let the system take back the memory of a mapped file; it can be read again."""
+    if isinstance(view.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        view.obj.madvise(mmap.MADV_DONTNEED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +110,7 @@ class LogFile:
             if not keep.any():
                 continue
             data = inflate(self._view, chunk.head)
+            release(self._view)
             m = chunk.messages
             yield (
                 data,

@@ -9,7 +9,6 @@ only a CRC that the writer left out is no more than a warning.
 from __future__ import annotations
 
 import mmap
-import re
 import zlib
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 from showc.errors import UsageError
 from showc.verify.chunk import ChunkHead, Messages, inflate, scan
 from showc.verify.damage import Damage, DamagedLogError
-from showc.verify.logfile import Chunk, LogFile
+from showc.verify.logfile import Chunk, LogFile, release
 from showc.verify.order import Order
 from showc.verify.records import (
     HEAD,
@@ -33,7 +32,7 @@ from showc.verify.records import (
 )
 from showc.verify.summary import Contents, check_summary
 
-_TIES_ALLOWED = re.compile(r"/show/segments|/tf")
+_TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
 that stand beside those that move."""
 
@@ -81,6 +80,7 @@ class _Walk:
         self.order = Order()
         self.good_until: float | None = None
         self._epoch: int | None = None
+        self._strict = np.ones(1 << 16, dtype=bool)
         # The chunk whose message indexes are being read.
         self._open: tuple[int, int, Messages, ChunkHead] | None = None
         self._open_indexes: dict[int, int] = {}
@@ -100,6 +100,7 @@ class _Walk:
         position = self._header(position)
         position = self._data_section(position)
         check_summary(view, position, self.contents, self.warnings)
+        release(view)
         return LogFile(self.path, view, self.contents, self.chunks, self.warnings)
 
     def _record(self, position: int) -> tuple[int, Cursor]:
@@ -132,7 +133,7 @@ class _Walk:
             elif opcode == Opcode.SCHEMA:
                 self.contents.add_schema(Schema.read(cursor), position)
             elif opcode == Opcode.CHANNEL:
-                self.contents.add_channel(Channel.read(cursor), position)
+                self._channel(Channel.read(cursor), position)
             elif opcode == Opcode.ATTACHMENT:
                 self._attachment(position, cursor)
             elif opcode == Opcode.METADATA:
@@ -148,6 +149,10 @@ class _Walk:
                 )
             position = cursor.stop
 
+    def _channel(self, channel: Channel, position: int) -> None:
+        self.contents.add_channel(channel, position)
+        self._strict[channel.number] = channel.topic not in _TIES_ALLOWED
+
     def _chunk(self, position: int, cursor: Cursor) -> None:
         head = ChunkHead.read(cursor)
         if not head.crc:
@@ -157,16 +162,13 @@ class _Walk:
         for schema in schemas:
             self.contents.add_schema(schema, position)
         for channel in channels:
-            self.contents.add_channel(channel, position)
-        strict = np.ones(1 << 16, dtype=bool)
-        for number, channel in self.contents.channels.items():
-            strict[number] = _TIES_ALLOWED.fullmatch(channel.topic) is None
+            self._channel(channel, position)
         self.order.add(
             head.start_time,
             head.end_time,
             messages,
             known=self.contents.channels,
-            strict=strict,
+            strict=self._strict,
             offset=position,
         )
         self.chunks.append(Chunk(head, messages))

@@ -252,11 +252,13 @@ class _Run:
             start: FloatArray, slope: FloatArray
         ) -> tuple[FloatArray, FloatArray]:
             """Values at stages and at step ends of what begins at ``start``."""
-            gain = width[..., None] * np.einsum("j,nsjc->nsc", weights, slope)
+            gain = width[..., None] * np.matmul(weights, slope)
             ends = start[:, None] + np.cumsum(gain, axis=1)
             begins = np.concatenate([start[:, None], ends[:, :-1]], axis=1)
-            inner = width[..., None, None] * np.einsum("ij,nsjc->nsic", partial, slope)
-            return begins[:, :, None] + inner, ends
+            inner = np.matmul(partial, slope)
+            inner *= width[..., None, None]
+            inner += begins[:, :, None]
+            return inner, ends
 
         rates, rate_ends = self._rates(first[:, 9:], control, vehicle, advance)
         angles, angle_ends = advance(first[:, 6:9], rates)
@@ -331,9 +333,9 @@ class _Run:
 def _evaluate(
     coefficients: FloatArray, piece: IntArray, fraction: FloatArray
 ) -> FloatArray:
-    """Values of pieces (n, K) at fractions (split, s): (n, K, split, s, components)."""
-    weights = basis(coefficients.shape[1] - 1, fraction)
-    return np.asarray(np.einsum("abj,nkjc->nkabc", weights, coefficients[piece]))
+    """Values of pieces (n, K) at fractions (...): (n, K, fractions, components)."""
+    weights = basis(coefficients.shape[1] - 1, fraction.ravel())
+    return np.asarray(np.matmul(weights, coefficients[piece]))
 
 
 def _thrust_direction(angles: FloatArray) -> FloatArray:

@@ -1,0 +1,212 @@
+"""How ArduCopter flies a straight leg, worked out anew from the words of its law.
+
+From rest to rest along a line, jerk rising and falling as a raised cosine. A leg is 15
+phases; in each of them the jerk is c0 + c1 cos(pi s / tau), s being the time since the
+phase began and tau its length, so that distance, speed and acceleration follow by exact
+integration. Nothing here is taken from the code that wrote the missions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    FloatArray = NDArray[np.float64]
+
+GRAVITY = 9.80665
+"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
+
+METRES_PER_DEGREE = 111318.845
+"""Length of a degree in ArduPilot's flat earth [m]."""
+
+LEAST_DELAY, GREATEST_DELAY = 0.15, 0.55
+"""How far the vehicle flies behind the law [s]."""
+
+_HALVINGS = 80
+
+_SHORTEST = 1e-6
+"""What is shorter is no leg [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The parameters of the law, in SI."""
+
+    acceleration: float
+    vertical_acceleration: float
+    jerk: float
+    snap: float
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Law:
+        """Return the law under the ``values`` of a parameter file.
+
+        Raises
+        ------
+        KeyError
+            If one of them is missing.
+        """
+        jerk = values["WPNAV_JERK"]
+        turn = min(values["ATC_ACCEL_R_MAX"], values["ATC_ACCEL_P_MAX"]) / 100.0
+        snap = min(
+            np.pi * jerk / (2.0 * max(values["ATC_INPUT_TC"], 0.1)),
+            np.radians(turn) * GRAVITY,
+        )
+        return cls(
+            values["WPNAV_ACCEL"] / 100.0,
+            values["WPNAV_ACCEL_Z"] / 100.0,
+            jerk,
+            snap / 2.0,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profiles:
+    """Distance over time of n legs."""
+
+    length: FloatArray
+    """Shape (n,) [m]."""
+    speed: FloatArray
+    """Cruise speed, shape (n,) [m/s]."""
+    edges: FloatArray
+    """When the phases begin, and the last one ends, shape (n, 16) [s]."""
+    constant: FloatArray
+    """c0 of each phase, shape (n, 15) [m/s³]."""
+    cosine: FloatArray
+    """c1 of each phase, shape (n, 15) [m/s³]."""
+    start: FloatArray
+    """Distance, speed, acceleration at each phase's begin, shape (n, 15, 3)."""
+
+    @property
+    def duration(self) -> FloatArray:
+        """Time of each leg, shape (n,) [s]."""
+        return self.edges[:, -1]
+
+    def fraction(self, leg: NDArray[np.int64], time: ArrayLike) -> FloatArray:
+        """Part (m,) of legs ``leg`` (m,) covered at ``time`` (m,) [s], 0 to 1."""
+        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.edges[leg, -1])
+        phase = np.clip(np.sum(t[:, None] >= self.edges[leg], axis=1) - 1, 0, 14)
+        begin = self.edges[leg, phase]
+        tau = self.edges[leg, phase + 1] - begin
+        moved = _advanced(
+            self.start[leg, phase],
+            self.constant[leg, phase],
+            self.cosine[leg, phase],
+            tau,
+            t - begin,
+        )
+        whole = np.where(self.length[leg] > 0.0, self.length[leg], 1.0)
+        return np.asarray(np.clip(moved[:, 0] / whole, 0.0, 1.0))
+
+
+def profiles(
+    displacement: FloatArray, level: FloatArray, vertical: FloatArray, law: Law
+) -> Profiles:
+    """Return the legs of ``displacement`` (n, 3) [m] in the autopilot's metric.
+
+    ``level`` and ``vertical`` (n,) [m/s] are the speeds in force. Speed and acceleration
+    along a line are the greatest that keep the horizontal and the vertical limits.
+    """
+    length = np.linalg.norm(displacement, axis=1)
+    length = np.where(length > _SHORTEST, length, 0.0)
+    unit = np.abs(displacement) / np.where(length > 0.0, length, 1.0)[:, None]
+    flat = np.hypot(unit[:, 0], unit[:, 1])
+    with np.errstate(divide="ignore", over="ignore"):
+        speed = np.minimum(level / flat, vertical / unit[:, 2])
+        push = np.minimum(
+            law.acceleration / flat, law.vertical_acceleration / unit[:, 2]
+        )
+    speed = np.where(length > 0.0, speed, 1.0)
+    push = np.where(length > 0.0, push, 1.0)
+    low, high = np.zeros_like(speed), speed.copy()
+    fits = speed * _ramp_time(_ramp(speed, push, law)) <= length
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = middle * _ramp_time(_ramp(middle, push, law)) <= length
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    speed = np.where(fits, speed, low)
+    return _assembled(length, speed, _ramp(speed, push, law))
+
+
+def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:
+    """Jerk, its rise time, time held, time without jerk: shape (4, n)."""
+    rise = np.pi * law.jerk / (2.0 * law.snap)
+    gentle = np.minimum(push, speed / (2.0 * rise)) < law.jerk * rise
+    short = np.minimum(
+        np.minimum(rise, np.cbrt(np.pi * speed / (4.0 * law.snap))),
+        np.sqrt(np.pi * push / (2.0 * law.snap)),
+    )
+    held = np.sqrt(rise**2 + 4.0 * speed / law.jerk) - rise
+    top = np.minimum(push, 0.5 * law.jerk * held)
+    jerk = np.where(gentle, 2.0 * law.snap * short / np.pi, law.jerk)
+    time = np.where(gentle, short, rise)
+    hold = np.where(gentle, 0.0, np.maximum(top / law.jerk - rise, 0.0))
+    reached = np.where(gentle, jerk * short, top)
+    rest = speed / np.where(reached > 0.0, reached, 1.0) - 2.0 * time - hold
+    return np.stack([jerk, time, hold, np.maximum(rest, 0.0)])
+
+
+def _ramp_time(ramp: FloatArray) -> FloatArray:
+    return np.asarray(4.0 * ramp[1] + 2.0 * ramp[2] + ramp[3])
+
+
+def _assembled(length: FloatArray, speed: FloatArray, ramp: FloatArray) -> Profiles:
+    """Put the phases of whole legs together."""
+    jerk, rise, hold, push = ramp
+    moving = length > 0.0
+    cruise = np.maximum(
+        length / np.where(speed > 0.0, speed, 1.0) - _ramp_time(ramp), 0.0
+    )
+    none = np.zeros_like(rise)
+    up = [(rise, 0.5, -0.5), (hold, 1.0, 0.0), (rise, 0.5, 0.5)]
+    down = [(time, -c0, -c1) for time, c0, c1 in up]
+    phases = [
+        *up, (push, 0.0, 0.0), *down,
+        (cruise, 0.0, 0.0),
+        *down, (push, 0.0, 0.0), *up,
+    ]  # fmt: skip
+    spans = np.stack([np.where(moving, time, none) for time, _, _ in phases], axis=1)
+    constant = np.stack([c0 * jerk for _, c0, _ in phases], axis=1)
+    cosine = np.stack([c1 * jerk for _, _, c1 in phases], axis=1)
+    edges = np.concatenate(
+        [np.zeros((length.size, 1)), np.cumsum(spans, axis=1)], axis=1
+    )
+    state = np.zeros((length.size, 3))
+    start = np.zeros((length.size, len(phases), 3))
+    for phase in range(len(phases)):
+        start[:, phase] = state
+        tau = spans[:, phase]
+        state = _advanced(state, constant[:, phase], cosine[:, phase], tau, tau)
+    return Profiles(length, speed, edges, constant, cosine, start)
+
+
+def _advanced(
+    state: FloatArray,
+    constant: FloatArray,
+    cosine: FloatArray,
+    tau: FloatArray,
+    since: FloatArray,
+) -> FloatArray:
+    """Distance, speed, acceleration (n, 3) a time ``since`` after ``state`` (n, 3)."""
+    k = np.pi / np.where(tau > 0.0, tau, 1.0)
+    sine, turn = np.sin(k * since), np.cos(k * since)
+    distance, speed, push = state.T
+    return np.stack(
+        [
+            distance
+            + since * (speed + since * (0.5 * push + since * constant / 6.0))
+            + cosine * (since / k**2 - sine / k**3),
+            speed
+            + since * (push + 0.5 * since * constant)
+            + cosine * (1.0 - turn) / k**2,
+            push + since * constant + cosine * sine / k,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,176 @@
+"""The legs that a mission flies, read from its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.autopilot import METRES_PER_DEGREE, Law, Profiles, profiles
+from showc.verify.geodesy import east_north_up
+from showc.verify.waypoints import LAND, TAKEOFF, WAYPOINT, MissionFormatError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Site
+    from showc.verify.waypoints import Item
+
+    FloatArray = NDArray[np.float64]
+
+DELAY, SPEED = 93, 178
+"""MAV_CMD of the items that hold, and that set a speed."""
+
+SPIN_UP = 2.5
+"""Time on the ground between the start of a mission and lift-off [s]."""
+
+DAY = 86400.0
+
+LEVEL, CLIMB, DESCENT = 1, 2, 3
+"""First parameter of a speed item."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionLegs:
+    """What one drone flies."""
+
+    places: FloatArray
+    """Pad, and every place flown to, east, north, up, shape (n + 1, 3) [m]."""
+    release: FloatArray
+    """When each leg is released, shape (n,) [s]; NaN: not timed. Of the UTC day if the
+    mission goes by the clock, else of the mission."""
+    profiles: Profiles
+    """How each leg is flown."""
+
+
+@dataclass
+class _Walk:
+    """Speeds in force and what has been met so far."""
+
+    speeds: dict[int, float]
+    steps: list[FloatArray]
+    limits: list[tuple[float, float]]
+    waits: list[tuple[str, float]]
+
+
+def read_parameters(content: bytes) -> dict[str, float]:
+    """Return the values of a parameter file by name.
+
+    Raises
+    ------
+    MissionFormatError
+        If a line is not a name and a number.
+    """
+    values = {}
+    for number, line in enumerate(content.decode("ascii", "replace").splitlines(), 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        name, _, text = line.partition(",")
+        try:
+            values[name.strip()] = float(text)
+        except ValueError:
+            raise MissionFormatError(f"line {number} is no parameter") from None
+    return values
+
+
+def read_legs(
+    items: Sequence[Item], site: Site, values: Mapping[str, float]
+) -> MissionLegs:
+    """Return the legs of a mission for ArduPilot, its home row first.
+
+    A leg that follows a hold is timed: by the clock if the hold waits for one, else by
+    what was flown and held before, take-off at its nominal time.
+
+    Raises
+    ------
+    MissionFormatError
+        If a parameter is missing.
+    """
+    home = items[0]
+    try:
+        law = Law.of(values)
+        speeds = {
+            LEVEL: values["WPNAV_SPEED"] / 100.0,
+            CLIMB: values["WPNAV_SPEED_UP"] / 100.0,
+            DESCENT: values["WPNAV_SPEED_DN"] / 100.0,
+        }
+    except KeyError as error:
+        raise MissionFormatError(f"parameter {error} is missing") from None
+    walk = _Walk(speeds, [], [], [])
+    flown = [home]
+    hold: tuple[str, float] = ("start", SPIN_UP)
+    for item in items[1:]:
+        if item.command == SPEED:
+            walk.speeds[int(item.parameters[0])] = item.parameters[1]
+        elif item.command == DELAY:
+            hold = _hold(item, hold)
+        elif item.command in {WAYPOINT, LAND, TAKEOFF}:
+            _fly(walk, flown[-1], item, home, site)
+            walk.waits.append(hold)
+            flown.append(item)
+            hold = ("through", 0.0)
+    # Heights are stored as whole centimetres, truncated.
+    heights = [0.0, *(_stored(item.height) for item in flown[1:])]
+    places = east_north_up(
+        site,
+        [item.latitude for item in flown],
+        [item.longitude for item in flown],
+        [height + home.height for height in heights],
+    )
+    step = np.array(walk.steps).reshape(-1, 3)
+    level, vertical = np.array(walk.limits).reshape(-1, 2).T
+    flights = profiles(step, level, vertical, law)
+    return MissionLegs(places, _releases(walk.waits, flights.duration), flights)
+
+
+def _stored(height: float) -> float:
+    return float(np.trunc(np.float32(height) * np.float32(100.0))) / 100.0
+
+
+def _hold(item: Item, before: tuple[str, float]) -> tuple[str, float]:
+    """Join a hold to what was held before it."""
+    first, hour, minute, second = item.parameters
+    if first <= 0.0:
+        return "clock", 3600.0 * hour + 60.0 * minute + second
+    kind, amount = before
+    if kind == "through":
+        return "pause", first
+    return kind, amount + first
+
+
+def _fly(walk: _Walk, last: Item, item: Item, home: Item, site: Site) -> None:
+    """Add the straight step from ``last`` to ``item`` in the autopilot's metric."""
+    begin = 0.0 if last is home else _stored(last.height)
+    rise = _stored(item.height) - begin
+    scale = METRES_PER_DEGREE
+    north = (item.latitude - last.latitude) * scale
+    shrink = np.cos(np.radians(site.latitude))
+    east = (item.longitude - last.longitude) * scale * shrink
+    if item.command == TAKEOFF:
+        north = east = 0.0
+    vertical = walk.speeds[CLIMB if rise > 0.0 else DESCENT]
+    walk.steps.append(np.array([north, east, rise]))
+    walk.limits.append((walk.speeds[LEVEL], vertical))
+
+
+def _releases(waits: Sequence[tuple[str, float]], durations: FloatArray) -> FloatArray:
+    """When each leg is released; NaN for those that follow another at once."""
+    clock, day = 0.0, 0.0
+    releases = np.full(durations.size, np.nan)
+    for leg, (kind, amount) in enumerate(waits):
+        if kind == "clock":
+            moment = amount + day
+            if leg and moment < clock - DAY / 2.0:
+                day += DAY
+                moment += DAY
+            clock = moment
+            releases[leg] = clock
+        else:
+            clock += amount
+            if kind == "pause":
+                releases[leg] = clock
+        clock += float(durations[leg])
+    return releases
