@@ -180,8 +180,8 @@ def map_from_the_side(logged: LoggedShow) -> str:
         [
             (
                 f'<rect x="{x0:.1f}" y="{y1:.1f}" width="{x1 - x0:.1f}" '
-                f'height="{y0 - y1:.1f}" fill="#fff" stroke="#e0701b" stroke-width="1.6" '
-                'stroke-dasharray="6 3"/>'
+                f'height="{y0 - y1:.1f}" fill="#fff" stroke="#e0701b" '
+                'stroke-width="1.6" stroke-dasharray="6 3"/>'
             ),
             f'<path d="M0,{ground:.1f}H{WIDTH:.0f}" stroke="#5b6578"/>',
             _ways(logged, [0, 2], frame),
