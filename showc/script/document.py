@@ -271,14 +271,14 @@ class _Builder:
         if frame is not None and frame.mapping and frame.key is None:
             self._key(frame, event.value, mark)
             return
-        node = Scalar(event.value, event.implicit[0] and event.style is None, mark)
+        node = Scalar(event.value, event.implicit[0] and not event.style, mark)
         self._place(node, event.anchor)
 
     def _tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
             self._say(
                 "SHW009",
-                f"the YAML tag `{tag}`",
+                f"the YAML tag `{tag.replace('tag:yaml.org,2002:', '!!')}`",
                 mark,
                 help="remove it: scripts hold plain text, numbers, lists and keys",
             )

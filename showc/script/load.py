@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
-from showc.script.document import Mapping, Node, parse_document
+from showc.script.document import Mapping, Node, Scalar, parse_document
 from showc.script.fields import FORMAT_VERSION, SHOW
 from showc.script.files import InputFiles
 from showc.script.reader import Reader
@@ -145,18 +145,19 @@ def _build(
 ) -> tuple[Show | None, list[Diagnostic]]:
     reader = Reader()
     version = root.get("showc")
-    settings = reader.section(SHOW, root, start)
-    if version is not None and "showc" in settings:
-        number = settings.integer("showc")
-        if number != FORMAT_VERSION:
+    if version is not None and isinstance(version.value, Scalar):
+        number = version.value.text
+        if number.isdecimal() and int(number) != FORMAT_VERSION:
+            # Nothing is known of the keys of another version.
             reader.say(
                 "SHW108",
                 f"the script has format version {number}, this showc reads version "
                 f"{FORMAT_VERSION}",
-                settings.mark_of("showc"),
+                version.value.mark,
                 help_text="use the showc that belongs to the script",
             )
             return None, reader.found
+    settings = reader.section(SHOW, root, start)
     # Building imports numpy; a script that cannot be read need not wait for it.
     from showc.script.build import Builder  # noqa: PLC0415
     from showc.script.operations import operation_findings  # noqa: PLC0415

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.rules import inside_polygon
 from showc.script.spacing import closest
 from showc.script.timing import least_duration
 from showc.script.wording import number_text
@@ -204,7 +205,8 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
     for formation in sketch.formations.values():
         distance = fence_distance(formation.points[:, :2], site.fence)
         place = int(np.argmin(distance))
-        if distance[place] >= needed:
+        inside = inside_polygon(formation.points[:, :2], site.fence)
+        if distance[place] >= needed or not inside.all():
             continue
         yield _warning(
             "SHW307",

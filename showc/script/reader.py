@@ -14,6 +14,7 @@ from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
 from showc.script.formation_fields import resolve
 from showc.script.kinds import (
+    Choice,
     Either,
     Field,
     Items,
@@ -108,8 +109,10 @@ class Reader:
             Where to point when something is missing: its key.
         """
         settings = Settings(section.name, span)
+        name = ""
         if not isinstance(node, Mapping):
             if section.short:
+                name = section.name
                 node = Mapping((Entry(section.short, node.mark, node),), node.mark)
             else:
                 self.say(
@@ -121,7 +124,7 @@ class Reader:
                 settings.broken = True
                 return settings
         fields = self._fields(section, node, settings)
-        self._written(section, fields, node, settings)
+        self._written(section, fields, node, settings, name)
         self._exclusive(section, node, settings)
         self._missing(fields, node, settings)
         return settings
@@ -146,7 +149,9 @@ class Reader:
         fields: tuple[Field, ...] | None,
         node: Mapping,
         settings: Settings,
+        name: str,
     ) -> None:
+        """Read what is written; ``name`` is for messages, if the key is not written."""
         known = {field.key: field for field in fields or section.fields}
         for entry in node:
             field = known.get(entry.key)
@@ -156,12 +161,16 @@ class Reader:
                     settings.broken = True
                 continue
             try:
-                value = self.value(field.kind, entry.value, entry.mark, entry.key)
+                value = self.value(
+                    field.kind, entry.value, entry.mark, name or entry.key
+                )
             except _BadValueError:
                 settings.broken = True
                 continue
             mark = _near(entry.value.mark, entry.mark)
             settings.values[entry.key] = Setting(value, mark, entry.mark)
+            if section.name != "show" and _has_broken(value):
+                settings.broken = True
 
     def _unknown(
         self,
@@ -299,7 +308,7 @@ class Reader:
                     fits = isinstance(node, Mapping)
                 case _:
                     fits = isinstance(node, Scalar)
-            if fits:
+            if fits and not _other_word(option, node, len(options)):
                 return option
         return next((item for item in options if isinstance(item, Section)), options[0])
 
@@ -355,6 +364,22 @@ class Reader:
         if not sound:
             raise _BadValueError
         return elements
+
+
+def _other_word(option: Kind, node: Node, options: int) -> bool:
+    """Tell whether a word is none of a choice that is not the only possibility."""
+    if not isinstance(option, Choice) or not isinstance(node, Scalar):
+        return False
+    return options > 1 and node.text not in option.options
+
+
+def _has_broken(value: Value) -> bool:
+    """Tell whether a section, or one in a list, was not read whole."""
+    if isinstance(value, list):
+        return any(
+            isinstance(item, Setting) and _has_broken(item.value) for item in value
+        )
+    return isinstance(value, Settings) and value.broken
 
 
 def _paints(kind: Kind) -> bool:

@@ -38,6 +38,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _places(sketch)
     yield from _parking(sketch)
     yield from _groups(sketch)
+    yield from _unused(sketch)
 
 
 def transitions_of(sketch: Sketch) -> list[Settings]:
@@ -322,6 +323,39 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="move one of the formations away",
                 )
         standing[group] = (formation, item)
+
+
+def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Find formations that nothing uses (SHW118)."""
+    used = {item.text("to") for item in transitions_of(sketch)}
+    used |= {sketch.pads, sketch.parking or ""}
+    if "formations" not in sketch.settings or "transitions" not in sketch.settings:
+        return
+    if len(transitions_of(sketch)) < len(sketch.settings.items("transitions")):
+        return  # one that could not be read may fly to it
+    table = sketch.settings.section("formations").values
+    for setting in table.values():
+        if isinstance(setting.value, Settings):
+            used |= set(_bases(setting.value))
+    for name, setting in table.items():
+        broken = not isinstance(setting.value, Settings) or setting.value.broken
+        if name not in used and not broken:
+            yield Diagnostic(
+                "SHW118",
+                Severity.WARNING,
+                f"nothing uses the formation `{name}`",
+                setting.key_mark,
+                help="fly to it in a transition, or remove it",
+            )
+
+
+def _bases(settings: Settings) -> Iterator[str]:
+    """Yield the formations that a formation is like, parts included."""
+    if "like" in settings:
+        yield settings.text("like")
+    for part in settings.items("parts") if "parts" in settings else ():
+        if isinstance(part.value, Settings):
+            yield from _bases(part.value)
 
 
 def _point(point: FloatArray) -> str:

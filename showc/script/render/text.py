@@ -80,13 +80,15 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
     margin = " " * width
     if known:
         out.append(f"{margin} {paint('|', _BLUE)}")
+    here = (item.span.path, item.span.line) if item.span is not None else ("", 0)
     for span, label, primary in known:
         source = _line(span, lines) or ""
         text, carets = _pointer(span, source, "^" if primary else "-")
         if not primary and span.path != (item.span.path if item.span else ""):
             out.append(f"{margin} {paint('::: ' + span.path, _BLUE)}")
         number = str(span.line).rjust(width)
-        out.append(f"{paint(f'{number} |', _BLUE)} {text}".rstrip())
+        if primary or (span.path, span.line) != here:
+            out.append(f"{paint(f'{number} |', _BLUE)} {text}".rstrip())
         mark = paint(f"{carets} {label}".rstrip(), tint if primary else _BLUE)
         lead = len(mark) - len(mark.lstrip())
         out.append(f"{margin} {paint('|', _BLUE)} {' ' * lead}{mark.lstrip()}")
