@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def number_text(value: float) -> str:
     """Return a number as people write it: six significant digits, no dangling zeros."""
-    if value == round(value) and abs(value) < 1e7:
+    if value == round(value) and abs(value) < 1e10:
         return str(int(value))
     return f"{value:.6g}"
 

@@ -1,0 +1,152 @@
+"""The reference of show scripts, Markdown, made from the field table."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from showc.script.fields import FORMAT_VERSION, SHOW
+from showc.script.formation_fields import FORMATION
+from showc.script.kinds import Either, Field, Items, Kind, Section, Table
+from showc.script.quantity import UNITS
+from showc.script.wording import wanted_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_HEAD = f"""# Show scripts
+
+<!-- Made from the program's own table; `make docs` writes it anew. -->
+
+A show script is a YAML file in UTF-8 that describes a show from the ground to the
+ground. This page lists every key of format version {FORMAT_VERSION}. An editor that
+knows JSON Schema completes and checks them: `showc schema` prints the schema, and the
+first line of a script names it:
+
+```yaml
+# yaml-language-server: $schema=show.schema.json
+```
+
+**Frame.** Positions are in metres from the site's origin: x to the right, y ahead along
+the site's heading, z up. With heading 0 that is east, north, up. The ground is z = 0.
+
+**Quantities.** A plain number is in the unit its key documents. A text may carry any
+unit of the same kind: `"20 deg"`, `0.35 rad`, `18 km/h`, `250 g`. Anything else is
+refused. The units are:
+"""
+
+_FORMATIONS = """
+## Formations
+
+A formation has a `type` with keys of its own, or is `like` another formation, or is made
+of `parts`. It is drawn about its own origin, changed by `transform` in order, put at
+`centre`, and checked against its `spacing`. Places are numbered from 1 in the order each
+type documents; with a fixed assignment drone 1 flies to place 1.
+"""
+
+_ORDER = (
+    "origin", "volume", "colour", "transform", "rotate", "effect",
+)  # fmt: skip
+
+
+def script_reference() -> str:
+    """Return the reference page."""
+    lines = [_HEAD.rstrip("\n"), ""]
+    kinds: dict[str, list[str]] = {}
+    for unit in UNITS.values():
+        kinds.setdefault(unit.dimension, []).append(f"`{unit.symbol}`")
+    lines += [f"- {kind}: {', '.join(symbols)}" for kind, symbols in kinds.items()]
+    lines += ["", "## Top level", "", SHOW.description, "", *_table(SHOW.fields)]
+    sections = {section.name: section for section in _sections(SHOW)}
+    inner = [name for name in sections if name not in {"show", "formation"}]
+    for name in (name for name in inner if name not in _ORDER):
+        lines += _chapter(sections[name], 2)
+        if name == "site":
+            lines += _chapter(sections["origin"], 3) + _chapter(sections["volume"], 3)
+    lines += [_FORMATIONS.rstrip("\n"), "", *_table(FORMATION.fields)]
+    for name in ("colour", "transform", "rotate", "effect"):
+        lines += _chapter(sections[name], 3)
+    lines += ["", "## Types of formations"]
+    for variant in FORMATION.variants:
+        lines += ["", f"### `type: {variant.name}`", "", variant.description]
+        if variant.fields:
+            lines += ["", *_table(variant.fields)]
+    return "\n".join(lines) + "\n"
+
+
+def _chapter(section: Section, level: int) -> list[str]:
+    short = ""
+    if section.short:
+        short = f" A bare value stands for `{section.short}`."
+    return [
+        "",
+        f"{'#' * level} `{section.name}`",
+        "",
+        section.description + short,
+        "",
+        *_table(section.fields),
+    ]
+
+
+def _table(fields: tuple[Field, ...]) -> list[str]:
+    lines = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
+    for field in fields:
+        wanted = _cell(wanted_text(field.kind))
+        lines.append(
+            f"| `{field.key}` | {wanted} | {_default(field)} | {_meaning(field)} |"
+        )
+    return lines
+
+
+def _default(field: Field) -> str:
+    if field.required:
+        return "required"
+    if field.default_text:
+        return _cell(field.default_text)
+    if field.default is None or field.default == {}:
+        return "see below" if field.default == {} else "none"
+    if isinstance(field.default, str):
+        return f"`{field.default}`"
+    return f"`{json.dumps(field.default)}`"
+
+
+def _meaning(field: Field) -> str:
+    text = _cell(field.description)
+    if field.examples:
+        shown = ", ".join(f"`{_cell(_flow(item))}`" for item in field.examples)
+        text += f" For example {shown}."
+    return text
+
+
+def _flow(value: object) -> str:
+    """Return a value as YAML's flow style writes it."""
+    if isinstance(value, dict):
+        inner = ", ".join(f"{key}: {_flow(item)}" for key, item in value.items())
+        return f"{{{inner}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(_flow(item) for item in value)}]"
+    if isinstance(value, str) and value.startswith("#"):
+        return f'"{value}"'
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _sections(kind: Kind) -> Iterator[Section]:
+    """Yield every section under a kind, itself first, each once by name."""
+    match kind:
+        case Section():
+            yield kind
+            for field in kind.fields:
+                yield from _sections(field.kind)
+        case Items():
+            yield from _sections(kind.item)
+        case Table():
+            yield from _sections(kind.item)
+        case Either():
+            for option in kind.options:
+                yield from _sections(option)
+        case _:
+            return
