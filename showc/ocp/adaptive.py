@@ -34,6 +34,7 @@ import os
 FIRST = int(os.environ.get("FIRST", "3"))
 BOUNDARY = 0.6
 LITTLE = 3e-4
+CAUTION = 0.25
 INNER = int(os.environ.get("INNER", "3"))
 
 
@@ -75,6 +76,8 @@ class _Pass:
     """Error over tolerance of each interval, phase by phase."""
     structures: list[Structure | None]
     """The arcs the mesh was made for, phase by phase."""
+    moved: float
+    """Relative change of the objective since the mesh before; 0 for a first one."""
 
 
 class _Refinement:
@@ -250,7 +253,8 @@ class _Refinement:
 
         The dual-weighted estimate of the objective's error is an upper bound in
         practice; where the flagged intervals have just been refined and the
-        objective hardly moved, twice the move is the better estimate.
+        objective hardly moved, twice the greater of the last two moves is the better
+        estimate.
         """
         tolerance = self.options.tolerance
         audits = [a.audit(solution, self.table) for a in self.auditors]
@@ -260,9 +264,10 @@ class _Refinement:
             for a, p in zip(audits, solution.phases, strict=True)
         ]
         total = sum(float(part.sum()) for part in lost) / size
-        weight = 1.0
+        weight, move = 1.0, 0.0
         if former is not None:
-            moved = 2.0 * abs(solution.objective - former.solution.objective) / size
+            move = abs(solution.objective - former.solution.objective) / size
+            moved = 2.0 * max(move, former.moved)
             cut = len(former.solution.mesh.phases) and all(
                 new.intervals > old.intervals or not limited.any()
                 for new, old, limited in zip(
@@ -276,19 +281,23 @@ class _Refinement:
                 weight = moved / total
         indicators = []
         for a, part in zip(audits, lost, strict=True):
-            share = weight * part / size * len(part) / 2.0
+            share = weight * part / size * len(part) / (2.0 * CAUTION)
             # Where a constraint is active all along, more points of it would only
             # contradict each other: a finer polynomial keeps it better.
             along = np.where(a.path_active > BOUNDARY, a.path, 0.0)
             worst = np.maximum(np.maximum(a.dynamics, share), along)
             indicators.append(worst / tolerance)
+        top = max(float(part.max()) for part in indicators)
+        if weight * total > CAUTION * tolerance and 0.0 < top <= 1.0:
+            # Many small shares add up to too much: the greatest are the ones to mend.
+            indicators = [1.5 * part / top for part in indicators]
         error = ErrorEstimate(
             max(float(a.dynamics.max()) for a in audits),
             0.0,
             max(float(a.path.max()) for a in audits),
             weight * total,
         )
-        return _Pass(solution, audits, error, indicators, structures)
+        return _Pass(solution, audits, error, indicators, structures, move)
 
     def same(self, mesh: Mesh, other: Mesh) -> bool:
         """Whether both give the same program."""
@@ -332,7 +341,9 @@ class _Refinement:
 
     def reached(self, passed: _Pass) -> bool:
         """Whether all errors are within the tolerance."""
-        return _greatest(passed.error) <= self.options.tolerance
+        tolerance, error = self.options.tolerance, passed.error
+        least = max(error.dynamics, error.path) <= tolerance
+        return least and error.objective <= CAUTION * tolerance
 
     def worse(self, solution: Solution, former: _Pass) -> bool:
         """Whether the objective got worse than the former one's errors explain."""
@@ -476,6 +487,11 @@ class _Proposal:
     words: str
 
 
+def _merit(error: ErrorEstimate) -> float:
+    """Order of solutions: the greatest error, the objective's with caution."""
+    return max(error.dynamics, error.path, error.objective / CAUTION)
+
+
 def _greatest(error: ErrorEstimate) -> float:
     return max(error.dynamics, error.path, error.objective)
 
@@ -575,10 +591,10 @@ def solve(
         if fresh is None:
             break
         current = fresh
-        if _greatest(current.error) < _greatest(best.error) or switching:
+        if _merit(current.error) < _merit(best.error) or switching:
             best = current
-    best = min(best, current, key=lambda passed: _greatest(passed.error))
-    done = work.reached(best)
+    best = min(best, current, key=lambda passed: _merit(passed.error))
+    done = _greatest(best.error) <= chosen.tolerance
     work.note(best.solution, best.error, "tolerance reached" if done else "stopped")
     return _finished(work, best, done=done)
 
