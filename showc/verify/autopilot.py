@@ -89,8 +89,13 @@ class Profiles:
         """Time of each leg, shape (n,) [s]."""
         return self.edges[:, -1]
 
-    def fraction(self, leg: NDArray[np.int64], time: ArrayLike) -> FloatArray:
-        """Part (m,) of legs ``leg`` (m,) covered at ``time`` (m,) [s], 0 to 1."""
+    def fraction(
+        self, leg: NDArray[np.int64], time: ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Part (m,) of legs ``leg`` (m,) covered at ``time`` (m,) [s], 0 to 1.
+
+        And its rate of change [1/s].
+        """
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.edges[leg, -1])
         phase = np.clip(np.sum(t[:, None] >= self.edges[leg], axis=1) - 1, 0, 14)
         begin = self.edges[leg, phase]
@@ -103,7 +108,8 @@ class Profiles:
             t - begin,
         )
         whole = np.where(self.length[leg] > 0.0, self.length[leg], 1.0)
-        return np.asarray(np.clip(moved[:, 0] / whole, 0.0, 1.0))
+        part = np.clip(moved[:, 0] / whole, 0.0, 1.0)
+        return part, np.maximum(moved[:, 1] / whole, 0.0)
 
 
 def profiles(
@@ -111,8 +117,8 @@ def profiles(
 ) -> Profiles:
     """Return the legs of ``displacement`` (n, 3) [m] in the autopilot's metric.
 
-    ``level`` and ``vertical`` (n,) [m/s] are the speeds in force. Speed and acceleration
-    along a line are the greatest that keep the horizontal and the vertical limits.
+    ``level`` and ``vertical`` (n,) [m/s] are the speeds in force. Along a line, speed
+    and acceleration are the greatest that keep the horizontal and the vertical limits.
     """
     length = np.linalg.norm(displacement, axis=1)
     length = np.where(length > _SHORTEST, length, 0.0)

@@ -38,7 +38,7 @@ class MissionLegs:
     """What one drone flies."""
 
     places: FloatArray
-    """Pad, and every place flown to, east, north, up, shape (n + 1, 3) [m]."""
+    """Pad, and every place flown to, show frame, shape (n + 1, 3) [m]."""
     release: FloatArray
     """When each leg is released, shape (n,) [s]; NaN: not timed. Of the UTC day if the
     mission goes by the clock, else of the mission."""
@@ -109,7 +109,8 @@ def read_legs(
             hold = _hold(item, hold)
         elif item.command in {WAYPOINT, LAND, TAKEOFF}:
             _fly(walk, flown[-1], item, home, site)
-            walk.waits.append(hold)
+            # A landing is no leg of the law, and not timed.
+            walk.waits.append(("land", 0.0) if item.command == LAND else hold)
             flown.append(item)
             hold = ("through", 0.0)
     # Heights are stored as whole centimetres, truncated.
@@ -123,7 +124,16 @@ def read_legs(
     step = np.array(walk.steps).reshape(-1, 3)
     level, vertical = np.array(walk.limits).reshape(-1, 2).T
     flights = profiles(step, level, vertical, law)
-    return MissionLegs(places, _releases(walk.waits, flights.duration), flights)
+    turned = _show_frame(site, places)
+    return MissionLegs(turned, _releases(walk.waits, flights.duration), flights)
+
+
+def _show_frame(site: Site, places: FloatArray) -> FloatArray:
+    """Turn east, north, up (n, 3) by the site's heading."""
+    bearing = np.radians(site.heading)
+    cosine, sine = np.cos(bearing), np.sin(bearing)
+    east, north, up = places.T
+    return np.stack([east * cosine - north * sine, east * sine + north * cosine, up], 1)
 
 
 def _stored(height: float) -> float:

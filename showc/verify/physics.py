@@ -231,6 +231,7 @@ class _Run:
         control = _evaluate(table.control, piece, fraction).reshape(*shape, STAGES, -1)
         control, self.clipped = flyable(vehicle, control)
         self.width = np.repeat(width, split, axis=1)
+        self.flown = np.repeat(valid, split, axis=1)
         begin = np.repeat(table.start[piece], split, axis=1) + self.width * np.tile(
             np.arange(split), counts.max()
         )
@@ -314,6 +315,8 @@ class _Run:
         )
         gap = np.concatenate([inner, outer[:, :, None]], axis=2)
         gap = np.where(np.isfinite(gap), gap, np.inf)
+        # Steps of no length only fill the array up; nothing is flown in them.
+        gap[~self.flown] = 0.0
         position = np.sqrt(np.sum(gap[..., :3] ** 2, axis=-1))
         attitude = gap[..., 6:9].max(axis=-1)
         return Replay(

@@ -179,12 +179,13 @@ def test_a_control_between_the_nodes_counts(log_and_show):
     assert result.position.value > 1e-3
 
 
-def test_meshes_of_different_sizes_fly_together():
-    first, second = tumbling(seed=4, intervals=8), tumbling(seed=5, intervals=21)
+@pytest.mark.parametrize(("few", "many"), [(8, 9), (8, 10), (9, 21)])
+def test_meshes_of_different_sizes_fly_together(few, many):
+    first, second = tumbling(seed=4, intervals=few), tumbling(seed=5, intervals=many)
     a, b = first.tables[0], second.tables[0]
     table = PieceTable(
         np.array([0, 1]),
-        np.array([0, 8, 29]),
+        np.array([0, few, few + many]),
         np.concatenate([a.start, b.start]),
         np.concatenate([a.end, b.end]),
         np.concatenate([a.state, b.state]),
@@ -192,6 +193,7 @@ def test_meshes_of_different_sizes_fly_together():
     )
     result = replay(replace(first, tables=(table,)), VEHICLE)
     assert result.position.value < 2e-8
+    assert result.attitude.value < 2e-8
 
 
 def test_a_flight_to_infinity_is_reported_not_raised(log_and_show):
