@@ -110,7 +110,7 @@ def test_no_thrust_goes_beyond_the_support_function(direction, roll, pitch, held
     )
     reached = np.array(direction) @ thrust
     assert reached.max() <= support + 1e-9
-    # And it is no loose superset: something comes near (random points, so not too near).
+    # And it is no loose superset: of random points something comes near.
     size = relaxed.most * np.linalg.norm(direction)
     assert reached.max() >= support - 0.2 * size - 1e-9
 

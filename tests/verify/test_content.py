@@ -58,7 +58,7 @@ def failures(verification):
 
 
 def test_writing_again_changes_nothing(data, tmp_path):
-    again = rewritten(data, lambda topic, number, message: message)
+    again = rewritten(data, lambda *found: found[-1])
     assert again != data
     verification = verified(again, tmp_path)
     assert verification.passed
@@ -67,14 +67,14 @@ def test_writing_again_changes_nothing(data, tmp_path):
 
 @SETTINGS
 @given(
-    st.sampled_from(TOPICS),
-    st.integers(min_value=0, max_value=8),
-    st.integers(min_value=0),
-    st.binary(min_size=1, max_size=24),
-    st.booleans(),
+    topic=st.sampled_from(TOPICS),
+    number=st.integers(min_value=0, max_value=8),
+    place=st.integers(min_value=0),
+    new=st.binary(min_size=1, max_size=24),
+    cut=st.booleans(),
 )
 def test_garbage_in_messages_raises_nothing_else(
-    data, tmp_path, topic, number, place, new, cut
+    data, tmp_path, *, topic, number, place, new, cut
 ):
     def replace(found, index, message):
         if found != topic or index != number:
@@ -101,7 +101,7 @@ def test_garbage_in_messages_raises_nothing_else(
         (pb.Segment, "/show/segments", "goals"),
     ],
 )
-def test_numbers_that_are_none_are_damage(data, tmp_path, kind, topic, field, value):
+def test_numbers_that_are_none_are_damage(data, tmp_path, *, kind, topic, field, value):
     def change(message):
         getattr(message, field)[1] = value
 

@@ -60,16 +60,16 @@ def metadata_value(data):
 
 # Kind, how it is made, and where it shows: (bytes of the whole file) -> offset.
 KINDS = {
-    "empty": (lambda data: b"", lambda data: 0),
-    "only the magic": (lambda data: data[:8], lambda data: 8),
-    "not MCAP": (lambda data: b"PK\x03\x04" + data[4:], lambda data: 0),
+    "empty": (lambda _: b"", lambda _: 0),
+    "only the magic": (lambda data: data[:8], lambda _: 8),
+    "not MCAP": (lambda data: b"PK\x03\x04" + data[4:], lambda _: 0),
     "cut at 60 %": (lambda data: data[: len(data) * 6 // 10], None),
     "cut inside the footer": (
         lambda data: data[:-20],
         lambda data: find(data, 0x02)[0],
     ),
     "end magic missing": (lambda data: data[:-8], lambda data: len(data) - 8),
-    "bytes after the end": (lambda data: data + b"more", lambda data: len(data)),
+    "bytes after the end": (lambda data: data + b"more", len),
     "bit flip in a compressed chunk": (in_chunk, None),
     "chunk CRC wrong": (
         lambda data: flipped(data, find(data, 0x06)[0] + HEAD.size + 24),

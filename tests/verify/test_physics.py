@@ -72,7 +72,7 @@ def tumbling(vehicle=VEHICLE, seed=1, intervals=8, degree=13):
     corner = rng.uniform(-1.0, 1.0, (intervals + 1, 4))
     corner *= np.array([2.0, 0.02, 0.02, 0.01])
     corner[:, 0] += weight
-    controls = [np.stack(pair) for pair in zip(corner[:-1], corner[1:], strict=True)]
+    controls = [np.stack(pair) for pair in pairwise(corner)]
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
     states = flown_elsewhere(vehicle, controls, breaks, nodes)
     fit = np.linalg.inv(basis(degree, nodes))

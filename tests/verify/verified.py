@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from synthetic import vertical_flight
@@ -30,12 +29,12 @@ def proved_flight(drones=4):
     return replace(flight, legs=legs)
 
 
-def written(flight, path: Path, manifest: bytes = b"{}") -> Path:
+def written(flight, path, manifest=b"{}"):
     write_log(flight, path, manifest=manifest)
     return path
 
 
-def loaded(path: Path) -> tuple:
+def loaded(path):
     log = open_log(path)
     return log, read_show(log)
 
