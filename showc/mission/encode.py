@@ -89,7 +89,11 @@ class Encoder:
     def _takeoff(self, writers: list[_Writer], home: GlobalPoints) -> None:
         takeoff, staging = self.timeline.takeoff, self.timeline.staging
         for row, drone in enumerate(takeoff.drones):
-            writers[drone].takeoff(home, int(takeoff.stored.height[row]))
+            writers[drone].takeoff(
+                home,
+                int(takeoff.stored.height[row]),
+                float(takeoff.profile.duration[row]),
+            )
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
         for row, drone in enumerate(launch.drones):
@@ -149,15 +153,15 @@ class _Writer:
         """Return what was collected."""
         return Mission(self.drone, self.home, tuple(self.items))
 
-    def takeoff(self, home: GlobalPoints, height: int) -> None:
-        """Straight up to ``height`` [cm]."""
+    def takeoff(self, home: GlobalPoints, height: int, duration: float) -> None:
+        """Straight up to ``height`` [cm], in ``duration`` [s]."""
         row = GlobalPoints(
             home.latitude[[self.drone]],
             home.longitude[[self.drone]],
             np.array([height]),
         )
         self._position(Command.NAV_TAKEOFF, row, 0)
-        self.clock += float(self.encoder.timeline.takeoff.duration)
+        self.clock += duration
 
     def land(self, stored: GlobalPoints, row: int) -> None:
         """Pause, and straight down at explicit coordinates."""
@@ -243,7 +247,7 @@ class _Writer:
                 )
             )
             return
-        pause = round(max(release - self.clock, 0.0), 2)
+        pause = round(max(release - self.clock, 0.0), 3)
         if pause > 0.0:
             self.items.append(
                 without_position(Command.NAV_DELAY, pause, -1.0, -1.0, -1.0)

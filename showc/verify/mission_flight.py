@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,8 +35,8 @@ ROUNDING = 0.02
 """How much nearer two places can be by the mission's rounding [m]."""
 
 AGREEMENT = 0.01
-"""How far the manifest's nearest encounter may be off: delays are written in whole
-hundredths of a second [m]."""
+"""How far the manifest's nearest encounter may be off: both have their resolutions,
+and delays are written in whole milliseconds [m]."""
 
 PARAMETERS = "missions/ardupilot.parm"
 
@@ -104,18 +104,19 @@ def _start_of_day(description: Mapping[str, Any]) -> float:
         moment = None
     if moment is None:
         return 0.0
+    moment = moment.astimezone(UTC)
     return 3600.0 * moment.hour + 60.0 * moment.minute + moment.second
 
 
 def _verdict(name: str, found: Nearest | None, wanted: float) -> Check:
     if found is None:
         return Check(GROUP, name, "pass", notes=("nobody moves on time",))
-    limit = wanted - ROUNDING - 2.0 * RESOLUTION
+    limit = wanted - ROUNDING - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
     verdict: Verdict = "pass" if bound >= limit else "fail"
     note = (
         f"{wanted:g} m less {100.0 * ROUNDING:g} cm of the format's rounding and "
-        f"{2000.0 * RESOLUTION:g} mm of the proofs' resolution"
+        f"{3000.0 * RESOLUTION:g} mm of the proofs' resolution"
     )
     pair = found.pair[0] + 1, found.pair[1] + 1
     place = Place(pair=pair, time=found.time if found.time > 0.0 else None)

@@ -18,6 +18,7 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.verify.geodesy import east_north_up, to_east_north_up
+from showc.verify.mission_flight import check_mission_flight
 from showc.verify.report import Check, Place, Verdict
 from showc.verify.waypoints import (
     GLOBAL,
@@ -123,6 +124,9 @@ def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
         note = f"the manifest names missions of {len(missions)} drones"
         checks.append(Check(GROUP, "one mission for each drone", "fail", notes=(note,)))
     checks.append(_end_points(folder, missions, show))
+    described = (manifest or {}).get("missions")
+    if isinstance(described, dict) and sorted(missions) == list(range(show.drones)):
+        checks += check_mission_flight(folder, missions, described, show.rules)
     return checks
 
 

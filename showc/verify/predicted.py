@@ -33,6 +33,9 @@ RESOLUTION = 2e-3
 PIECES = 16
 """Pieces of a stretch of time at first."""
 
+TOGETHER = 0.5
+"""Releases within this time of each other are looked at together [s]."""
+
 ROWS = 200
 """Drones whose pairs are looked at together."""
 
@@ -148,48 +151,87 @@ def _on_one_day(missions: Sequence[MissionLegs]) -> list[FloatArray]:
     ]
 
 
+def _cuts(releases: Sequence[FloatArray], ends: Sequence[FloatArray]) -> FloatArray:
+    """Return times [s] between which nobody can fly more than one leg.
+
+    Releases that lie close together share a cut, unless a drone's own leg before it
+    still runs then.
+    """
+    moments = np.sort(np.concatenate(releases)) + LEAST_DELAY
+    cuts: list[float] = []
+    for moment in moments.tolist():
+        if not cuts or moment - cuts[-1] > TOGETHER:
+            cuts.append(moment)
+    while True:
+        edges = np.array(cuts)
+        missing = set()
+        for release, end in zip(releases, ends, strict=True):
+            begins = release[1:] + LEAST_DELAY
+            shared = edges[np.searchsorted(edges, begins + 1e-9) - 1]
+            missing |= set(begins[end[:-1] > shared + 1e-9].tolist())
+        missing -= set(cuts)
+        if not missing:
+            return edges
+        cuts = sorted([*cuts, *missing])
+
+
 def _stretches(
     missions: Sequence[MissionLegs],
     releases: Sequence[FloatArray],
     flights: Profiles,
     first_leg: IntArray,
 ) -> Iterator[_Stretch]:
-    """Cut time where a leg may begin, so that everybody flies at most one leg."""
-    known = [release[np.isfinite(release)] for release in releases]
-    moments = np.concatenate(known) if known else np.zeros(0)
-    cuts = np.unique(np.round(moments, 6)) + LEAST_DELAY
-    for index, first in enumerate(cuts.tolist()):
-        begin, along, leg, release, ends = [], [], [], [], []
-        for drone, mission in enumerate(missions):
-            times = releases[drone]
-            begun = np.flatnonzero(times + LEAST_DELAY <= first + 1e-6)
-            ahead = np.flatnonzero(np.isfinite(times))
-            if begun.size:
-                now = int(begun[-1])
-                begin.append(mission.places[now])
-                along.append(mission.places[now + 1] - mission.places[now])
-                release.append(float(times[now]))
-                row = int(first_leg[drone]) + now
-                ends.append(times[now] + flights.duration[row] + GREATEST_DELAY)
-            else:
-                now = int(ahead[0]) if ahead.size else 0
-                begin.append(mission.places[now])
-                along.append(np.zeros(3))
-                release.append(first)
-                row = int(first_leg[drone]) + now
-            leg.append(row)
-        last = max(ends, default=first)
-        if index + 1 < cuts.size:
-            last = min(last, float(cuts[index + 1]))
-        if last > first:
+    """Cut time so that everybody flies at most one leg in a stretch."""
+    timed = [np.flatnonzero(np.isfinite(release)) for release in releases]
+    known = [release[rows] for release, rows in zip(releases, timed, strict=True)]
+    if not any(moments.size for moments in known):
+        return
+    rows_of = [first + rows for first, rows in zip(first_leg, timed, strict=True)]
+    ends = [
+        moments + flights.duration[rows] + GREATEST_DELAY
+        for moments, rows in zip(known, rows_of, strict=True)
+    ]
+    cuts = _cuts(known, ends)
+    for first, last in zip(cuts, [*cuts[1:], np.inf], strict=True):
+        chosen = [
+            _current(missions[drone], timed[drone], known[drone], first, last)
+            for drone in range(len(missions))
+        ]
+        legs = first_leg + np.array([leg for leg, _, _ in chosen])
+        release = np.array([moment for _, moment, _ in chosen])
+        begin = np.array(
+            [
+                mission.places[leg]
+                for mission, (leg, _, _) in zip(missions, chosen, strict=True)
+            ]
+        )
+        along = np.array(
+            [
+                (mission.places[leg + 1] - mission.places[leg]) * flies
+                for mission, (leg, _, flies) in zip(missions, chosen, strict=True)
+            ]
+        )
+        end = (release + flights.duration[legs] + GREATEST_DELAY).max()
+        if min(last, end) > first:
             yield _Stretch(
-                np.array(begin),
-                np.array(along),
-                np.array(leg),
-                np.array(release),
-                first,
-                last,
+                begin, along, legs, release, float(first), float(min(last, end))
             )
+
+
+def _current(
+    mission: MissionLegs,
+    timed: IntArray,
+    moments: FloatArray,
+    first: float,
+    last: float,
+) -> tuple[int, float, bool]:
+    """Leg of a drone in a stretch, its release, and whether it is flown at all."""
+    begun = int(np.searchsorted(moments + LEAST_DELAY, last - 1e-9))
+    if begun:
+        return int(timed[begun - 1]), float(moments[begun - 1]), True
+    # Not yet off: it rests where its first timed leg begins.
+    leg = int(timed[0]) if timed.size else max(mission.release.size - 1, 0)
+    return leg, first - DAY, False
 
 
 def _refined(
