@@ -38,10 +38,10 @@ refused. The units are:
 _FORMATIONS = """
 ## Formations
 
-A formation has a `type` with keys of its own, or is `like` another formation, or is made
-of `parts`. It is drawn about its own origin, changed by `transform` in order, put at
-`centre`, and checked against its `spacing`. Places are numbered from 1 in the order each
-type documents; with a fixed assignment drone 1 flies to place 1.
+A formation has a `type` with keys of its own, or is `like` another formation, or is
+made of `parts`. It is drawn about its own origin, changed by `transform` in order, put
+at `centre`, and checked against its `spacing`. Places are numbered from 1 in the order
+each type documents; with a fixed assignment drone 1 flies to place 1.
 """
 
 _ORDER = (

@@ -188,7 +188,7 @@ def _section(kind: Section, definitions: dict[str, Schema]) -> Schema:
         whole = _object(kind, definitions)
         field = kind.field(kind.short) if kind.short else None
         if field is not None:
-            short = {**_kind(field.kind, definitions), "description": field.description}
+            short = _kind(field.kind, definitions)
             whole = {
                 "description": kind.description,
                 "anyOf": [short, whole],
@@ -257,7 +257,7 @@ def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
     if name not in definitions:
         symbols = "|".join(re.escape(unit).replace(r"\ ", " ") for unit in units)
         definitions[name] = {
-            "description": f"A number with a unit: {', '.join(units)}",
+            "title": f"A number with a unit: {', '.join(units)}",
             "type": "string",
             "pattern": rf"^\s*{NUMBER}\s*({symbols})\s*$",
         }
@@ -266,7 +266,7 @@ def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
 
 def _paint() -> Schema:
     return {
-        "description": 'A CSS colour name, or hexadecimal in quotes ("#ff8800").',
+        "title": 'A CSS colour name, or hexadecimal in quotes ("#ff8800")',
         "anyOf": [
             {"type": "string", "enum": list(COLOUR_NAMES)},
             {"type": "string", "pattern": "^#?([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"},

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from showc.script import Severity, load_show
 from showc.script.codes import CODES, explain
 from showc.script.render import render
