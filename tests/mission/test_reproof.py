@@ -136,18 +136,19 @@ def test_a_slot_inside_the_leg_before_is_noticed(shift):
     assert "drone 2" in check.notes[0] and "before" in check.notes[0]
 
 
-def test_another_parameter_is_noticed(shift):
-    path = shift.folder / "missions/ardupilot.parm"
+def test_another_parameter_is_noticed(tmp_path):
+    crossing = Case(tmp_path / "output", gliding_flight(16), START)
+    path = crossing.folder / "missions/ardupilot.parm"
     content = path.read_text()
-    path.write_text(content.replace("WPNAV_SPEED_UP,400", "WPNAV_SPEED_UP,50"))
-    assert shift.check()[-1].verdict == "fail"
+    path.write_text(content.replace("WPNAV_ACCEL,350", "WPNAV_ACCEL,120"))
+    assert crossing.check()[-1].verdict == "fail"
     path.write_text(content.replace("WPNAV_JERK,20\n", ""))
-    assert "WPNAV_JERK" in shift.check()[0].notes[0]
+    assert "WPNAV_JERK" in crossing.check()[0].notes[0]
     path.write_text("WPNAV_JERK=20\n")
     with pytest.raises(MissionFormatError, match="line 1"):
         read_parameters(path.read_bytes())
     path.unlink()
-    assert shift.check()[0].verdict == "fail"
+    assert crossing.check()[0].verdict == "fail"
 
 
 def test_px4_is_not_claimed(tmp_path):
