@@ -9,19 +9,18 @@ import casadi
 import numpy as np
 
 from showc.ocp import scaling
+from showc.ocp.builder import Scales
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from showc.ocp.discretisation import Discretisation
+    from showc.ocp.builder import Discretisation
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem, Quantity
 
     FloatArray = NDArray[np.float64]
-
-from showc.ocp.discretisation import Scales
 
 
 SHORTEST = 1e-6

@@ -18,6 +18,7 @@ if one polynomial of the same degree represents both (mesh reduction).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -181,9 +182,19 @@ def refine(
     control_scale = np.maximum(
         np.abs(phase.controls.coefficients).max(axis=(0, 1)), 1e-9
     )
+    joined = 0
+    fine = -1
     for k, cell in enumerate(cells_of(mesh)):
         if not indicator[k] > 1.0:
-            out.append(cell)
+            alike = fine == k - 1 and k > 0 and _alike(cell, out[-1])
+            small = max(indicator[k - 1], indicator[k]) < 1e-2
+            if alike and small and _one_polynomial(phase, k, scale):
+                points = max(cell.points, out[-1].points)
+                out[-1] = replace(out[-1], right=cell.right, points=points)
+                joined += 1
+            else:
+                out.append(cell)
+                fine = k
             continue
         coefficients = phase.states.coefficients[k]
         if rule == "curvature":
@@ -210,7 +221,7 @@ def refine(
         edges = np.concatenate([[0.0], inner, [1.0]])
         points = min(cell.points, 6)
         width = cell.right - cell.left
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             kept = tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b)
             out.append(
                 Cell(
@@ -223,32 +234,14 @@ def refine(
                 )
             )
         cut += 1
-    return mesh_of(out), f"cut {cut} intervals, raised the degree on {raised}"
+    words = f"cut {cut} intervals, raised the degree on {raised}, merged {joined}"
+    return mesh_of(out), words
 
 
-def merged(
-    mesh: PhaseMesh, phase: PhaseSolution, indicator: FloatArray, scale: FloatArray
-) -> PhaseMesh:
-    """Merge neighbours that are far below the tolerance and lie on one polynomial."""
-    cells = cells_of(mesh)
-    out = [cells[0]]
-    last_indicator = indicator[0]
-    for k in range(1, len(cells)):
-        cell, former = cells[k], out[-1]
-        alike = cell.arc == former.arc and cell.degrees == former.degrees
-        small = max(last_indicator, indicator[k]) < 1e-3
-        if alike and small and _one_polynomial(phase, k, scale):
-            out[-1] = replace(
-                former,
-                right=cell.right,
-                points=max(cell.points, former.points),
-                path_points=(),
-            )
-            last_indicator = np.inf
-        else:
-            out.append(cell)
-            last_indicator = indicator[k]
-    return mesh_of(out)
+def _alike(cell: Cell, former: Cell) -> bool:
+    """Whether two neighbours may become one interval."""
+    plain = not cell.path_points and not former.path_points
+    return plain and cell.arc == former.arc and cell.degrees == former.degrees
 
 
 def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
@@ -293,7 +286,7 @@ def arc_mesh(
         degrees = {}
         for j, name, degree in free_controls:
             degrees[name] = 0 if structure.classes[arc, j] != 0 else degree
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             n = min(max(count, 6), MOST_POINTS)
             cells.append(
                 Cell(

@@ -1,0 +1,55 @@
+"""How an adaptive solve is steered, and the rules of thumb it follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from showc.ocp.solver import SolverOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from showc.ocp.mesh import Mesh
+    from showc.ocp.nodes import Scheme
+    from showc.ocp.refine import Rule
+    from showc.ocp.solution import MeshRecord
+
+INNER_DEGREE = 3
+"""Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
+badly determined there, and a high degree would only oscillate."""
+BOUNDARY_SHARE = 0.6
+"""Share of an interval from which a path constraint counts as active all along."""
+LITTLE_VIOLATION = 3e-4
+"""Violation of a path constraint from which on it is tightened, not chased."""
+CAUTION = 0.25
+"""Share of the tolerance that the estimate of the objective's error may take."""
+SWITCH_TRIALS = 4
+"""How often switch times are placed anew in one solve."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a problem is solved; the defaults are meant for every problem."""
+
+    tolerance: float = 1e-6
+    """Wanted relative error: of every state between the nodes over its range, of
+    every path constraint over its scale, of the objective."""
+    mesh: Mesh | None = None
+    """First mesh; by default ten intervals of four points in each phase."""
+    meshes: int = 14
+    """Greatest number of meshes."""
+    points: int = 1500
+    """Greatest number of collocation points; refinement stops there."""
+    scheme: Scheme = "gauss"
+    """Collocation points."""
+    rule: Rule = "decay"
+    """How an interval is refined; see :mod:`showc.ocp.refine`."""
+    switches: bool = True
+    """Whether switch times may become unknowns."""
+    scales: Mapping[str, float] = field(default_factory=dict)
+    """Typical magnitudes by name, where bounds do not tell them."""
+    solver: SolverOptions = field(default_factory=SolverOptions)
+    """How each nonlinear program is solved."""
+    progress: Callable[[MeshRecord], None] | None = None
+    """Called after each mesh."""

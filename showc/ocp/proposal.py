@@ -1,0 +1,199 @@
+"""What to try next: switch times placed, or intervals refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.audit import ranges
+from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.options import BOUNDARY_SHARE, INNER_DEGREE, LITTLE_VIOLATION
+from showc.ocp.refine import arc_mesh, refine
+from showc.ocp.switches import detect
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.audit import PhaseAudit, PhaseAuditor
+    from showc.ocp.judgement import Judgement
+    from showc.ocp.limits import Table
+    from showc.ocp.options import Options
+    from showc.ocp.problem import Problem
+    from showc.ocp.switches import Structure
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """The next mesh to try."""
+
+    mesh: Mesh
+    arcs: tuple[FloatArray, ...]
+    """First guess of the arcs' durations, phase by phase."""
+    structures: tuple[Structure | None, ...]
+    words: str
+    """What was done, and why."""
+    places_switches: bool = False
+
+
+def inner_degree(auditor: PhaseAuditor, control: int) -> int:
+    """Degree of a control between its bounds; -1 for the points' own."""
+    return INNER_DEGREE if auditor.affine[control] else -1
+
+
+def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Structure:
+    """Arcs of one phase of a solution."""
+    phase = auditor.phase
+    pairs = [table["bounds", phase.name, name] for name in phase.states]
+    bounds = np.array(pairs).reshape(-1, 2)
+    return detect(
+        judgement.solution.phases[auditor.index],
+        auditor.control_bounds(table),
+        (bounds[:, 0], bounds[:, 1]),
+        (
+            partial(auditor.path_values, judgement.solution),
+            auditor.path_bounds(table),
+        ),
+    )
+
+
+def place_switches(
+    judgement: Judgement,
+    auditors: Sequence[PhaseAuditor],
+    table: Table,
+    refused: Sequence[Structure],
+) -> Proposal | None:
+    """Mesh whose arcs are those seen in the solution; ``None`` if nothing new.
+
+    Arcs are believed only where the dynamics are about right and the mesh has at
+    least two intervals for each; ``refused`` are structures that did not help.
+    """
+    if judgement.error.dynamics > 1e-2:
+        return None
+    meshes: list[PhaseMesh] = []
+    arcs: list[FloatArray] = []
+    structures: list[Structure | None] = []
+    placed = 0
+    for auditor, part, known in zip(
+        auditors, judgement.solution.phases, judgement.structures, strict=True
+    ):
+        structure = _structure(judgement, auditor, table)
+        count = structure.times.size
+        least = 1 if known is None else max(known.times.size, 1)
+        believed = least <= count <= part.mesh.intervals // 2
+        seen = [known, *refused] if known is not None else list(refused)
+        if not believed or any(structure.same_as(former) for former in seen):
+            meshes.append(part.mesh)
+            arcs.append(part.arc_durations)
+            structures.append(known)
+            continue
+        free = [
+            (j, name, inner_degree(auditor, j))
+            for j, (name, control) in enumerate(auditor.phase.controls.items())
+            if control.degree is None
+        ]
+        mesh, durations = arc_mesh(part, structure, free)
+        meshes.append(mesh)
+        arcs.append(durations)
+        structures.append(structure)
+        placed += count
+    if not placed:
+        return None
+    return Proposal(
+        Mesh(tuple(meshes)),
+        tuple(arcs),
+        tuple(structures),
+        f"{placed} switch times placed",
+        places_switches=True,
+    )
+
+
+def refined(judgement: Judgement, options: Options) -> Proposal:
+    """Mesh with the intervals refined whose errors are too great."""
+    meshes: list[PhaseMesh] = []
+    words = []
+    for i, part in enumerate(judgement.solution.phases):
+        audit = judgement.audits[i]
+        mesh, action = refine(
+            _with_path_points(part.mesh, audit, options.tolerance),
+            part,
+            judgement.indicators[i],
+            rule=options.rule,
+            scale=ranges(part.states),
+            must_cut=judgement.must_cut[i],
+        )
+        if audit.path.max() > options.tolerance:
+            words.append("path constraints added where they were violated")
+        words.append(action)
+        meshes.append(mesh)
+    return Proposal(
+        Mesh(tuple(meshes)),
+        tuple(part.arc_durations for part in judgement.solution.phases),
+        judgement.structures,
+        "; ".join(words),
+    )
+
+
+def _with_path_points(
+    mesh: PhaseMesh, audit: PhaseAudit, tolerance: float
+) -> PhaseMesh:
+    """Let path constraints hold where they are violated between the nodes too.
+
+    A new place replaces old ones next to it. Where places have been added before
+    and little is left, the constraint is tightened by what is left: chasing the
+    place of the greatest violation would never end.
+    """
+    points = [list(places) for places in mesh.path_points]
+    margins = list(mesh.path_margins)
+    for k in range(mesh.intervals):
+        violation = float(audit.path[k])
+        if violation <= tolerance or audit.path_active[k] > BOUNDARY_SHARE:
+            continue
+        if violation < LITTLE_VIOLATION and len(points[k]) > 2:
+            margins[k] += 1.5 * violation
+            continue
+        for place in audit.path_places[k]:
+            points[k] = [s for s in points[k] if abs(s - place) > 0.03]
+            points[k].append(float(np.clip(place, 0.0, 1.0)))
+    return replace(
+        mesh,
+        path_points=tuple(tuple(sorted(p)) for p in points),
+        path_margins=tuple(margins),
+    )
+
+
+def with_ends(problem: Problem, mesh: Mesh) -> Mesh:
+    """Let path constraints hold at the ends of intervals, which Gauss points miss."""
+    return Mesh(
+        tuple(
+            replace(
+                part,
+                path_points=tuple(
+                    tuple(sorted({0.0, 1.0, *places})) for places in part.path_points
+                ),
+            )
+            if phase.path_constraints
+            else part
+            for phase, part in zip(problem.phases, mesh.phases, strict=True)
+        )
+    )
+
+
+def plain_mesh(auditors: Sequence[PhaseAuditor], intervals: int, points: int) -> Mesh:
+    """Equal intervals, with the degrees of controls that are left to the solver."""
+    phases = []
+    for auditor in auditors:
+        degrees = {
+            name: (min(INNER_DEGREE, points - 1),) * intervals
+            for j, (name, control) in enumerate(auditor.phase.controls.items())
+            if control.degree is None and auditor.affine[j]
+        }
+        mesh = PhaseMesh.uniform(intervals, points)
+        phases.append(replace(mesh, control_degrees=degrees))
+    return Mesh(tuple(phases))
