@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
 _STILL = 1e-9
-_LARGEST_STEP = 1.25
+_QUICK = 80
 
 
 def whole_milliseconds(time: float) -> float:
@@ -176,7 +176,7 @@ class _Solver:
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )
-            gap = max(1.6 * gap, gap + 0.006)
+            gap = self._next_gap(gap, repair)
             if gap > self.options.gap_limit:
                 raise SolveError(
                     f"{self.where}: {repair.trouble}, even in {time:.3f} s "
@@ -184,7 +184,9 @@ class _Solver:
                     "slowest drone needs); move the formations apart or let the "
                     "assignment be optimal"
                 )
-        for _ in range(3):
+        # Coming back down is worth it only where a try is quick.
+        tries = 3 if repair.counts.get("repair_solves", 0.0) < _QUICK else 0
+        for _ in range(tries):
             middle = whole_milliseconds(0.5 * (failed + best.duration))
             small = (best.duration - failed) < 0.008 * limiting.time
             if small or middle >= best.duration or failed <= limiting.time:
@@ -195,6 +197,12 @@ class _Solver:
             else:
                 failed = middle
         return self._finish(best, limiting)
+
+    def _next_gap(self, gap: float, repair: Repair) -> float:
+        """Allow more time after a failure: much more where a crowd is tangled."""
+        crowded = repair.counts.get("first_conflicts", 0.0) > 0.5 * len(repair.flown)
+        step = 0.02 if crowded else 0.006
+        return max(1.6 * gap, gap + step)
 
     def _repair(self, time: float, shared: Profile) -> Repair:
         self.tried.add("common_times_tried")

@@ -15,8 +15,8 @@ from showc.flight import Trajectory
 from showc.solve.bend import bent, head_on_crowds
 from showc.solve.conflicts import conflicts
 from showc.solve.flat import keeps_limits
-from showc.solve.single import follow
-from showc.solve.spline import SplineFlight, follow_spline
+from showc.solve.program import NO_WALLS
+from showc.solve.staying import OPTIMAL, SPLINE, STRAIGHT, stay_apart, stay_near
 from showc.solve.straight import fly_straight
 from showc.solve.synchronise import best_profile
 from showc.solve.tracks import tracks_of
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from showc.solve.pool import Workers
     from showc.solve.profile import Profile
     from showc.solve.single import Aircraft
+    from showc.solve.staying import Outcome
     from showc.solve.walls import PairWalls
-    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
@@ -44,8 +44,8 @@ TOLERANCE = 1e-7
 _MARGIN = 2e-3
 _INTERVAL = 0.15
 _PATIENCE = 4
+_STILL = 1e-9
 
-STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
 
 
 class Repair:
@@ -83,6 +83,8 @@ class Repair:
         self.kind: list[str] = []
         self._positions: dict[int, FloatArray] = {}
         self._rigid: set[int] = set()
+        # Who does not move hovers, and is flown around.
+        self._hovers = np.linalg.norm(goal - start, axis=1) < _STILL
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -139,7 +141,7 @@ class Repair:
             moves.setdefault(key, []).append(row)
         groups = list(moves.values())
         self.progress.stage(f"{self.name}: drones without slack", len(groups))
-        results: list[tuple[str, Trajectory | None, str]] = self.workers.run(
+        results: list[Outcome] = self.workers.run(
             stay_near,
             [
                 (
@@ -238,7 +240,14 @@ class Repair:
     ) -> bool:
         """Solve the drones of ``pairs`` again, behind the walls of all active pairs."""
         count = len(self.flown)
-        busy = sorted({row for pair in pairs for row in pair if row < count})
+        busy = sorted(
+            {
+                row
+                for pair in pairs
+                for row in pair
+                if row < count and not self._hovers[row]
+            }
+        )
         walls: dict[int, list[tuple[IntArray, FloatArray, FloatArray]]] = {
             row: [] for row in busy
         }
@@ -251,8 +260,8 @@ class Repair:
             if second in walls and found.interval.size:
                 walls[second].append((found.interval, -found.normal, found.second))
         self.progress.stage(f"{self.name}: repair", len(busy))
-        results: list[SplineFlight | None] = self.workers.run(
-            follow_spline,
+        results: list[Outcome] = self.workers.run(
+            stay_apart,
             [
                 (
                     self.aircraft,
@@ -260,7 +269,8 @@ class Repair:
                     self.goal[row],
                     self.reference,
                     self.intervals,
-                    gathered(walls[row]),
+                    gathered(walls[row]) if walls[row] else NO_WALLS,
+                    self._sampled(row),
                 )
                 for row in busy
             ],
@@ -269,21 +279,26 @@ class Repair:
         self._count("repair_solves", len(busy))
         changed = False
         self._rigid.clear()
-        for row, result in zip(busy, results, strict=True):
-            if result is None:
+        for row, (kind, trajectory, _) in zip(busy, results, strict=True):
+            self._positions.pop(row, None)
+            if trajectory is None:
                 # It stays as it is; its partners take the whole correction next.
                 self._rigid.add(row)
-                self._positions.pop(row, None)
                 continue
             changed = True
-            self.flown[row] = result.flight.trajectory(0)
-            self.kind[row] = SPLINE
-            self._positions.pop(row, None)
+            self.flown[row] = trajectory
+            self.kind[row] = kind
         return changed
 
     def _pair_walls(self, first: int, second: int, tries: int) -> PairWalls:
         count = len(self.flown)
-        stuck = [row >= count or row in self._rigid for row in (first, second)]
+        stuck = [
+            row >= count or row in self._rigid or self.kind[row] == OPTIMAL
+            for row in (first, second)
+        ]
+        hovering = [row >= count or self._hovers[row] for row in (first, second)]
+        if hovering[0] != hovering[1]:
+            stuck = hovering
         share = 0.5 if stuck[0] == stuck[1] else float(stuck[1])
         return pair_walls(
             self._sampled(first),
@@ -315,22 +330,6 @@ class Repair:
 
     def _count(self, name: str, value: float) -> None:
         self.counts[name] = self.counts.get(name, 0.0) + value
-
-
-def stay_near(
-    aircraft: Aircraft,
-    start: FloatArray,
-    goal: FloatArray,
-    reference: PiecewisePolynomial,
-    intervals: int,
-) -> tuple[str, Trajectory | None, str]:
-    """Fly one drone near a reference: how, its flight if there is one, why not."""
-    if aircraft.yaw == "held":
-        found = follow_spline(aircraft, start, goal, reference, intervals)
-        if found is not None:
-            return SPLINE, found.flight.trajectory(0), ""
-    result = follow(aircraft, start, goal, reference.end, reference=reference)
-    return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
 def _moved(trajectory: Trajectory, offset: FloatArray) -> Trajectory:
