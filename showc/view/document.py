@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def text(value: object) -> str:
-    """Escape a value for HTML."""
-    return html.escape(str(value))
+    """Escape a value for HTML; arrows of plain characters become real ones."""
+    return html.escape(str(value).replace("->", "→"))
 
 
 def clock(seconds: float) -> str:
@@ -23,14 +23,19 @@ def clock(seconds: float) -> str:
 
 
 def table(
-    heads: Sequence[str], rows: Sequence[str], *, words: frozenset[int] = frozenset()
+    heads: Sequence[str],
+    rows: Sequence[str],
+    *,
+    words: frozenset[int] = frozenset(),
+    kind: str = "",
 ) -> str:
     """HTML table; the columns of index in ``words`` are set to the left."""
     head = "".join(
         f"<th{_left(index, words)}>{name}</th>" for index, name in enumerate(heads)
     )
     return (
-        f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        f'<table class="{kind}"><thead>'
+        f"<tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
     )
 
 

@@ -87,7 +87,7 @@ def _head(logged: LoggedShow, course: Course, drone: int) -> str:
         f"<header><div><h1>{text(message.name)}</h1>"
         f"<p>{text(logged.rules.name)} · drone {drone + 1} · "
         f"{text(message.from_formation)} → {text(message.to_formation)}</p></div>"
-        f"</header><h2>Solution</h2>{table(['', ''], rows, words=words)}"
+        f"</header><h2>Solution</h2>{table(['', ''], rows, words=words, kind='facts')}"
         "<h2>Course<small>time since the start of the leg [s]; grey borders: mesh "
         "intervals</small></h2>"
     )

@@ -87,8 +87,8 @@ def render_page(logged: LoggedShow) -> str:
         title=html.escape(logged.rules.name),
         style=(folder / "style.css").read_text("utf-8"),
         script="\n".join((folder / name).read_text("utf-8") for name in SCRIPTS),
-        # "</" inside a script element would end it.
-        header=json.dumps(header, separators=(",", ":")).replace("</", "<\\/"),
+        # A "<" inside a script element could end it or hide what follows.
+        header=json.dumps(header, separators=(",", ":")).replace("<", "\\u003c"),
         data=base64.b64encode(zlib.compress(payload, 6)).decode("ascii"),
     )
 
@@ -186,7 +186,7 @@ def _segment(one: Digest) -> dict[str, Any]:
     message = one.segment.message
     label = {"launch": "launch", "approach": "to the pads", "land": "land"}
     return {
-        "name": message.name,
+        "name": message.name.replace("->", "→"),
         "label": label.get(one.segment.kind, message.to_formation or message.name),
         "kind": one.segment.kind,
         "start": one.segment.start,

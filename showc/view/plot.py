@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT = 460.0, 170.0
-LEFT, RIGHT, TOP, BOTTOM = 44.0, 8.0, 8.0, 22.0
+LEFT, RIGHT, TOP, BOTTOM = 52.0, 8.0, 8.0, 22.0
 COLOURS = ("#2459c4", "#d9541e", "#14804a", "#8b3fb5")
 """Of the curves, in order."""
 
@@ -34,11 +34,11 @@ class Curve:
 
 
 def ticks(low: float, high: float, *, count: int = 5) -> list[float]:
-    """Round numbers within [low, high], about ``count`` of them."""
+    """Round numbers within [low, high], ``count`` of them or one or two beside."""
     span = high - low
-    rough = span / count
-    power = 10.0 ** floor(log10(rough))
-    step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * 0.999)
+    power = 10.0 ** floor(log10(span / count))
+    steps = [factor * power for factor in (1.0, 2.0, 2.5, 5.0, 10.0)]
+    step = next(step for step in steps if span / step <= count + 1.5)
     first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
     return [k * step for k in range(first, last + 1)]
 

@@ -24,6 +24,8 @@ SHAPES = {
     pb.Separation.ANY_AXIS: "any axis",
     pb.Separation.ALL_AXES: "all axes",
 }
+TOLERANCE = 1e-6
+"""Separation that the verifier lets pass below the rule [m]."""
 WORDS = {"pass": "ok", "fail": "FAILED", "warning": "warning", "skipped": "not checked"}
 
 
@@ -77,22 +79,28 @@ def _head(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
 
 def _figures(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     nearest = tightest(digests)
+    rule = logged.rules.separation.distance
     shown = [
-        (str(logged.drones), "drones"),
-        (clock(logged.duration), "from take-off to landing"),
-        (str(sum(one.moving for one in digests)), "moves"),
-        (f"{logged.positions[..., 2].max():.1f} m", "greatest height"),
-        (f"{max(one.speed for one in digests):.2f} m/s", "greatest speed"),
+        (str(logged.drones), "drones", ""),
+        (clock(logged.duration), "from take-off to landing", ""),
+        (str(sum(one.moving for one in digests)), "moves", ""),
+        (f"{logged.positions[..., 2].max():.1f} m", "greatest height", ""),
+        (f"{max(one.speed for one in digests):.2f} m/s", "greatest speed", ""),
         (
             "–" if nearest is None else f"{nearest.distance:.2f} m",
-            f"smallest separation (rule: {logged.rules.separation.distance:.2f} m)",
+            f"smallest separation (rule: {rule:.2f} m)",
+            "fail" if _too_near(nearest, rule) else "",
         ),
     ]
     inner = "".join(
-        f"<div><b>{text(value)}</b><span>{text(name)}</span></div>"
-        for value, name in shown
+        f'<div><b class="{kind}">{text(value)}</b><span>{text(name)}</span></div>'
+        for value, name, kind in shown
     )
     return f'<section class="figures">{inner}</section>'
+
+
+def _too_near(closest: Encounter | None, rule: float) -> bool:
+    return closest is not None and closest.distance < rule - TOLERANCE
 
 
 def _site(logged: LoggedShow) -> str:
@@ -116,11 +124,12 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         "Smallest separation [m]", "Speed [m/s]", "Roll, pitch [°]",
     ]  # fmt: skip
     nearest = tightest(digests)
+    rule = logged.rules.separation.distance
     rows = []
     number = 0
     for one in digests:
         number += one.moving
-        rows.append(_move(one, number if one.moving else None, nearest))
+        rows.append(_move(one, number, nearest, rule))
     limits = logged.rules.limits
     fastest = max(
         max(abs(value) for value in (v.x, v.y, v.z))
@@ -136,10 +145,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
                 "",
                 "",
                 "",
-                (
-                    f"≥ {logged.rules.separation.distance:.2f} "
-                    f"({SHAPES[logged.rules.separation.shape]})"
-                ),
+                (f"≥ {rule:.2f} ({SHAPES[logged.rules.separation.shape]})"),
                 f"≤ {fastest:.2f} an axis",
                 f"≤ {degrees(max(one.tilt for one in limits)):.1f}",
             ],
@@ -158,7 +164,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
 
 
-def _move(one: Digest, number: int | None, nearest: Encounter | None) -> str:
+def _move(one: Digest, number: int, nearest: Encounter | None, rule: float) -> str:
     message = one.segment.message
     closest = one.closest
     way = f"{message.from_formation} → {message.to_formation}" if one.moving else ""
@@ -167,12 +173,14 @@ def _move(one: Digest, number: int | None, nearest: Encounter | None) -> str:
     if closest is not None:
         where = f"{closest.drone_a + 1} and {closest.drone_b + 1}"
         value = f"{closest.distance:.2f}"
+        if _too_near(closest, rule):
+            value = f'<span class="fail">{value}</span>'
         if closest is nearest:
             value = f"<b>◆ {value}</b>"
         distance = value + small(f"{where}, {clock(closest.time)}")
     return row(
         [
-            "" if number is None else str(number),
+            str(number) if one.moving else "",
             text(message.name) + small(text(way)),
             clock(one.segment.start),
             f"{one.segment.duration:.3f}",
@@ -222,7 +230,7 @@ def _checks(verification: Mapping[str, Any] | None) -> str:
         )
     return (
         "<h2>Margins and proofs<small>by showc verify, from the bytes of the log "
-        f"alone</small></h2>{table(heads, rows, words=words)}"
+        f"alone</small></h2>{table(heads, rows, words=words, kind='checks')}"
     )
 
 

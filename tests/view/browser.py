@@ -113,10 +113,10 @@ class Tab:
 
     def open(self, page: Path, query: str = "", *, seconds: float = 60.0) -> None:
         """Load a page of ours and wait until it has drawn itself."""
-        self.call("Page.navigate", url=f"{page.as_uri()}?{query}")
+        self.call("Page.navigate", url="about:blank")
+        self.call("Page.navigate", url=page.as_uri() + (f"?{query}" if query else ""))
         end = time.monotonic() + seconds
-        ready = "(document.documentElement?.dataset.ready ?? '')"
-        while self.evaluate(f"location.search === '?{query}' ? {ready} : ''") != "yes":
+        while self.evaluate("document.documentElement?.dataset.ready") != "yes":
             if time.monotonic() > end:
                 raise TimeoutError(f"{page} did not draw itself in {seconds} s")
             time.sleep(0.05)

@@ -1,0 +1,130 @@
+"""The page's own bytes: whole, small, closed, true to the log."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+
+import numpy as np
+import pytest
+from synthetic import gliding_flight
+
+from showc.view import render_page
+from showc.view.digest import digest, tightest
+
+
+def header_of(page: str) -> dict:
+    found = re.search(r'<script id="header"[^>]*>(.*?)</script>', page, re.DOTALL)
+    return json.loads(found.group(1))
+
+
+def payload_of(page: str) -> np.ndarray:
+    found = re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL)
+    raw = zlib.decompress(base64.b64decode(found.group(1)))
+    return np.frombuffer(raw, dtype=np.uint8)
+
+
+@pytest.fixture(scope="module")
+def page(gliding_log):
+    return render_page(gliding_log)
+
+
+def test_same_log_gives_the_same_page(gliding_log, page):
+    assert render_page(gliding_log) == page
+
+
+def test_page_asks_for_nothing_from_elsewhere(page):
+    assert "http" not in page.replace("http-equiv", "")
+    assert not re.search(r"<(link|img|iframe|script[^>]*\ssrc)", page)
+    assert "@import" not in page and "url(" not in page
+
+
+def test_positions_and_colours_survive(gliding_log, page):
+    header, data = header_of(page), payload_of(page)
+    frames, drones = header["frames"], header["drones"]
+    assert (frames, drones) == (gliding_log.times.size, 16)
+    count = 3 * frames * drones
+    second = data[:count].astype(np.uint16) | data[count : 2 * count].astype(
+        np.uint16
+    ) << np.uint16(8)
+    steps = second.view(np.int16).reshape(3, frames, drones).astype(np.int64)
+    place = np.moveaxis(steps.cumsum(axis=1).cumsum(axis=1), 0, -1)
+    scale = np.array(header["scale"])
+    found = header["origin"] + scale * place.astype(np.uint16).view(np.int16)
+    assert np.abs(found - gliding_log.positions).max() <= 0.5 * scale.max() + 1e-9
+    differences = data[2 * count : 3 * count].reshape(3, frames, drones)
+    colours = differences.cumsum(axis=1, dtype=np.uint8)
+    for channel, name in enumerate(("red", "green", "blue")):
+        assert np.array_equal(colours[channel], gliding_log.samples[name])
+
+
+def test_signals_survive(gliding_log, page):
+    header, data = header_of(page), payload_of(page)
+    frames, drones = header["frames"], header["drones"]
+    begin = 9 * frames * drones
+    size = header["signalFrames"] * drones
+    speed = data[begin : begin + size].reshape(-1, drones).cumsum(0, dtype=np.uint8)
+    exact = np.sqrt(
+        sum(gliding_log.samples[n].astype(float) ** 2 for n in ("vx", "vy", "vz"))
+    )
+    assert header["signals"][0]["name"] == "Speed"
+    found = speed / 255.0 * header["signals"][0]["range"]
+    assert np.abs(found - exact).max() < header["signals"][0]["range"] / 500.0
+
+
+def test_meshes_are_those_of_the_trajectories(gliding_log, page):
+    header, data = header_of(page), payload_of(page)
+    index = data[-2 * len(gliding_log.segments) * 16 :].copy().view("<u2")
+    index = index.reshape(-1, 16)
+    for number, segment in enumerate(gliding_log.segments):
+        mesh = np.array(header["meshes"][index[number, 5]])
+        if segment.kind == "hold":
+            assert mesh.size == 0
+        else:
+            breaks = segment.trajectory(5).state.breaks / segment.duration
+            assert np.allclose(mesh, breaks, atol=1e-4)
+
+
+def test_encounters_and_chapters(gliding_log, page):
+    header = header_of(page)
+    nearest = tightest(digest(gliding_log))
+    marked = [e for e in header["encounters"] if e["tightest"]]
+    assert len(marked) == 1 and marked[0]["distance"] == nearest.distance
+    place = gliding_log.positions
+    step = int(np.searchsorted(gliding_log.times, nearest.time))
+    a, b = nearest.drone_a, nearest.drone_b
+    apart = np.linalg.norm(place[step, a] - place[step, b])
+    assert apart == pytest.approx(nearest.distance, abs=0.1)
+    kinds = [segment["kind"] for segment in header["segments"]]
+    assert kinds[0] == "launch" and kinds[-1] == "land" and "hold" in kinds
+
+
+def test_digest_finds_a_pair_the_certificate_missed(make_logged):
+    flight = gliding_flight(9)
+    logged = make_logged(flight)
+    for segment in logged.segments:
+        segment.message.certificate.closest.distance += 5.0
+    found = tightest(digest(logged))
+    exact = min(
+        leg.certificate.closest.distance
+        for leg in flight.legs
+        if leg.certificate.closest is not None
+    )
+    assert found.distance < exact + 0.2
+
+
+def test_names_cannot_break_out_of_the_page(make_logged):
+    logged = make_logged(gliding_flight(4))
+    logged.rules.name = "</script><script>alert('$header & more')</script>"
+    page = render_page(logged)
+    assert page.count("<script") == 3 and "<script>alert" not in page
+    assert header_of(page)["name"] == logged.rules.name
+
+
+@pytest.mark.slow
+def test_five_minutes_of_a_thousand_drones_stay_under_15_megabytes(big_page):
+    assert header_of(big_page)["duration"] > 300.0
+    assert header_of(big_page)["drones"] == 1000
+    assert len(big_page) < 15e6
