@@ -50,6 +50,7 @@ class _Worst:
         """Look at the values (n,) of some drones at one show time."""
         if values.size == 0:
             return
+        values = np.where(np.isnan(values), np.inf, values)
         index = int(np.argmax(values))
         self.count += int(np.sum(values > limit))
         if values[index] > self.value:

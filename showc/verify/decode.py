@@ -36,6 +36,9 @@ FORMAT_VERSION = 1
 RULES, SEGMENTS = "/show/rules", "/show/segments"
 TRAJECTORY = re.compile(r"/drone/(\d+)/trajectory")
 
+LARGEST, SMALLEST = 1e9, 1e-15
+"""Range of numbers that a show can hold (SI): beyond it products leave float64."""
+
 _LARGEST_DEGREE = 60
 """Beyond it binomials lose digits; no useful polynomial has it."""
 
@@ -63,6 +66,11 @@ def read_show(log: LogFile) -> LoggedShow:
             raise Damage(0, f"there is no {topic}; this is not a log of showc's")
     rules, epoch = _rules(log, topics[RULES])
     messages = _segments(log, topics[SEGMENTS], rules, epoch)
+    end = max(message.start + message.duration for message in messages.values())
+    if abs(end - rules.duration) > 1e-6:
+        raise Damage(
+            0, f"the last segment ends at {end} s, the show at {rules.duration} s"
+        )
     segments = _trajectories(log, rules, messages, epoch)
     return LoggedShow(
         rules, tuple(segment for _, segment in sorted(segments.items())), epoch
@@ -96,6 +104,11 @@ def _rules(log: LogFile, channel: int) -> tuple[pb.Rules, int]:
         )
     _check_rules(rules, offset)
     return rules, epoch
+
+
+def _sane(values: FloatArray) -> bool:
+    """Whether all values are numbers of a size with which one can calculate."""
+    return bool(np.all(np.abs(values) < LARGEST))
 
 
 def _vector(vector: pb.Vector3) -> list[float]:
@@ -137,12 +150,12 @@ def _check_rules(rules: pb.Rules, offset: int) -> None:
         numbers += formation.points
         if len(formation.points) % 3:
             raise Damage(offset, f"formation {formation.name!r} is no list of points")
-    if not all(map(math.isfinite, numbers)):
-        raise Damage(offset, "the rules of the show hold a number that is not finite")
+    if not all(abs(number) < LARGEST for number in numbers):
+        raise Damage(offset, "the rules of the show hold a number beyond all measure")
     for name, value in positive.items():
-        if value <= 0.0:
+        if value < SMALLEST:
             raise Damage(offset, f"the rules of the show say {value} for {name}")
-    if rules.drones >= 1 << 16 or not rules.limits:
+    if rules.drones >= 1 << 16 or not rules.limits or rules.log_rate > 1e3:
         raise Damage(offset, "the rules of the show make no sense")
 
 
@@ -176,11 +189,11 @@ def _check_segment(message: pb.Segment, rules: pb.Rules, offset: int) -> None:
         and drones[-1] < rules.drones
         and message.limits < len(rules.limits)
         and message.kind in pb.Segment.Kind.values()
-        and math.isfinite(message.start)
-        and math.isfinite(message.duration)
+        and abs(message.start) < LARGEST
+        and abs(message.duration) < LARGEST
         and message.start >= 0.0
         and message.duration > 0.0
-        and np.all(np.isfinite(goals))
+        and _sane(goals)
         and math.isfinite(certificate.dual_bound)
         and math.isfinite(certificate.single_drone_minimum)
     ):
@@ -270,9 +283,9 @@ def _trajectory(data: bytes, start: int, size: int, offset: int) -> _Trajectory:
         and max(degrees) <= _LARGEST_DEGREE
         and state.size == pieces * (degrees[0] + 1) * STATE_COMPONENTS
         and control.size == pieces * (degrees[1] + 1) * CONTROL_COMPONENTS
-        and np.all(np.isfinite(state))
-        and np.all(np.isfinite(control))
-        and np.all(np.isfinite(breaks))
+        and _sane(state)
+        and _sane(control)
+        and _sane(breaks)
         and np.all(np.diff(breaks) > 0.0)
     ):
         raise Damage(offset, "a trajectory contradicts itself")

@@ -86,7 +86,9 @@ def verify_log(
     watch.stage("reading every byte")
     log = open_log(Path(path))
     try:
-        return _verify(log, watch, missions=missions)
+        # What overflows is infinite or undefined, and no check passes with that.
+        with np.errstate(all="ignore"):
+            return _verify(log, watch, missions=missions)
     except Damage as damage:
         raise DamagedLogError(
             str(path), damage.text, damage.offset, log.good_until(damage.offset)
@@ -194,9 +196,6 @@ def _agreement(show: LoggedShow, metadata: dict[str, str]) -> Check:
             same = False
         if not same:
             bad.append(f"{key}: {metadata.get(key)!r}, the rules say {value!r}")
-    ends = max(segment.end for segment in show.segments)
-    if abs(ends - show.duration) > 1e-6:
-        bad.append(f"the last segment ends at {ends} s, the show at {show.duration} s")
     return Check(
         "integrity",
         "metadata, rules and segments agree",

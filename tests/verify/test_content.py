@@ -29,9 +29,18 @@ TOPICS = (
 )
 
 
+class Bytes(bytes):
+    """Bytes that do not print themselves when a test fails."""
+
+    __slots__ = ()
+
+    def __repr__(self):
+        return f"<{len(self)} bytes>"
+
+
 @pytest.fixture(scope="module")
 def data(log_path):
-    return log_path.read_bytes()
+    return Bytes(log_path.read_bytes())
 
 
 def verified(content, tmp_path):
@@ -116,6 +125,38 @@ def test_mass_zero_is_damage(data, tmp_path):
 
     with pytest.raises(DamagedLogError, match="mass"):
         verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
+
+
+FIELDS = [
+    *(("vehicle", name) for name in ("mass", "arm_length", "torque_factor")),
+    *(("vehicle", name) for name in ("thrust_coefficient", "torque_coefficient")),
+    *(("vehicle", name) for name in ("rotor_speed_max", "gravity")),
+    *(("separation", name) for name in ("distance", "vertical_stretch")),
+    *(("site", name) for name in ("latitude", "altitude", "heading")),
+    ("", "duration"),
+    ("", "log_rate"),
+    ("", "heading"),
+]
+
+
+@SETTINGS
+@given(
+    field=st.sampled_from(FIELDS),
+    value=st.sampled_from([0.0, -1.0, 1e-300, 1e-14, 1e-6, 1e6, 9e8, 1e300]),
+)
+def test_absurd_rules_raise_nothing_else(data, tmp_path, field, value):
+    part, name = field
+
+    def change(rules):
+        setattr(getattr(rules, part) if part else rules, name, value)
+
+    content = changed(data, pb.Rules, "/show/rules", 0, change)
+    try:
+        verification = verified(content, tmp_path)
+    except DamagedFileError as error:
+        assert "byte" in str(error)  # noqa: PT017
+    else:
+        assert verification.exit_code in {0, 1}
 
 
 def test_a_trajectory_left_out_is_damage(data, tmp_path):
