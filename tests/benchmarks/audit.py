@@ -131,7 +131,7 @@ def reintegrate(
     controls are cut at their bounds. Compared at both ends and at nine instants
     within every interval. Infinite where the flight diverges.
     """
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 - not needed by the harness
+    from scipy.integrate import solve_ivp
 
     low = np.array([-np.inf if c.lower is None else c.lower for c in problem.controls])
     high = np.array([np.inf if c.upper is None else c.upper for c in problem.controls])

@@ -45,9 +45,7 @@ def evaluate(text: str | float, names: Mapping[str, Any], functions: Any = NUMBE
                 return names[node.id]
             if node.id == "pi":
                 return math.pi
-            raise ValueError(
-                f"unknown name {node.id!r} in {text!r}; wanted {[*names]}"
-            )
+            raise ValueError(f"unknown name {node.id!r} in {text!r}; wanted {[*names]}")
         if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
             return OPERATORS[type(node.op)](value(node.left), value(node.right))
         if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
@@ -116,6 +114,8 @@ class Problem:
     optimum: float | None
     accuracy: float
     source: str
+    bang_bang: bool = False
+    """Whether all controls are at a bound at all times: peers that must be told are."""
 
     @property
     def fixed_duration(self) -> bool:
@@ -221,4 +221,5 @@ def parse(name: str, data: Mapping[str, Any]) -> Problem:
         optimum=_number(data.get("optimum")),
         accuracy=float(data.get("accuracy", 0.0)),
         source=data.get("source", ""),
+        bang_bang="bang-bang" in data["features"],
     )

@@ -18,8 +18,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.audit import limit_threads, report  # noqa: E402
-from benchmarks.problem import Problem  # noqa: E402
+from benchmarks.audit import limit_threads, report
+from benchmarks.problem import Problem
 
 
 def work(case: dict) -> dict[str, object]:

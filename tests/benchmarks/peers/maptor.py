@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import casadi
 import maptor
 import numpy as np
-from maptor.radau import _compute_radau_collocation_components
-
 from benchmarks.audit import Answer, Piece
+from maptor.radau import _compute_radau_collocation_components
 
 if TYPE_CHECKING:
     from benchmarks.problem import Problem
@@ -102,14 +101,16 @@ def _answer(solution, sign: float, solves: int, problem: Problem) -> Answer:
     degrees = [int(degree) for degree in mesh["polynomial_degrees"]]
     start, end = data["times"]["initial"], data["times"]["final"]
     borders = start + (np.asarray(mesh["mesh_nodes"]) + 1.0) / 2.0 * (end - start)
-    raw = solution._raw_solution  # noqa: SLF001 - the node values of each interval
+    raw = solution._raw_solution
     state_values = raw.phase_solved_state_trajectories_per_interval[1]
     control_values = raw.phase_solved_control_trajectories_per_interval[1]
     pieces = []
     for k, degree in enumerate(degrees):
         radau = _compute_radau_collocation_components(degree)
         width = (borders[k + 1] - borders[k]) / 2.0
-        at_states = borders[k] + width * (np.asarray(radau.state_approximation_nodes) + 1)
+        at_states = borders[k] + width * (
+            np.asarray(radau.state_approximation_nodes) + 1
+        )
         at_controls = borders[k] + width * (np.asarray(radau.collocation_nodes) + 1.0)
         pieces.append(
             Piece(

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import casadi
 import numpy as np
-from mpopt import mp
-
 from benchmarks.audit import Answer, Piece
+from mpopt import mp
 
 if TYPE_CHECKING:
     from benchmarks.problem import Problem
@@ -28,21 +27,21 @@ def solve(problem: Problem, settings: dict) -> Answer:
     def split(x, u):
         return [x[i] for i in range(len(states))], [u[i] for i in range(len(controls))]
 
-    ocp.dynamics[0] = lambda x, u, t: problem.rates(*split(x, u), casadi)
+    ocp.dynamics[0] = lambda x, u, _: problem.rates(*split(x, u), casadi)
     sign = -1.0 if problem.maximise else 1.0
     names = [state.name for state in states]
     if problem.integrand is not None:
-        ocp.running_costs[0] = lambda x, u, t: problem.cost_rate(*split(x, u), casadi)
+        ocp.running_costs[0] = lambda x, u, _: problem.cost_rate(*split(x, u), casadi)
     elif problem.objective == "t":
-        ocp.terminal_costs[0] = lambda xf, tf, x0, t0: tf
+        ocp.terminal_costs[0] = lambda _xf, tf, _x0, _t0: tf
     else:
         column = names.index(problem.objective)
-        ocp.terminal_costs[0] = lambda xf, tf, x0, t0: sign * xf[column]
-    ocp.terminal_constraints[0] = lambda xf, tf, x0, t0: [
+        ocp.terminal_costs[0] = lambda xf, _tf, _x0, _t0: sign * xf[column]
+    ocp.terminal_constraints[0] = lambda xf, _tf, _x0, _t0: [
         xf[i] - s.end for i, s in enumerate(states) if s.end is not None
     ]
     if problem.paths:
-        ocp.path_constraints[0] = lambda x, u, t: [
+        ocp.path_constraints[0] = lambda x, u, _: [
             path.lower - value
             for path, value in zip(
                 problem.paths, problem.path_values(*split(x, u), casadi), strict=True
@@ -59,7 +58,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
     ocp.ubu[0] = [np.inf if c.upper is None else c.upper for c in controls]
     ocp.validate()
     intervals, degree = settings["mesh"]
-    mp.mpopt_h_adaptive._TOL_RESIDUAL = settings["tolerance"]  # noqa: SLF001 - its way
+    mp.mpopt_h_adaptive._TOL_RESIDUAL = settings["tolerance"]
     optimiser = mp.mpopt_h_adaptive(ocp, intervals, [degree] * intervals, "LGR")
     solution = optimiser.solve(
         max_iter=10,

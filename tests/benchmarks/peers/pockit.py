@@ -1,7 +1,8 @@
 """Pockit: Radau collocation, SymPy compiled by Numba, IPOPT through cyipopt.
 
 The package gives checks and refinement steps; this module writes the loop around them
-and marks the bounded controls as bang-bang, as its documentation asks the user to.
+and marks the controls of problems known to be bang-bang, as its documentation asks the
+user to (marked wrongly, it cuts the mesh without end).
 """
 
 from __future__ import annotations
@@ -27,10 +28,9 @@ def _load_ipopt() -> None:
 
 _load_ipopt()
 
+from benchmarks.audit import Answer, Piece  # noqa: E402
 from pockit.optimizer import ipopt  # noqa: E402
 from pockit.radau import System, constant_guess  # noqa: E402
-
-from benchmarks.audit import Answer, Piece  # noqa: E402
 
 if TYPE_CHECKING:
     from benchmarks.problem import Problem
@@ -50,10 +50,9 @@ def solve(problem: Problem, settings: dict) -> Answer:
     """Solve from ``settings["mesh"]``, refined until its own check passes."""
     intervals, degree = settings["mesh"]
     tolerance = settings["tolerance"]
-    system, phase = _system(problem, settings.get("bang_bang", True))
-    phase.set_discretization(intervals, degree)
-    system.set_phase([phase])
-    guess = _guess(problem, phase)
+    system, phase = _system(problem, intervals, degree)
+    statics = _statics(problem)
+    guess = [_guess(problem, phase), statics] if statics else _guess(problem, phase)
     options = {"print_level": 0, "sb": "yes", "max_iter": 3000}
     value, info = ipopt.solve(system, guess, options)
     limits = {
@@ -71,7 +70,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
     message = message.decode() if isinstance(message, bytes) else str(message)
     if not passed:
         message = f"its own check did not pass in {MESHES} meshes; {message}"
-    pieces = _pieces(problem, value)
+    pieces = _pieces(problem, value[0] if statics else value)
     return Answer(
         objective=sign * float(info["obj_val"]),
         pieces=pieces,
@@ -82,9 +81,13 @@ def solve(problem: Problem, settings: dict) -> Answer:
     )
 
 
-def _system(problem: Problem, bang_bang: bool):
+def _system(problem: Problem, intervals: int, degree: int):
     states, controls = problem.states, problem.controls
-    system = System(0)
+    # The final time and a final state in the objective are static parameters: that is
+    # how the package lets an objective name them.
+    names = ["final_time", "final_state"][: len(_statics(problem))]
+    system = System(names)
+    free_time = None if problem.fixed_duration else system.s[0]
     phase = system.new_phase([s.name for s in states], [c.name for c in controls])
     x, u = list(phase.x), list(phase.u)
     phase.set_dynamics(problem.rates(x, u, FUNCTIONS))
@@ -97,8 +100,7 @@ def _system(problem: Problem, bang_bang: bool):
         rows.append(symbol)
         lower.append(-np.inf if quantity.lower is None else quantity.lower)
         upper.append(np.inf if quantity.upper is None else quantity.upper)
-        both = quantity.lower is not None and quantity.upper is not None
-        marks.append(bang_bang and quantity in controls and both)
+        marks.append(problem.bang_bang and quantity in controls)
     for path, value in zip(
         problem.paths, problem.path_values(x, u, FUNCTIONS), strict=True
     ):
@@ -110,24 +112,29 @@ def _system(problem: Problem, bang_bang: bool):
         phase.set_phase_constraint(rows, lower, upper, marks)
     phase.set_boundary_condition(
         [s.start for s in states],
-        [s.end for s in states],
+        [system.s[1] if s.name == problem.objective else s.end for s in states],
         0.0,
-        problem.duration[0] if problem.fixed_duration else None,
+        problem.duration[0] if problem.fixed_duration else free_time,
     )
+    phase.set_discretization(intervals, degree)
     system.set_phase([phase])
     sign = -1 if problem.maximise else 1
-    names = [state.name for state in states]
     if problem.integrand is not None:
         system.set_objective(phase.I[0])
     elif problem.objective == "t":
-        system.set_objective(phase.t_f)
+        system.set_objective(free_time)
     else:
-        system.set_objective(sign * phase.x_f[names.index(problem.objective)])
+        system.set_objective(sign * system.s[1])
     if not problem.fixed_duration:
         # Without a lower bound the final time runs away to minus infinity.
         low, high = problem.duration
-        system.set_system_constraint([phase.t_f], [low], [high])
+        system.set_system_constraint([free_time], [low], [high])
     return system, phase
+
+
+def _statics(problem: Problem) -> list[float]:
+    ends = [s.guess_end for s in problem.states if s.name == problem.objective]
+    return ends if problem.fixed_duration else [problem.duration_guess, *ends]
 
 
 def _guess(problem: Problem, phase):
@@ -143,7 +150,7 @@ def _guess(problem: Problem, phase):
 
 
 def _pieces(problem: Problem, value) -> list[Piece]:
-    counts = [int(count) for count in value._num_point]  # noqa: SLF001 - its mesh
+    counts = [int(count) for count in value._num_point]
     state_times, control_times = np.asarray(value.t_x), np.asarray(value.t_u)
     states = np.stack([value.x[i] for i in range(len(problem.states))], 1)
     controls = np.stack([value.u[i] for i in range(len(problem.controls))], 1)

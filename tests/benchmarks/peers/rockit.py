@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import casadi
 import numpy as np
 import rockit
-
 from benchmarks.audit import Answer, Piece
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
         ocp = rockit.Ocp(t0=0, T=problem.duration[0])
     else:
         ocp = rockit.Ocp(t0=0, T=rockit.FreeTime(problem.duration_guess))
-        ocp.subject_to((problem.duration[0] <= (ocp.T <= problem.duration[1])))
+        ocp.subject_to(problem.duration[0] <= (problem.duration[1] >= ocp.T))
     states = [ocp.state() for _ in problem.states]
     controls = [ocp.control() for _ in problem.controls]
     for symbol, rate in zip(
@@ -47,14 +46,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
         for value, path in zip(values, problem.paths, strict=True):
             ocp.subject_to(value >= path.lower)
     sign = -1.0 if problem.maximise else 1.0
-    names = [state.name for state in problem.states]
-    if problem.integrand is not None:
-        ocp.add_objective(ocp.integral(problem.cost_rate(states, controls, casadi)))
-    elif problem.objective == "t":
-        ocp.add_objective(ocp.T)
-    else:
-        symbol = states[names.index(problem.objective)]
-        ocp.add_objective(sign * ocp.at_tf(symbol))
+    _objective(ocp, problem, states, controls)
     fraction = ocp.t / problem.duration_guess
     for symbol, state in zip(states, problem.states, strict=True):
         ocp.set_initial(
@@ -80,9 +72,21 @@ def solve(problem: Problem, settings: dict) -> Answer:
     )
 
 
+def _objective(ocp, problem: Problem, states, controls) -> None:
+    sign = -1.0 if problem.maximise else 1.0
+    names = [state.name for state in problem.states]
+    if problem.integrand is not None:
+        ocp.add_objective(ocp.integral(problem.cost_rate(states, controls, casadi)))
+    elif problem.objective == "t":
+        ocp.add_objective(ocp.T)
+    else:
+        symbol = states[names.index(problem.objective)]
+        ocp.add_objective(sign * ocp.at_tf(symbol))
+
+
 def _bound(ocp, symbol, quantity) -> None:
     if quantity.lower is not None and quantity.upper is not None:
-        ocp.subject_to((quantity.lower <= (symbol <= quantity.upper)))
+        ocp.subject_to(quantity.lower <= (symbol <= quantity.upper))
     elif quantity.lower is not None:
         ocp.subject_to(symbol >= quantity.lower)
     elif quantity.upper is not None:
@@ -90,9 +94,7 @@ def _bound(ocp, symbol, quantity) -> None:
 
 
 def _pieces(solution, states, controls, degree: int) -> list[Piece]:
-    times, values = solution.sample(
-        casadi.vertcat(*states), grid="integrator_roots"
-    )
+    times, values = solution.sample(casadi.vertcat(*states), grid="integrator_roots")
     borders, at_borders = solution.sample(casadi.vertcat(*states), grid="control")
     _, inputs = solution.sample(casadi.vertcat(*controls), grid="control")
     count = len(borders) - 1

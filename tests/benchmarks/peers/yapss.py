@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yapss
 import yapss.math
-
 from benchmarks.audit import Answer, Piece
 
 if TYPE_CHECKING:
@@ -57,7 +56,35 @@ def solve(problem: Problem, settings: dict) -> Answer:
 
     ocp.functions.objective = objective
     ocp.functions.continuous = continuous
-    bounds = ocp.bounds.phase[0]
+    _bounds(ocp.bounds.phase[0], problem)
+    guess = ocp.guess.phase[0]
+    guess.time = [0.0, problem.duration_guess]
+    ends = zip(problem.state_guess(0.0), problem.state_guess(1.0), strict=True)
+    guess.state = [list(pair) for pair in ends]
+    guess.control = [[c.guess, c.guess] for c in controls]
+    mesh = ocp.mesh.phase[0]
+    mesh.collocation_points = [degree] * intervals
+    mesh.fraction = [1.0 / intervals] * intervals
+    ocp.spectral_method = "lgr"
+    ocp.derivatives.method = "auto"
+    ocp.derivatives.order = "second"
+    ocp.ipopt_options.print_level = 0
+    ocp.ipopt_options.sb = "yes"
+    ocp.ipopt_options.max_iter = 3000
+    solution = ocp.solve()
+    message = solution.nlp_info.ipopt_status_message
+    return Answer(
+        objective=sign * float(solution.objective),
+        pieces=_pieces(solution.phase[0], intervals, degree),
+        solves=1,
+        points=intervals * degree,
+        message=message if isinstance(message, str) else message.decode(),
+        solved=solution.nlp_info.ipopt_status == 0,
+    )
+
+
+def _bounds(bounds, problem: Problem) -> None:
+    states, controls = problem.states, problem.controls
     bounds.initial_time.lower = bounds.initial_time.upper = 0.0
     bounds.final_time.lower, bounds.final_time.upper = problem.duration
     bounds.initial_state.lower[:] = [s.start for s in states]
@@ -75,22 +102,9 @@ def solve(problem: Problem, settings: dict) -> Answer:
     bounds.control.upper[:] = [LARGE if c.upper is None else c.upper for c in controls]
     if problem.paths:
         bounds.path.lower[:] = [path.lower for path in problem.paths]
-    guess = ocp.guess.phase[0]
-    guess.time = [0.0, problem.duration_guess]
-    ends = zip(problem.state_guess(0.0), problem.state_guess(1.0), strict=True)
-    guess.state = [list(pair) for pair in ends]
-    guess.control = [[c.guess, c.guess] for c in controls]
-    mesh = ocp.mesh.phase[0]
-    mesh.collocation_points = [degree] * intervals
-    mesh.fraction = [1.0 / intervals] * intervals
-    ocp.spectral_method = "lgr"
-    ocp.derivatives.method = "auto"
-    ocp.derivatives.order = "second"
-    ocp.ipopt_options.print_level = 0
-    ocp.ipopt_options.sb = "yes"
-    ocp.ipopt_options.max_iter = 3000
-    solution = ocp.solve()
-    phase = solution.phase[0]
+
+
+def _pieces(phase, intervals: int, degree: int) -> list[Piece]:
     borders = np.linspace(0.0, float(phase.final_time), intervals + 1)
     pieces = []
     for k in range(intervals):
@@ -105,12 +119,4 @@ def solve(problem: Problem, settings: dict) -> Answer:
                 np.stack([row[first : first + degree] for row in phase.control], 1),
             )
         )
-    message = solution.nlp_info.ipopt_status_message
-    return Answer(
-        objective=sign * float(solution.objective),
-        pieces=pieces,
-        solves=1,
-        points=intervals * degree,
-        message=message if isinstance(message, str) else message.decode(),
-        solved=solution.nlp_info.ipopt_status == 0,
-    )
+    return pieces

@@ -1,0 +1,154 @@
+"""Measure showc beside its peers and write the tables of the documentation.
+
+Run from the root of the repository: ``make bench``, or this file with options. A full
+run takes about half an hour on one core, most of it the peers; ``--quick`` a third.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from benchmarks import cases, document  # noqa: E402
+from benchmarks.environment import (  # noqa: E402
+    HOME,
+    PEERS,
+    InstallationError,
+    prepare,
+    showc_python,
+)
+from benchmarks.measure import Effort, Row, measure  # noqa: E402
+
+PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
+TABLES = ("optima", "quadrotor", "fleet")
+STORE = HOME / "rows.json"
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=5, help="runs a row (5)")
+    parser.add_argument("--quick", action="store_true", help="one run a row")
+    parser.add_argument(
+        "--limit", type=float, default=120.0, help="CPU seconds of one solve (120)"
+    )
+    parser.add_argument(
+        "--budget", type=float, default=60.0,
+        help="CPU seconds of a row after which no further run is started (60)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--only", nargs="+", metavar="WORD",
+        help="rows whose name has one of these words; the page is not written",
+    )  # fmt: skip
+    parser.add_argument(
+        "--peers", nargs="+", metavar="PEER", help="solvers to measure, showc included"
+    )
+    parser.add_argument(
+        "--reuse", action="store_true",
+        help="take the rows of peers from the last run; the page says so",
+    )  # fmt: skip
+    parser.add_argument(
+        "--tables", nargs="+", choices=TABLES, default=TABLES, help="which tables (all)",
+    )  # fmt: skip
+    return parser.parse_args()
+
+
+def tell(text: str) -> None:
+    """Report progress."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
+
+
+def prepare_all(names: set[str]) -> tuple[dict[str, Path], dict[str, str]]:
+    """Make the environments; interpreters by peer, and reasons of failures."""
+    pythons, missing = {"showc": showc_python()}, {}
+    for peer in PEERS:
+        if peer.name not in names:
+            continue
+        try:
+            tell(f"environment of {peer.name} {peer.version} ...")
+            pythons[peer.name] = prepare(peer)
+        except InstallationError as fault:
+            missing[peer.name] = str(fault)
+            tell(f"{peer.name}: not installed: {fault}")
+    return pythons, missing
+
+
+def fleet(*, quick: bool) -> list[tuple[str, str]]:
+    """Section of the fleet table, printed as Markdown by its own script."""
+    script = Path(__file__).with_name("fleet_table.py")
+    if not script.exists():
+        return []
+    tell("fleet table ...")
+    command = [sys.executable, str(script), *(["--quick"] if quick else [])]
+    run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    if run.returncode != 0:
+        return [("Fleets", f"The fleet table failed with status {run.returncode}.")]
+    return [("Fleets", run.stdout)]
+
+
+def main() -> int:
+    """Measure, print the page, and write it if nothing was left out."""
+    chosen = arguments()
+    runs = 1 if chosen.quick else chosen.runs
+    effort = Effort(runs=runs, limit=chosen.limit, budget=chosen.budget)
+    stored = json.loads(STORE.read_text()) if STORE.exists() else {}
+    wanted: list[list[cases.Case]] = [
+        cases.classic() if "optima" in chosen.tables else [],
+        cases.flights() if "quadrotor" in chosen.tables else [],
+    ]
+    for group in wanted:
+        group[:] = [
+            case
+            for case in group
+            if (not chosen.peers or case.peer in chosen.peers)
+            and (not chosen.only or any(word in case.key for word in chosen.only))
+        ]
+
+    def known(case: cases.Case) -> bool:
+        return chosen.reuse and case.peer != "showc" and case.key in stored
+
+    needed = {case.peer for group in wanted for case in group if not known(case)}
+    tell(
+        f"{sum(map(len, wanted))} rows, up to {runs} runs each; about half an hour for "
+        "all rows and five runs, and longer on a busy machine"
+    )
+    pythons, missing = prepare_all(needed)
+    rows: list[list[Row]] = []
+    reused = False
+    for group in wanted:
+        rows.append([])
+        for case in group:
+            if known(case):
+                rows[-1].append(Row(**stored[case.key]))
+                reused = True
+            elif case.peer in pythons:
+                row = measure(case, pythons[case.peer], effort, tell)
+                rows[-1].append(row)
+                stored[row.key] = asdict(row)
+                HOME.mkdir(parents=True, exist_ok=True)
+                STORE.write_text(json.dumps(stored, indent=1))
+    extra = fleet(quick=chosen.quick) if "fleet" in chosen.tables else []
+    text = document.page(effort, *rows, extra, missing, reused=reused)
+    sys.stdout.write(text)
+    if (
+        chosen.only
+        or chosen.peers
+        or len(chosen.tables) < len({*chosen.tables, "fleet"})
+    ):
+        tell("rows were left out: the documentation is not written")
+    else:
+        PAGE.write_text(text, encoding="utf-8")
+        tell(f"written: {PAGE.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
