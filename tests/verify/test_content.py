@@ -14,7 +14,7 @@ from showc.log import showc_pb2 as pb
 from showc.verify import DamagedLogError, verify_log
 
 SETTINGS = settings(
-    max_examples=60,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
