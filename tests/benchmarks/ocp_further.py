@@ -6,10 +6,9 @@ from __future__ import annotations
 from math import exp, pi, sqrt
 
 import casadi as ca
+from benchmarks.ocp_problems import Benchmark
 
 from showc import ocp
-
-from benchmarks.ocp_problems import Benchmark
 
 
 def moon_lander() -> ocp.Problem:
@@ -132,11 +131,7 @@ def alp_rider() -> ocp.Problem:
     )
     energy = y1**2 + y2**2 + y3**2 + y4**2
     phase.constrain(energy - hills, 0.0, None, name="terrain")
-    problem.minimise(
-        phase.integral(
-            100.0 * energy + 0.01 * (u1**2 + u2**2)
-        )
-    )
+    problem.minimise(phase.integral(100.0 * energy + 0.01 * (u1**2 + u2**2)))
     return problem
 
 
@@ -226,7 +221,8 @@ def two_phase_waypoint() -> ocp.Problem:
     for phase, start, end in ((first, 0.0, 1.0), (second, None, -1.0)):
         x = phase.state("x", start=start, end=end)
         v = phase.state(
-            "v", start=0.0 if start is not None else None,
+            "v",
+            start=0.0 if start is not None else None,
             end=0.0 if start is None else None,
         )
         u = phase.control("u", -1.0, 1.0)

@@ -128,9 +128,7 @@ BENCHMARKS = (
     Benchmark(
         "double_integrator_vmax", double_integrator_vmax, 7.0, 0.0, "closed form"
     ),
-    Benchmark(
-        "brachistochrone", brachistochrone, 1.801603122453081, 1e-15, "cycloid"
-    ),
+    Benchmark("brachistochrone", brachistochrone, 1.801603122453081, 1e-15, "cycloid"),
     Benchmark(
         "goddard",
         goddard,
