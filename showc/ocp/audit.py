@@ -198,7 +198,7 @@ class PhaseAuditor:
         )
 
     def _stage_controls(self, phase: PhaseSolution, table: Table) -> FloatArray:
-        """Controls, clipped, at all Runge-Kutta stages: (K, stages, controls)."""
+        """Clip controls at all Runge-Kutta stages: (K, stages, controls)."""
         c = DOP853.C[: DOP853.n_stages]
         places = np.concatenate([(step + c) / _STEPS for step in range(_STEPS)])
         values = _values(phase.controls.coefficients, places)
@@ -342,15 +342,14 @@ class PhaseAuditor:
             / scale
         )
         top = violation.max(axis=0)
-        found = []
-        for k in range(count):
-            found.append(_peaks(places, top[k]))
+        found = [_peaks(places, top[k]) for k in range(count)]
         worst = ""
         if violation.max() > 0.0:
-            c, k, s = np.unravel_index(int(np.argmax(violation)), violation.shape)
+            at = np.unravel_index(int(np.argmax(violation)), violation.shape)
+            c, k, s = (int(number) for number in at)
             time = phase.states.breaks[k] + widths[k] * places[s]
             worst = (
-                f"{constraints[int(c)].name!r} at t = {time:.6g} in phase "
+                f"{constraints[c].name!r} at t = {time:.6g} in phase "
                 f"{phase.name!r}, by {violation.max() * scale[c, 0, 0]:.3g}"
             )
         greatest = np.maximum(top.max(axis=1), 0.0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from showc.ocp.mesh import Mesh
     from showc.ocp.nlp import Program
     from showc.ocp.nodes import Scheme
-    from showc.ocp.problem import Problem, Quantity
+    from showc.ocp.problem import Problem
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -103,6 +103,7 @@ class Builder:
         self.sign = (-1.0 if problem.maximises else 1.0) / scales.objective
 
     def integral_symbols(self) -> list[Any]:
+        """Symbols of all integrals, phase by phase."""
         return [s for phase in self.problem.phases for s, _ in phase.integrals]
 
     def _integrals_are_direct(self) -> bool:
@@ -177,6 +178,7 @@ class Builder:
         return Kernel.of(name, chosen, self.q, y), used
 
     def row_scale(self, constraint: Any) -> float:  # noqa: ANN401
+        """Scale of a constraint's rows: as given, or from its bounds."""
         if constraint.scale is not None:
             return float(constraint.scale)
         bounds = [

@@ -90,8 +90,8 @@ def control_degree(
     return mesh.points[interval] - 1 if degree is None else degree
 
 
-def lay_out(problem: Problem, mesh: Mesh, integral_unknowns: bool) -> Layout:  # noqa: FBT001
-    """Number the unknowns of ``problem`` on ``mesh``."""
+def lay_out(problem: Problem, mesh: Mesh, *, integral_unknowns: bool) -> Layout:
+    """Give every unknown of ``problem`` on ``mesh`` its number."""
     following = 0
     phases = []
     for phase, phase_mesh in zip(problem.phases, mesh.phases, strict=True):

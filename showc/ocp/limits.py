@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from showc.ocp.builder import Discretisation
     from showc.ocp.mesh import Mesh
-    from showc.ocp.problem import Problem, Quantity
+    from showc.ocp.layout import PhaseLayout
+    from showc.ocp.problem import Phase, Problem, Quantity
 
     FloatArray = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ class Statement:
         self.slots: dict[tuple[str, ...], int] = {}
         values: list[Any] = []
 
-        def put(key: tuple[str, ...], lower: object, upper: object) -> None:
+        def put(key: tuple[str, ...], lower: Any, upper: Any) -> None:  # noqa: ANN401
             self.slots[key] = len(values)
             values.extend([casadi.SX(lower), casadi.SX(upper)])
 
@@ -192,10 +193,10 @@ class Table:
         values = self.values.copy()
         for phase in problem.phases:
             for name in [*phase.states, *phase.controls]:
-                new = _lookup(overrides.bounds, phase.name, name)
+                new: Any = _lookup(overrides.bounds, phase.name, name)
                 if new is None:
                     continue
-                if any(np.ndim(bound) for bound in new):  # type: ignore[attr-defined]
+                if any(np.ndim(bound) for bound in new):
                     raise ValueError(
                         f"bounds of {name!r} are given interval by interval; an "
                         "adaptive solve wants two numbers"
@@ -251,62 +252,82 @@ def box(
     """Bounds of one solve."""
     _check_names(problem, overrides)
     size = discretisation.layout.size
-    lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
-    words: list[str] = []
+    sides = _Sides(np.full(size, -np.inf), np.full(size, np.inf), [])
     linked = {after for _, after, _ in problem.links}
     for p, phase in enumerate(problem.phases):
-        place, phase_mesh = discretisation.layout.phases[p], mesh.phases[p]
+        place = discretisation.layout.phases[p]
         if p not in linked:
-            lower[place.start], upper[place.start] = table["time", phase.name]
+            sides.narrow([place.start], table["time", phase.name])
         given = overrides.durations.get(phase.name)
-        low, high = table["duration", phase.name] if given is None else _pair(given)
-        if phase_mesh.arc_count == 1:
-            lower[place.durations], upper[place.durations] = low, high
-        else:
+        bounds = table["duration", phase.name] if given is None else _pair(given)
+        if mesh.phases[p].arc_count > 1:
             # An arc may all but vanish, but its interval stays one.
-            lower[place.durations] = (
-                SHORTEST * discretisation.unknown_scale[place.durations]
-            )
-
-        def clamp(tables: list[Any], bounds: tuple[Any, Any]) -> None:
-            lows, highs = (
-                np.broadcast_to(np.asarray(b, dtype=np.float64), (len(tables),))
-                for b in bounds
-            )
-            for k, coefficients in enumerate(tables):
-                lower[coefficients] = np.maximum(lower[coefficients], lows[k])
-                upper[coefficients] = np.minimum(upper[coefficients], highs[k])
-
-        for i, name in enumerate(phase.states):
-            clamp(place.state_row(i), table["bounds", phase.name, name])
-            new = _lookup(overrides.bounds, phase.name, name)
-            if new is not None:
-                for coefficients in place.state_row(i):
-                    lower[coefficients], upper[coefficients] = -np.inf, np.inf
-                clamp(place.state_row(i), new)  # type: ignore[arg-type]
-            for kind, changed, unknown in (
-                ("start", overrides.starts, place.states[0][0, i]),
-                ("end", overrides.ends, place.states[-1][-1, i]),
-            ):
-                other = _lookup(changed, phase.name, name)
-                a, b = table[kind, phase.name, name] if other is None else _pair(other)
-                old = lower[unknown], upper[unknown]
-                lower[unknown], upper[unknown] = max(old[0], a), min(old[1], b)
-                if lower[unknown] > upper[unknown]:
-                    words.append(
-                        f"{name} at the {kind} of phase {phase.name!r} is to lie in "
-                        f"[{a:g}, {b:g}], outside its bounds [{old[0]:g}, {old[1]:g}]"
-                    )
-        for j, name in enumerate(phase.controls):
-            new = _lookup(overrides.bounds, phase.name, name)
-            bounds = table["bounds", phase.name, name] if new is None else new
-            clamp(place.control_row(j), bounds)  # type: ignore[arg-type]
+            shortest = SHORTEST * discretisation.unknown_scale[place.durations[0]]
+            bounds = shortest, np.inf
+        sides.narrow([place.durations], bounds)
+        sides.check(place.durations[0], f"the duration of phase {phase.name!r}")
+        _bound_phase(phase, place, table, overrides, sides)
     for number, quantity in zip(
         discretisation.layout.statics, problem.statics, strict=True
     ):
-        lower[number], upper[number] = table["static", quantity.name]
+        sides.narrow([number], table["static", quantity.name])
+        sides.check(number, f"{quantity.name!r}")
     rows = _row_bounds(problem, mesh, discretisation, table, overrides)
-    return Box(lower, upper, *rows, tuple(words))
+    return Box(sides.lower, sides.upper, *rows, tuple(sides.words))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sides:
+    """Bounds of the unknowns under construction."""
+
+    lower: FloatArray
+    upper: FloatArray
+    words: list[str]
+
+    def narrow(self, tables: list[Any], bounds: tuple[Any, Any]) -> None:
+        """Intersect the bounds of coefficients with those given by interval."""
+        lows, highs = (
+            np.broadcast_to(np.asarray(b, dtype=np.float64), (len(tables),))
+            for b in bounds
+        )
+        for k, numbers in enumerate(tables):
+            self.lower[numbers] = np.maximum(self.lower[numbers], lows[k])
+            self.upper[numbers] = np.minimum(self.upper[numbers], highs[k])
+
+    def check(self, number: int, what: str) -> None:
+        """Write a sentence if an unknown is left no value."""
+        low, high = self.lower[number], self.upper[number]
+        if low > high:
+            self.words.append(f"{what} is to be at least {low:g} and at most {high:g}")
+
+
+def _bound_phase(
+    phase: Phase,
+    place: PhaseLayout,
+    table: Table,
+    overrides: Overrides,
+    sides: _Sides,
+) -> None:
+    """Bounds of the states and controls of one phase."""
+
+    def bounds(name: str) -> tuple[Any, Any]:
+        new: Any = _lookup(overrides.bounds, phase.name, name)
+        return table["bounds", phase.name, name] if new is None else new
+
+    for i, name in enumerate(phase.states):
+        sides.narrow(place.state_row(i), bounds(name))
+        for kind, changed, unknown in (
+            ("start", overrides.starts, place.states[0][0, i]),
+            ("end", overrides.ends, place.states[-1][-1, i]),
+        ):
+            other = _lookup(changed, phase.name, name)
+            wanted = table[kind, phase.name, name] if other is None else _pair(other)
+            sides.narrow([unknown], wanted)
+            sides.check(unknown, f"{name!r} at the {kind} of phase {phase.name!r}")
+    for j, name in enumerate(phase.controls):
+        row = place.control_row(j)
+        sides.narrow(row, bounds(name))
+        sides.check(row[0][0], f"{name!r} in phase {phase.name!r}")
 
 
 def _row_bounds(
@@ -327,7 +348,7 @@ def _row_bounds(
             lower[group.rows] = bounds[0] + margin
             upper[group.rows] = bounds[1] - margin
             continue
-        elif group.kind == "boundary":
+        if group.kind == "boundary":
             bounds = table["boundary", group.name]
         elif group.kind == "duration":
             given = overrides.durations.get(phase)

@@ -133,6 +133,7 @@ class _Scatter:
         columns: IntArray,
         values: FloatArray,
         source: IntArray,
+        *,
         count: int,
     ) -> None:
         self.entries.append((rows, columns, values, source + self.sources))
@@ -199,7 +200,7 @@ def assemble(
         constant.col.astype(np.int64),
         constant.data,
         np.zeros(constant.nnz, dtype=np.int64),
-        1,
+        count=1,
     )
     f, g = casadi.MX(0), casadi.mtimes(to_casadi(linear), w)
     jacobian_sources, gradient_sources = [casadi.MX(1)], []
@@ -225,7 +226,7 @@ def assemble(
         if objective.nnz:
             f += casadi.dot(casadi.DM(block.objective), y)
             _, at, value, source = _products(objective, rows, block.inputs, columns)
-            gradient.add(at, np.zeros_like(at), value, source, rows.size)
+            gradient.add(at, np.zeros_like(at), value, source, count=rows.size)
             gradient_sources.append(slopes)
 
         if kernel.hessian_pattern[0].size:

@@ -58,8 +58,11 @@ def collocation(scheme: Scheme, points: int) -> tuple[FloatArray, FloatArray]:
     if points < least:
         raise ValueError(f"{scheme} collocation has {points} points; wanted {least}")
     if scheme == "gauss":
-        roots, weights = legendre.leggauss(points)
-        return _locked(0.5 * (roots + 1.0)), _locked(0.5 * weights)
+        gauss, share = legendre.leggauss(points)
+        return (
+            _locked(np.asarray(0.5 * (gauss + 1.0), dtype=np.float64)),
+            _locked(np.asarray(0.5 * share, dtype=np.float64)),
+        )
     unit = np.zeros(points + 1)
     if scheme == "radau":
         # The points -t of the left rule are the roots of P_N-1 + P_N.

@@ -114,7 +114,7 @@ def _add_nodes(builder: Builder, part: _Part) -> None:
 
 
 def _node_symbols(builder: Builder, phase: Phase, width: Any) -> Any:  # noqa: ANN401
-    """Inputs of a node: states, controls, time, width of the interval, statics."""
+    """Stack the inputs of a node: states, controls, time, width, statics."""
     return casadi.vertcat(
         *[state.quantity.symbol for state in phase.states.values()],
         *[control.quantity.symbol for control in phase.controls.values()],

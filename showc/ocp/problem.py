@@ -196,6 +196,10 @@ class Phase:
         """Bound ``expression`` of states, controls, time and statics at all times."""
         low, high = _interval((lower, upper))
         title = name or f"path constraint {len(self.path_constraints) + 1}"
+        if any(other.name == title for other in self.path_constraints):
+            raise ValueError(
+                f"phase {self.name!r} has two path constraints named {title!r}"
+            )
         self.path_constraints.append(
             Quantity(title, casadi.SX(expression), low, high, scale)
         )
@@ -230,7 +234,7 @@ class Phase:
         name = str(symbol)
         for table in (self.states, self.controls):
             if name in table and casadi.is_equal(
-                table[name].quantity.symbol,  # type: ignore[attr-defined]
+                table[name].quantity.symbol,
                 symbol,
             ):
                 return name

@@ -13,7 +13,7 @@ from math import isfinite
 def from_bounds(lower: float, upper: float, *ends: float) -> float:
     """Return the scale of a quantity with these bounds and end values."""
     if isfinite(lower) and isfinite(upper) and upper > lower:
-        return 0.5 * (upper - lower)
+        return float(0.5 * (upper - lower))
     known = [abs(value) for value in (lower, upper, *ends) if isfinite(value)]
     largest = max(known, default=0.0)
     return largest if largest > 0.0 else 1.0
@@ -22,7 +22,7 @@ def from_bounds(lower: float, upper: float, *ends: float) -> float:
 def of_duration(lower: float, upper: float) -> float:
     """Return the scale of a duration between these bounds."""
     if isfinite(upper) and lower > 0.0:
-        return (lower * upper) ** 0.5
+        return float((lower * upper) ** 0.5)
     if isfinite(upper):
         return upper
     return lower if lower > 0.0 else 1.0

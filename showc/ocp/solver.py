@@ -53,7 +53,7 @@ _IPOPT_RESULTS = {
 
 
 def result_of(status: str) -> Result:
-    """Result for the solver's own return status."""
+    """Translate the solver's own return status."""
     if status.startswith("Finished successfully"):
         return Result.SOLVED
     return _IPOPT_RESULTS.get(status, Result.FAILED)
@@ -67,7 +67,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
     SolverMissingError
         If the solver is not installed or has no licence here.
     """
-    common = {
+    common: dict[str, Any] = {
         "print_time": False,
         "calc_lam_p": False,
         "calc_multipliers": False,
@@ -84,7 +84,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
                 "(libsnopt7). Put a licensed one on the library path, or use "
                 "solver='ipopt', which needs no licence."
             )
-        settings: dict[str, object] = {
+        settings: dict[str, Any] = {
             "Major optimality tolerance": options.tolerance,
             "Major feasibility tolerance": options.tolerance,
             "Major iterations limit": options.iterations,
@@ -94,7 +94,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
                 "ocp",
                 "snopt",
                 program.oracle,
-                {**common, "snopt": {**settings, **options.extra}},
+                {**common, "snopt": settings | dict(options.extra)},
             )
         except RuntimeError as fault:
             raise SolverMissingError(

@@ -19,8 +19,6 @@ from showc.trajectory import bernstein_basis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.ocp.layout import PhaseLayout
-    from showc.ocp.mesh import PhaseMesh
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription import Transcription
 
@@ -48,10 +46,9 @@ def _nodal_at(phase: PhaseSolution, nodal: FloatArray, times: FloatArray) -> Flo
 
 
 def _shares(
-    place: PhaseLayout, breaks: FloatArray, row: list[NDArray[np.int64]]
+    breaks: FloatArray, row: list[NDArray[np.int64]]
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Unknown, start and end of the share of time of every coefficient of a row."""
-    del place
     unknowns, left, right = [], [], []
     for k, table in enumerate(row):
         edges = np.linspace(breaks[k], breaks[k + 1], table.size + 1)
@@ -87,13 +84,13 @@ def transfer(
             for j in range(len(phase.control_names))
         ]
         for old_row, new_row in rows:
-            numbers, left, right = _shares(former, phase.states.breaks, old_row)
+            numbers, left, right = _shares(phase.states.breaks, old_row)
             total = np.concatenate([[0.0], np.cumsum(pull[numbers])])
             edges = np.concatenate([left, right[-1:]])
-            numbers, left, right = _shares(place, breaks, new_row)
+            numbers, left, right = _shares(breaks, new_row)
             gathered = np.interp(right, edges, total) - np.interp(left, edges, total)
             np.add.at(of_bounds, numbers, gathered)
-        _rows_of_phase(p, phase, mesh, breaks, new, of_rows)
+        _rows_of_phase(new, p, phase, breaks, of_rows)
     return Multipliers(
         point,
         of_bounds * after.unknown_scale / unit_new,
@@ -102,13 +99,14 @@ def transfer(
 
 
 def _rows_of_phase(
+    new: Transcription,
     index: int,
     phase: PhaseSolution,
-    mesh: PhaseMesh,
     breaks: FloatArray,
-    new: Transcription,
     of_rows: FloatArray,
 ) -> None:
+    """Fill in the multipliers of the rows of one phase."""
+    mesh = new.mesh.phases[index]
     nodes = [collocation(new.scheme, n) for n in mesh.points]
     widths = np.diff(breaks)
     times = np.concatenate(
