@@ -214,7 +214,7 @@ class _Writer:
         climb = float(stage.climb[row])
         speed = float(stage.profile.speed[row])
         rising = SpeedKind.CLIMB if climb > 0.0 else SpeedKind.DESCENT
-        command = round(float(stage.command[row]), 3)
+        command = round(float(stage.command[row]), 4)
         if stage.by_climb[row]:
             steered, other, need = rising, SpeedKind.LEVEL, speed * level
         else:

@@ -27,7 +27,7 @@ STEEP = 0.5
 """A leg whose direction has less than this horizontal part is steered by its vertical
 speed."""
 
-COMMAND_STEP = 1e-3
+COMMAND_STEP = 1e-4
 """Commanded speeds are whole multiples of this [m/s]."""
 
 
