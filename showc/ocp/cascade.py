@@ -235,6 +235,6 @@ class Cascade:
             step = width / len(slope)
             running = [starts[name]]
             for coefficient in slope:
-                running.append(running[-1] + step * coefficient)  # noqa: PERF401
+                running.append(running[-1] + step * coefficient)
             known[name] = running
         return known

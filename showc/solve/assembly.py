@@ -43,6 +43,7 @@ def trajectory_of(
     start: FloatArray,
     goal: FloatArray,
     duration: float,
+    *,
     tag: str = "",
 ) -> Trajectory:
     """Assemble the trajectory of one drone.

@@ -46,7 +46,7 @@ def _worst(
     outside = np.maximum(lower - values, values - upper).max(axis=1)
     at = int(np.argmax(outside))
     span = upper - lower
-    scale = span if np.isfinite(span) else 1.0
+    scale = span if np.isfinite(span) and span > 0.0 else 1.0
     amount = float(outside[at])
     return Excess(name, float(breaks[at]), amount, amount / scale)
 

@@ -19,6 +19,10 @@ def minimum_time_estimate(
 ) -> tuple[FloatArray, FloatArray]:
     """Two estimates of the minimum time: a low one and a high one.
 
+    Both take each axis on its own as a rest-to-rest move with bounded speed and
+    acceleration. The low one lets full thrust lean at the greatest tilt, the high one
+    flies level; neither is a proof.
+
     Parameters
     ----------
     start, goal
@@ -31,18 +35,24 @@ def minimum_time_estimate(
     """
     limits, vehicle = aircraft.limits, aircraft.vehicle
     way = goal - start
-    speed = np.where(way < 0.0, -np.array(limits.velocity_min), limits.velocity_max)
-    level = vehicle.gravity * np.tan(limits.tilt)
-    climb = limits.thrust_max / vehicle.mass - vehicle.gravity
-    drop = vehicle.gravity - limits.thrust_min / vehicle.mass
-    push = np.minimum(climb, drop)
-    acceleration = np.array([level, level, push])
     distance = np.abs(way)
-    ramp = np.where(
-        distance * acceleration > speed**2,
-        distance / speed + speed / acceleration,
-        2.0 * np.sqrt(distance / acceleration),
-    )
-    turning = limits.tilt / min(limits.body_rate[:2])
-    low = np.max(distance / speed, axis=1)
-    return low, ramp.max(axis=1) + 2.0 * turning
+    speed = np.where(way < 0.0, -np.array(limits.velocity_min), limits.velocity_max)
+    greatest = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
+    climb = max(greatest - vehicle.gravity, 1e-3)
+    drop = max(vehicle.gravity - limits.thrust_min / vehicle.mass, 1e-3)
+    vertical = 2.0 / (1.0 / climb + 1.0 / drop)
+    leaning = greatest * np.sin(limits.tilt)
+    level = vehicle.gravity * np.tan(limits.tilt)
+    turning = 2.0 * limits.tilt / min(limits.body_rate[:2])
+    turns = np.array([turning, turning, 0.0]) * (distance > 0.0)
+
+    def slowest(horizontal: float) -> FloatArray:
+        acceleration = np.array([horizontal, horizontal, vertical])
+        move = np.where(
+            distance * acceleration > speed**2,
+            distance / speed + speed / acceleration,
+            2.0 * np.sqrt(distance / acceleration),
+        )
+        return np.asarray((move + turns).max(axis=1))
+
+    return slowest(leaning), slowest(min(level, leaning))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.solve.model import POSITION, input_names, state_names
-from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.flatness import attitude_and_thrust
 
 if TYPE_CHECKING:
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from showc.flight import Trajectory
     from showc.ocp.staged import StagedGuess
     from showc.solve.model import Aircraft
+    from showc.trajectory import PiecewisePolynomial
 
     FloatArray = NDArray[np.float64]
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 END_TIME = 1.6
 """Length of the stretch at either end that gets most intervals [s]: about the time of
 speeding up."""
+END_GRADING = 0.85
+"""Share of the mesh's density at the ends where time is least or nearly so."""
 LONGEST = 1.5
 """Interval beyond which more are taken, for accuracy [s]."""
 COUNTS = (12, 16, 24, 32, 40, 56, 80, 120, 160, 240)
@@ -38,14 +40,15 @@ def graded_widths(duration: float, count: int, grading: float = 0.7) -> FloatArr
     density = (1.0 - grading) / duration + grading * np.exp(-near / END_TIME) / (
         2.0 * END_TIME
     )
+    density = np.maximum(density, 1.1 / (count * LONGEST))
     area = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     breaks = np.interp(fraction * area[-1], area, grid)
     return np.asarray(np.diff(breaks))
 
 
 def interval_count(duration: float, least: int) -> int:
-    """Number of intervals for a leg: ``least``, or more when it is long."""
-    wanted = max(least, int(np.ceil(0.6 * least + duration / LONGEST)))
+    """Return the number of intervals for a leg: ``least``, or more if it is long."""
+    wanted = least + int(np.ceil(max(0.0, duration - 5.0 * END_TIME) / LONGEST))
     return next((count for count in COUNTS if count >= wanted), COUNTS[-1])
 
 

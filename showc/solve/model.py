@@ -9,8 +9,8 @@ psi = heading, r = 0, U4 = -(Ix - Iy) p q.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -24,12 +24,19 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 Yaw = Literal["held", "free"]
+Bounds = dict[tuple[str, str], tuple[float, float]]
 
 POSITION = ("x", "y", "z")
+TORQUES = ("torque_x", "torque_y", "torque_z")
 SIGNALS = ("reference_x", "reference_y", "reference_z")
 HALF_SPACES = "half_spaces"
 
+# Scales are constants, not taken from the limits: a program is then the same whichever
+# limits it is first used with, and so are its answers.
 LENGTH_SCALE = 10.0
+SPEED_SCALE = 5.0
+ANGLE_SCALE = 0.35
+RATE_SCALE = 1.7
 ANGULAR_ACCELERATION_SCALE = 20.0
 EXACT_GYROSCOPIC = 0.02
 """Share of a torque limit above which gyroscopic torques are bounded exactly, not by
@@ -71,17 +78,39 @@ class Aircraft:
         return ix / factor, iy / factor, iz
 
     @property
-    def acceleration_limits(self) -> Vector:
-        """Greatest angular accelerations that always keep the torque limits [rad/s²]."""
-        return tuple(  # type: ignore[return-value]
-            max(limit - gyroscopic, 0.0) / inertia
-            for limit, gyroscopic, inertia in zip(
-                self.limits.torque_max,
-                self.gyroscopic_torque,
-                self.torque_per_acceleration,
-                strict=True,
+    def exact_torques(self) -> bool:
+        """Whether gyroscopic torques are large enough to be followed in time.
+
+        Small ones are covered by their greatest value, which saves rows.
+        """
+        return any(
+            share > EXACT_GYROSCOPIC * limit
+            for share, limit in zip(
+                self.gyroscopic_torque, self.limits.torque_max, strict=True
             )
         )
+
+    def canonical(self) -> Aircraft:
+        """Return the same aircraft with limits that stand for all of its kind.
+
+        Limits enter a built program as bounds only, given anew for each solve; only
+        whether torques are followed exactly changes its form.
+        """
+        # Torques beyond all need, or next to none: either way the same question of
+        # exactness is answered as for the true limits.
+        torque = 1e-12 if self.exact_torques else 1e9
+        limits = Limits(
+            velocity_min=(-1.0, -1.0, -1.0),
+            velocity_max=(1.0, 1.0, 1.0),
+            tilt=1.0,
+            body_rate=(1.0, 1.0, 1.0),
+            thrust_min=0.0,
+            thrust_max=1.0,
+            torque_max=(torque, torque, torque),
+            position_min=(-1.0, -1.0, -1.0),
+            position_max=(1.0, 1.0, 1.0),
+        )
+        return replace(self, limits=limits)
 
     def conflict(self) -> str:
         """Say why these limits allow no hover at all; empty when they do."""
@@ -118,6 +147,35 @@ def state_names(aircraft: Aircraft) -> tuple[str, ...]:
     return (*POSITION, "vx", "vy", "vz", *angles, *rates)
 
 
+def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
+    """Bounds of all states, inputs and path constraints of one drone.
+
+    Keys are as :meth:`showc.ocp.staged.StagedTranscription.solve` takes them.
+    """
+    limits, held = aircraft.limits, aircraft.yaw == "held"
+    bounds: dict[tuple[str, str], tuple[float, float]] = {}
+    for k, axis in enumerate(POSITION):
+        bounds["bounds", axis] = limits.position_min[k], limits.position_max[k]
+        bounds["bounds", f"v{axis}"] = limits.velocity_min[k], limits.velocity_max[k]
+    for angle, rate, _, axis in _axes(aircraft):
+        reach = limits.tilt if axis < 2 else np.pi
+        middle = aircraft.heading if axis == 2 else 0.0
+        bounds["bounds", angle] = middle - reach, middle + reach
+        bounds["bounds", rate] = -limits.body_rate[axis], limits.body_rate[axis]
+    bounds["bounds", "thrust"] = limits.thrust_min, limits.thrust_max
+    exact = aircraft.exact_torques
+    spare = np.zeros(3) if exact else np.array(aircraft.gyroscopic_torque)
+    for k, name in enumerate(TORQUES):
+        if k < 2 or exact or not held:
+            room = limits.torque_max[k] - spare[k]
+            bounds["path", name] = -room, room
+    margin = np.abs(aircraft.vehicle.rotor_fractions()[:, 1:]) @ spare
+    for rotor in range(4):
+        share = float(margin[rotor])
+        bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
+    return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
+
+
 def add_drone(
     phase: Phase, problem: Problem, aircraft: Aircraft, tag: str = ""
 ) -> None:
@@ -130,67 +188,35 @@ def add_drone(
 
     from showc.vehicle.motion import thrust_direction  # noqa: PLC0415
 
-    vehicle, limits = aircraft.vehicle, aircraft.limits
-    axes = _axes(aircraft)
-    starts = [problem.parameter(f"start_{axis}{tag}") for axis in POSITION]
-    goals = [problem.parameter(f"goal_{axis}{tag}") for axis in POSITION]
+    vehicle, axes = aircraft.vehicle, _axes(aircraft)
+    bounds = limit_bounds(aircraft, tag)
+
+    def state(name: str, scale: float, start: object, end: object) -> Any:  # noqa: ANN401
+        lower, upper = bounds["bounds", name + tag]
+        return phase.state(name + tag, lower, upper, start=start, end=end, scale=scale)
+
     position = [
-        phase.state(
-            f"{axis}{tag}",
-            limits.position_min[k],
-            limits.position_max[k],
-            start=starts[k],
-            end=goals[k],
-            scale=LENGTH_SCALE,
+        state(
+            axis,
+            LENGTH_SCALE,
+            problem.parameter(f"start_{axis}{tag}"),
+            problem.parameter(f"goal_{axis}{tag}"),
         )
-        for k, axis in enumerate(POSITION)
+        for axis in POSITION
     ]
-    velocity = [
-        phase.state(
-            f"v{axis}{tag}",
-            limits.velocity_min[k],
-            limits.velocity_max[k],
-            start=0.0,
-            end=0.0,
-            scale=max(-limits.velocity_min[k], limits.velocity_max[k]),
-        )
-        for k, axis in enumerate(POSITION)
-    ]
+    velocity = [state(f"v{axis}", SPEED_SCALE, 0.0, 0.0) for axis in POSITION]
     angles = {}
     for name, _, _, axis in axes:
-        bound = limits.tilt if axis < 2 else np.pi
         hover = aircraft.heading if axis == 2 else 0.0
-        angles[name] = phase.state(
-            f"{name}{tag}",
-            hover - bound,
-            hover + bound,
-            start=hover,
-            end=hover,
-            scale=min(bound, 1.0),
-        )
-    rates = [
-        phase.state(
-            f"{rate}{tag}",
-            -limits.body_rate[axis],
-            limits.body_rate[axis],
-            start=0.0,
-            end=0.0,
-            scale=limits.body_rate[axis],
-        )
-        for _, rate, _, axis in axes
-    ]
+        angles[name] = state(name, ANGLE_SCALE, hover, hover)
+    rates = [state(rate, RATE_SCALE, 0.0, 0.0) for _, rate, _, _ in axes]
+    lower, upper = bounds["bounds", f"thrust{tag}"]
     thrust = phase.control(
-        f"thrust{tag}",
-        limits.thrust_min,
-        limits.thrust_max,
-        degree=1,
-        scale=vehicle.hover_thrust,
+        f"thrust{tag}", lower, upper, degree=1, scale=vehicle.hover_thrust
     )
     accelerations = [
-        phase.control(
-            f"{acceleration}{tag}", degree=1, scale=ANGULAR_ACCELERATION_SCALE
-        )
-        for _, _, acceleration, _ in axes
+        phase.control(name + tag, degree=1, scale=ANGULAR_ACCELERATION_SCALE)
+        for _, _, name, _ in axes
     ]
     for place, speed in zip(position, velocity, strict=True):
         phase.derivative(place, speed)
@@ -209,55 +235,38 @@ def add_drone(
     ):
         phase.derivative(angles[name], rate)
         phase.derivative(rate, acceleration)
-    _limit_torques(phase, aircraft, thrust, rates, accelerations, tag)
+    _limit_torques(phase, aircraft, tag)
 
 
-def _limit_torques(
-    phase: Phase,
-    aircraft: Aircraft,
-    thrust: object,
-    rates: list,  # type: ignore[type-arg]
-    accelerations: list,  # type: ignore[type-arg]
-    tag: str,
-) -> None:
+def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
     """Keep torques and rotor speeds within their limits."""
     from showc.vehicle.motion import torques_for  # noqa: PLC0415
 
-    vehicle, limits = aircraft.vehicle, aircraft.limits
-    gyroscopic = aircraft.gyroscopic_torque
-    exact = any(
-        share > EXACT_GYROSCOPIC * limit
-        for share, limit in zip(gyroscopic, limits.torque_max, strict=True)
+    def symbol(name: str) -> Any:  # noqa: ANN401
+        held = aircraft.yaw == "held" and name in {"r", "r_dot"}
+        table = phase.controls if name.endswith("dot") else phase.states
+        return 0.0 if held else table[name + tag].quantity.symbol  # type: ignore[attr-defined]
+
+    vehicle = aircraft.vehicle
+    bounds = limit_bounds(aircraft, tag)
+    rates = symbol("p"), symbol("q"), symbol("r")
+    torques = torques_for(
+        vehicle,
+        rates if aircraft.exact_torques else (0.0, 0.0, 0.0),
+        (symbol("p_dot"), symbol("q_dot"), symbol("r_dot")),
     )
-    held = aircraft.yaw == "held"
-    yaw_rate, yaw_acceleration = (0.0, 0.0) if held else (rates[2], accelerations[2])
-    moving = (rates[0], rates[1], yaw_rate)
-    turning = (accelerations[0], accelerations[1], yaw_acceleration)
-    torques: list = list(  # type: ignore[type-arg]
-        torques_for(vehicle, moving if exact else (0.0, 0.0, 0.0), turning)
-    )
-    spare = np.zeros(3) if exact else np.array(gyroscopic)
-    for k, name in enumerate(("torque_x", "torque_y", "torque_z")):
-        if k == 2 and held and not exact:
-            continue
-        room = limits.torque_max[k] - spare[k]
-        scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
-        phase.constrain(
-            torques[k], -room, room, name=f"{name}{tag}", scale=min(scale, room)
-        )
+    for k, name in enumerate(TORQUES):
+        if pair := bounds.get(("path", name + tag)):
+            scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
+            phase.constrain(torques[k], *pair, name=name + tag, scale=scale)
     fractions = vehicle.rotor_fractions()
-    margin = np.abs(fractions[:, 1:]) @ spare
+    thrust = phase.controls[f"thrust{tag}"].quantity.symbol
     for rotor in range(4):
+        name = f"rotor_{rotor + 1}{tag}"
         share = fractions[rotor, 0] * thrust + sum(
             fractions[rotor, 1 + k] * torques[k] for k in range(3)
         )
-        phase.constrain(
-            share,
-            margin[rotor],
-            1.0 - margin[rotor],
-            name=f"rotor_{rotor + 1}{tag}",
-            scale=1.0,
-        )
+        phase.constrain(share, *bounds["path", name], name=name, scale=1.0)
 
 
 EFFORT_TORQUE = 1.0

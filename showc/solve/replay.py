@@ -138,7 +138,7 @@ def state_at_start(trajectories: Sequence[Trajectory]) -> FloatArray:
 
 
 def _flyable(vehicle: Quadrotor, control: FloatArray) -> FloatArray:
-    """Controls cut to what the rotors can do: squared speeds within [0, greatest]."""
+    """Cut controls to what the rotors can do: squared speeds within [0, greatest]."""
     fractions = vehicle.rotor_fractions()
     shares = control @ fractions.T
     if shares.min() >= 0.0 and shares.max() <= 1.0:

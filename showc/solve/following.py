@@ -1,0 +1,226 @@
+"""One drone in a given time, as near as can be to a reference.
+
+A solve starts on a coarse mesh; its trajectory is flown again and audited, and only
+where that shows a need another mesh or start follows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.flight import Trajectory
+from showc.solve.assembly import trajectory_of
+from showc.solve.estimate import minimum_time_estimate
+from showc.solve.guess import flat_guess, flown_guess
+from showc.solve.intervals import END_GRADING, finer, graded_widths, interval_count
+from showc.solve.judgement import POSITION_ACCURACY, STILL, Verdict, judge, refusal
+from showc.solve.model import HALF_SPACES
+from showc.solve.programs import SLOTS, Programs
+from showc.solve.shortest import minimum_time
+from showc.trajectory import PiecewisePolynomial
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.staged import StagedGuess, StagedSolution, StagedSolver
+    from showc.solve.model import Aircraft
+    from showc.solve.result import HalfSpace, Result
+
+    FloatArray = NDArray[np.float64]
+
+EFFORT = 1e-3
+"""Weight of effort beside the squared distance to the reference."""
+NEARNESS = 10.0
+"""Weight of the squared distance to the reference over the squared length."""
+TIGHT = 1.06
+"""Time over the quick low estimate below which coarse meshes are not tried."""
+AMPLE = 1.35
+"""Time over that estimate above which the coarsest mesh is tried first."""
+
+
+def hover(aircraft: Aircraft, position: FloatArray, duration: float) -> Trajectory:
+    """Stay at ``position`` (3,) [m] for ``duration`` [s]: exact, nothing is solved."""
+    state = aircraft.vehicle.hover_state(
+        np.asarray(position, dtype=np.float64), aircraft.heading
+    )
+    control = aircraft.vehicle.hover_control()
+    return Trajectory(
+        PiecewisePolynomial.constant(state, 0.0, duration),
+        PiecewisePolynomial.constant(control, 0.0, duration),
+    )
+
+
+def follow(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    duration: float,
+    *,
+    reference: PiecewisePolynomial | None = None,
+    half_spaces: Sequence[HalfSpace] = (),
+    accuracy: float = POSITION_ACCURACY,
+    start_from: Trajectory | None = None,
+) -> Result:
+    """Fly from hover to hover in a given time, as near as can be to a reference.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (3,) [m].
+    duration
+        Time of the flight [s].
+    reference
+        Fraction of the way over time (one component), or positions (three) [m], from
+        0 to ``duration``. ``None``: the least effort.
+    half_spaces
+        Kept at every instant of their stretch of time, widened outward to whole mesh
+        intervals.
+    accuracy
+        Greatest distance between the controls integrated and the trajectory [m].
+    start_from
+        An earlier flight between the same hovers to start from.
+    """
+    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    programs = Programs(aircraft, start, goal)
+    if reason := refusal(aircraft, start, goal, half_spaces, duration):
+        return Verdict("limit", reason).result(programs, duration)
+    still = float(np.linalg.norm(goal - start)) < STILL
+    if still and not half_spaces and (reference is None or reference.components == 1):
+        return Verdict("solved").result(
+            programs, duration, hover(aircraft, goal, duration)
+        )
+    task = _Task(aircraft, start, goal, duration, reference, tuple(half_spaces))
+    verdict = Verdict("infeasible")
+    for widths, solver, guess in _ladder(task, start_from):
+        solution = _solve(task, programs, widths, solver, guess)
+        if not solution.result.usable:
+            verdict = Verdict("infeasible", solution.message)
+            continue
+        trajectory = trajectory_of(aircraft, solution, start, goal, duration)
+        verdict = judge(aircraft, trajectory, half_spaces, accuracy)
+        if verdict.status == "solved":
+            return verdict.result(programs, duration, trajectory)
+    if verdict.status == "infeasible":
+        message = f"no flight in {duration:.3f} s was found: {verdict.message}"
+        verdict = Verdict("infeasible", message)
+    return verdict.result(programs, duration)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """One call of :func:`follow`."""
+
+    aircraft: Aircraft
+    start: FloatArray
+    goal: FloatArray
+    duration: float
+    reference: PiecewisePolynomial | None
+    half_spaces: tuple[HalfSpace, ...]
+
+
+def _ladder(
+    task: _Task, start_from: Trajectory | None
+) -> Iterator[tuple[FloatArray, StagedSolver, StagedGuess]]:
+    """Meshes and starts to try, cheapest first.
+
+    With time to spare a coarse mesh does. Near the least time the flight needs its
+    interval borders where limits are reached and left: then the least-time flight of
+    the same drone, stretched to the duration, gives both mesh and start.
+    """
+    aircraft, duration = task.aircraft, task.duration
+
+    def guess(widths: FloatArray) -> StagedGuess:
+        if start_from is not None:
+            return flown_guess(aircraft, start_from, widths)
+        return flat_guess(aircraft, task.start, task.goal, widths, task.reference)
+
+    low, _ = minimum_time_estimate(aircraft, task.start[None], task.goal[None])
+    slack = duration / max(float(low[0]), 1e-9)
+    if slack > TIGHT:
+        least = 12 if slack > AMPLE else 16
+        count: int | None = interval_count(duration, least)
+        for _ in range(2):
+            widths = graded_widths(duration, count or 16)
+            yield widths, "fatrop", guess(widths)
+            count = finer(count or 16)
+    widths = graded_widths(duration, interval_count(duration, 24), END_GRADING)
+    yield widths, "fatrop", guess(widths)
+    shortest = _least(aircraft, tuple(task.start), tuple(task.goal))
+    if shortest.trajectory is not None and shortest.duration <= duration:
+        widths = np.diff(shortest.trajectory.state.breaks)
+        widths *= duration / widths.sum()
+        near = flown_guess(aircraft, shortest.trajectory, widths)
+        yield widths, "fatrop", near
+        yield widths, "ipopt", near
+    for count in (32, 56):
+        widths = graded_widths(duration, interval_count(duration, count), END_GRADING)
+        yield widths, "ipopt", guess(widths)
+
+
+@lru_cache(maxsize=256)
+def _least(
+    aircraft: Aircraft, start: tuple[float, ...], goal: tuple[float, ...]
+) -> Result:
+    """Least-time flight, kept: a fleet asks again when its time is raised."""
+    return minimum_time(aircraft, np.array(start), np.array(goal))
+
+
+def _solve(
+    task: _Task,
+    programs: Programs,
+    widths: FloatArray,
+    solver: StagedSolver,
+    guess: StagedGuess,
+) -> StagedSolution:
+    """Solve the program of a given time on one mesh."""
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    normals, offsets = _slots(task.half_spaces, breaks)
+    slots = normals.shape[1]
+    program = programs.program(widths.size, "given", slots, solver)
+    nodes = np.array(program.stage.cost_nodes)
+    times = breaks[:-1, None] + widths[:, None] * nodes
+    signals, nearness = np.zeros((*times.shape, 3)), 0.0
+    if task.reference is not None:
+        length = max(float(np.linalg.norm(task.goal - task.start)), 1.0)
+        nearness = NEARNESS / length**2
+        signals = task.reference(times)
+        if task.reference.components == 1:
+            signals = task.start + signals * (task.goal - task.start)
+    return programs.solve(
+        program,
+        widths,
+        guess,
+        {"effort": EFFORT, "nearness": nearness},
+        signals=signals,
+        half_spaces={HALF_SPACES: (normals, offsets)} if slots else None,
+    )
+
+
+def _slots(
+    half_spaces: Sequence[HalfSpace], breaks: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lay half-spaces into the slots of the intervals that they touch.
+
+    Returns normals (K, slots, 3) and offsets (K, slots), minus infinity where unused;
+    the number of slots is one that programs are built with.
+    """
+    intervals = breaks.size - 1
+    placed: list[list[HalfSpace]] = [[] for _ in range(intervals)]
+    for space in half_spaces:
+        touched = (breaks[1:] > space.start) & (breaks[:-1] < space.end)
+        for k in np.nonzero(touched)[0]:
+            placed[int(k)].append(space)
+    most = max((len(entry) for entry in placed), default=0)
+    slots = next((n for n in SLOTS if n >= most), most)
+    normals = np.zeros((intervals, slots, 3))
+    offsets = np.full((intervals, slots), -np.inf)
+    for k, entry in enumerate(placed):
+        for j, space in enumerate(entry):
+            normals[k, j], offsets[k, j] = space.normal, space.offset
+    return normals, offsets

@@ -1,0 +1,101 @@
+"""Programs of the single drone: built once a process, solved many times."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from showc.solve.model import POSITION, SIGNALS, limit_bounds, single_problem
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from showc.ocp.staged import (
+        StagedGuess,
+        StagedSolution,
+        StagedSolver,
+        StagedTranscription,
+    )
+    from showc.ocp.stages import TimeKind
+    from showc.solve.model import Aircraft
+
+    FloatArray = NDArray[np.float64]
+
+SLOTS = (0, 2, 4, 8, 16)
+"""Numbers of half-spaces for an interval that programs are built with."""
+
+
+@lru_cache(maxsize=64)
+def _built(
+    aircraft: Aircraft,
+    intervals: int,
+    time: TimeKind,
+    half_spaces: int,
+    solver: StagedSolver,
+) -> StagedTranscription:
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.staged import StagedOptions, StagedTranscription  # noqa: PLC0415
+
+    timed = time != "given"
+    return StagedTranscription(
+        single_problem(aircraft, minimum_time=timed, half_spaces=half_spaces),
+        intervals,
+        time=time,
+        signals=() if timed else SIGNALS,
+        options=StagedOptions(
+            solver=solver,
+            iterations=120 if solver == "fatrop" else 300,
+            barrier=1e-3 if time == "movable" else 1e-2,
+            width_range=(0.25, 2.0),
+            width_weight=1e-3,
+        ),
+    )
+
+
+class Programs:
+    """Solves programs of one aircraft between two hovers, and counts."""
+
+    def __init__(self, aircraft: Aircraft, start: FloatArray, goal: FloatArray) -> None:
+        self.aircraft = aircraft
+        self.bounds = limit_bounds(aircraft)
+        self.ends = {
+            f"{name}_{axis}": float(place[k])
+            for name, place in (("start", start), ("goal", goal))
+            for k, axis in enumerate(POSITION)
+        }
+        self.iterations = 0
+        self.solves = 0
+
+    def program(
+        self,
+        intervals: int,
+        time: TimeKind,
+        half_spaces: int = 0,
+        solver: StagedSolver = "fatrop",
+    ) -> StagedTranscription:
+        """Return the program for so many intervals, from the process's store."""
+        return _built(self.aircraft.canonical(), intervals, time, half_spaces, solver)
+
+    def solve(
+        self,
+        program: StagedTranscription,
+        widths: FloatArray,
+        guess: StagedGuess,
+        parameters: dict[str, float],
+        *,
+        signals: FloatArray | None = None,
+        half_spaces: dict[str, tuple[FloatArray, FloatArray]] | None = None,
+    ) -> StagedSolution:
+        """Solve once, with this aircraft's limits and hovers."""
+        solution = program.solve(
+            widths=widths,
+            guess=guess,
+            parameters=self.ends | parameters,
+            signals=signals,
+            half_spaces=half_spaces,
+            bounds=self.bounds,
+        )
+        self.iterations += solution.iterations
+        self.solves += 1
+        return solution

@@ -1,0 +1,126 @@
+"""One drone in the least time: the mesh is part of what is sought.
+
+The widths of the mesh intervals are unknowns of the program, so that their borders come
+to lie where a limit is reached or left (the switch times of Agamawi, Hager and Rao
+2019, without having to know the arcs beforehand).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.solve.assembly import trajectory_of
+from showc.solve.estimate import minimum_time_estimate
+from showc.solve.guess import flat_guess
+from showc.solve.intervals import END_GRADING, finer, graded_widths, interval_count
+from showc.solve.judgement import STILL, Verdict, judge, refusal
+from showc.solve.programs import Programs
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.staged import StagedGuess, StagedSolution, StagedSolver
+    from showc.ocp.stages import TimeKind
+    from showc.solve.model import Aircraft
+    from showc.solve.result import Result
+
+    FloatArray = NDArray[np.float64]
+
+EFFORT = 1e-4
+"""Weight of effort beside the time [s]."""
+INTERVALS = 24
+FINE_INTERVALS = 40
+"""The same where the time is wanted closer than to 0.1 %."""
+PASSES = 4
+"""Greatest number of passes in which interval borders move."""
+
+
+def minimum_time(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    *,
+    tolerance: float = 1e-3,
+) -> Result:
+    """Fly from hover to hover in the least time.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (3,) [m].
+    tolerance
+        Relative error of the time that is good enough; decides how fine the mesh
+        becomes.
+
+    Returns
+    -------
+    Result
+        Its duration is the least time, not rounded. A move of no length takes no
+        time and has no trajectory.
+    """
+    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    programs = Programs(aircraft, start, goal)
+    if reason := refusal(aircraft, start, goal):
+        return Verdict("limit", reason).result(programs, 0.0)
+    if np.linalg.norm(goal - start) < STILL:
+        return Verdict("solved").result(programs, 0.0)
+    guessed = float(minimum_time_estimate(aircraft, start[None], goal[None])[1][0])
+    least = INTERVALS if tolerance >= 1e-3 else FINE_INTERVALS
+    intervals: int | None = interval_count(guessed, least)
+    verdict = Verdict("infeasible")
+    for _ in range(3):
+        if intervals is None:
+            break
+        widths = graded_widths(1.1 * guessed, intervals, END_GRADING)
+        guess = flat_guess(aircraft, start, goal, widths)
+        solution = _shortest(programs, widths, guess, tolerance)
+        intervals = finer(intervals)
+        if not solution.result.usable:
+            verdict = Verdict("infeasible", solution.message)
+            continue
+        duration = solution.duration
+        trajectory = trajectory_of(aircraft, solution, start, goal, duration)
+        verdict = judge(aircraft, trajectory)
+        if verdict.status == "solved":
+            return verdict.result(programs, duration, trajectory)
+    return verdict.result(programs, 0.0)
+
+
+def _shortest(
+    programs: Programs, widths: FloatArray, guess: StagedGuess, tolerance: float
+) -> StagedSolution:
+    """Least time on so many intervals: first in fixed proportions, then movable.
+
+    The borders move in several passes, each within a range about where it starts,
+    until that gains little: one pass with a wide range often ends nowhere.
+    """
+    solution = _solved(programs, "free", widths, guess)
+    if not solution.result.usable:
+        return solution
+    for _ in range(PASSES):
+        moved = _solved(programs, "movable", solution.widths, solution.guess)
+        gain = 1.0 - moved.duration / solution.duration
+        if not moved.result.usable or gain <= 0.0:
+            break
+        solution = moved
+        if gain < 0.3 * tolerance:
+            break
+    return solution
+
+
+def _solved(
+    programs: Programs, time: TimeKind, widths: FloatArray, guess: StagedGuess
+) -> StagedSolution:
+    """Solve with fatrop, and again with IPOPT where that does not converge."""
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.solution import Result as Ending  # noqa: PLC0415
+
+    solvers: tuple[StagedSolver, ...] = ("fatrop", "ipopt")
+    for solver in solvers:
+        program = programs.program(widths.size, time, solver=solver)
+        solution = programs.solve(program, widths, guess, {"effort": EFFORT})
+        if solution.result is Ending.SOLVED:
+            break
+    return solution
