@@ -30,10 +30,11 @@ def unit_vector(settings: Settings, key: str) -> FloatArray:
     if isinstance(value, str):
         return np.asarray(np.eye(3)[_AXES[value]], dtype=np.float64)
     direction = np.array(settings.vector(key))
-    size = float(np.linalg.norm(direction))
-    if size == 0.0:
+    largest = float(np.abs(direction).max())
+    if largest == 0.0:
         raise FormationError("SHW104", f"`{key}` is a direction of length zero", key)
-    return np.asarray(direction / size, dtype=np.float64)
+    direction = direction / largest  # its square may vanish otherwise
+    return np.asarray(direction / np.linalg.norm(direction), dtype=np.float64)
 
 
 def _rotation(settings: Settings) -> FloatArray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,12 @@ class Unit:
     """What it measures."""
     factor: float
     """How many SI units one of it is."""
+
+    @property
+    def exact(self) -> Fraction | None:
+        """The same as a fraction of small numbers, where it is one."""
+        fraction = Fraction(self.factor).limit_denominator(10**9)
+        return fraction if float(fraction) == self.factor else None
 
 
 def _units(dimension: str, **factors: float) -> dict[str, Unit]:
@@ -78,6 +85,8 @@ UNITS: Mapping[str, Unit] = MappingProxyType(
     | _named("share", {"%": 1e-2})
 )
 """Every unit a script may write."""
+
+_ONE = Unit("", "share", 1.0)
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 """A number as scripts write it (a regular expression)."""
@@ -142,18 +151,35 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
             wanted = f"a number in {unit}" if unit else "a number"
             raise QuantityError("SHW103", f"`{text}` is not a number", f"give {wanted}")
         value, written = float(match.group(1)), match.group(2)
-    factor = _factor(written, unit, stripped)
-    target = UNITS[store].factor if store else 1.0
-    result = value if written == store else value * factor / target
+    found = _unit(written, unit, stripped)
+    result = value
+    if written != store:
+        target = UNITS[store] if store else _ONE
+        result = _converted(match_number(stripped), found, target)
     if not math.isfinite(result):
         raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
     return result
 
 
-def _factor(written: str, unit: str, text: str) -> float:
-    """Return the SI factor of a written unit, checked against the wanted one."""
+def match_number(text: str) -> str:
+    """Return the number at the beginning of a text that has one."""
+    match = _NUMBER.match(text)
+    return match.group() if match is not None else ""
+
+
+def _converted(number: str, source: Unit, target: Unit) -> float:
+    """Return a number in another unit, correctly rounded where units are decimal."""
+    value = float(number)
+    top, bottom = source.exact, target.exact
+    if top is None or bottom is None or not math.isfinite(value) or value == 0.0:
+        return value * source.factor / target.factor
+    return float(Fraction(number) * top / bottom)
+
+
+def _unit(written: str, unit: str, text: str) -> Unit:
+    """Return a written unit, checked against the wanted one."""
     if written == unit:
-        return UNITS[unit].factor if unit else 1.0
+        return UNITS[unit] if unit else _ONE
     found = UNITS.get(" ".join(written.split()))
     wanted = UNITS[unit].dimension if unit else "share"
     if found is None:
@@ -169,7 +195,7 @@ def _factor(written: str, unit: str, text: str) -> float:
             f"`{text}` is {_article(found.dimension)}, {what} is wanted",
             f"units here: {', '.join(units_of(unit))}",
         )
-    return found.factor
+    return found
 
 
 def units_of(unit: str) -> tuple[str, ...]:

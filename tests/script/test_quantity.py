@@ -32,6 +32,13 @@ def test_what_it_stands_for(text, unit, value):
     assert parse_quantity(text, unit, plain=True) == pytest.approx(value, rel=1e-15)
 
 
+def test_decimal_units_round_once():
+    assert parse_quantity("700 g", "kg", plain=True) == 0.7
+    assert parse_quantity("18 km/h", "m/s", plain=True) == 5.0
+    assert parse_quantity("30 cm", "m", plain=True) == 0.3
+    assert parse_quantity("1e-999999999 cm", "m", plain=True) == 0.0
+
+
 def test_degrees_may_be_kept():
     assert parse_quantity("47.397742", "deg", plain=True, store="deg") == 47.397742
     turned = parse_quantity("0.5 turn", "deg", plain=True, store="deg")

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import JUnitXml
 from lxml import etree
+
 from showc.script import Diagnostic, Label, Severity, load_show, read_show
 from showc.script.diagnostic import select_diagnostics
 from showc.script.render import FORMATS, render
@@ -87,7 +88,15 @@ def test_sarif_is_accepted_by_its_own_validator(corpus, npm, tmp_path):
     log, verdict = tmp_path / "showc.sarif", tmp_path / "verdict.sarif"
     log.write_text(render(*corpus, "sarif"), encoding="utf-8")
     subprocess.run(
-        [programs[0], "validate", log, "--output", verdict, "--rule-kind", "Sarif;Ghas"],
+        [
+            programs[0],
+            "validate",
+            log,
+            "--output",
+            verdict,
+            "--rule-kind",
+            "Sarif;Ghas",
+        ],
         check=False,
         capture_output=True,
         env={"DOTNET_SYSTEM_GLOBALIZATION_INVARIANT": "1", "HOME": str(tmp_path)},

@@ -130,7 +130,7 @@ def fill(contours: Sequence[Contour], count: int) -> tuple[FloatArray, IntArray]
     Returns
     -------
     tuple
-        Points, shape (count, 2), and the contour nearest to each, shape (count,).
+        Points, shape (count, 2), and the contour around each, shape (count,).
 
     Raises
     ------
@@ -147,14 +147,21 @@ def fill(contours: Sequence[Contour], count: int) -> tuple[FloatArray, IntArray]
             help_text="use `draw: outline`",
         )
     points = inside[spread_evenly(inside, count)]
-    corners = np.concatenate([contour.points for contour in contours])
-    owner = np.concatenate(
-        [np.full(len(item.points), index) for index, item in enumerate(contours)]
-    )
-    nearest = np.array(
-        [int(np.argmin(np.sum((corners - point) ** 2, axis=1))) for point in points]
-    )
-    return points, owner[nearest]
+    owner = np.zeros(count, dtype=np.int64)
+    for index, contour in enumerate(contours):
+        # Later shapes of a drawing lie over earlier ones.
+        owner[_inside(contour, points)] = index
+    return points, owner
+
+
+def _inside(contour: Contour, points: FloatArray) -> NDArray[np.bool_]:
+    """Tell which points, shape (n, 2), a contour encloses (even-odd rule), (n,)."""
+    start, stop = contour.points[:-1], contour.points[1:]
+    x, y = points[:, 0, None], points[:, 1, None]
+    crosses = (start[:, 1] > y) != (stop[:, 1] > y)
+    rise = np.where(stop[:, 1] == start[:, 1], 1.0, stop[:, 1] - start[:, 1])
+    at = start[:, 0] + (y - start[:, 1]) / rise * (stop[:, 0] - start[:, 0])
+    return np.asarray(np.sum(crosses & (x < at), axis=1) % 2 == 1)
 
 
 def _inside_points(contours: Sequence[Contour], wanted: int) -> FloatArray | None:

@@ -40,7 +40,8 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise FormationError("SHW110", f"`{name}` is not UTF-8", "file") from None
-    first = next((line for line in lines if line.strip()), "")
+    kept = (line for line in lines if line.strip() and not line.startswith("#"))
+    first = next(kept, "")
     separator = max(";\t,", key=first.count)
     table = [
         (

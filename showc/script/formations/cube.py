@@ -10,6 +10,7 @@ import numpy as np
 from showc.script.formations.evenly import candidates_for, spread_evenly
 from showc.script.formations.mesh import surface_points
 from showc.script.formations.shape import Drawing, Request, Shape, any_count
+from showc.script.formations.wire import Wire, string
 from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
@@ -48,28 +49,14 @@ def _corners(size: FloatArray) -> FloatArray:
 def _edges(size: FloatArray, count: int) -> FloatArray:
     """Return the corners, then places spread over the twelve edges by length."""
     corners = _corners(size)
-    if count <= len(corners):
-        return corners[spread_evenly(corners, count, rounds=0)]
     pairs = [
         (first, second)
         for first in range(8)
         for second in range(first + 1, 8)
         if np.count_nonzero(corners[first] != corners[second]) == 1
     ]
-    lengths = [
-        float(np.linalg.norm(corners[second] - corners[first]))
-        for first, second in pairs
-    ]
-    inner = [0] * len(pairs)
-    for _ in range(count - len(corners)):
-        # The next place goes where the gaps are widest.
-        gaps = [length / (n + 1) for length, n in zip(lengths, inner, strict=True)]
-        inner[int(np.argmax(np.round(gaps, 9)))] += 1
-    points = [corners]
-    for (first, second), number in zip(pairs, inner, strict=True):
-        share = (np.arange(number)[:, None] + 1.0) / (number + 1.0)
-        points.append(corners[first] + share * (corners[second] - corners[first]))
-    return np.concatenate(points)
+    wires = [Wire(corners[list(pair)]) for pair in pairs]
+    return string(corners, wires, count)
 
 
 def _faces(size: FloatArray, count: int) -> FloatArray:

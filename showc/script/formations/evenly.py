@@ -38,8 +38,8 @@ def spread_evenly(
     count
         Number of points, at most the number of candidates.
     rounds
-        Rounds of Lloyd's method; the best round is kept, judged by its two closest
-        points.
+        Rounds of Lloyd's method. The round is kept whose two closest points are the
+        furthest apart, because separation is what counts most.
 
     Returns
     -------
@@ -49,15 +49,15 @@ def spread_evenly(
     """
     chosen = farthest_points(candidates, count)
     best, width = chosen, _least_gap(candidates[chosen])
-    for _ in range(rounds if count > 1 else 0):
+    for _ in range(rounds if 1 < count < len(candidates) else 0):
         owner = _owners(candidates, candidates[chosen])
-        size = np.bincount(owner, minlength=count)
+        size = np.maximum(np.bincount(owner, minlength=count), 1)
         middle = np.column_stack(
             [
-                np.bincount(owner, weights=candidates[:, axis], minlength=count)
-                for axis in range(candidates.shape[1])
+                np.bincount(owner, weights=column, minlength=count) / size
+                for column in candidates.T
             ]
-        ) / np.maximum(size, 1)[:, None].astype(np.float64)
+        )
         moved = _nearest_members(candidates, owner, middle, chosen)
         if np.array_equal(moved, chosen):
             break
@@ -120,11 +120,13 @@ def _nearest_members(
 
 
 def _least_gap(points: FloatArray) -> float:
-    """Return the smallest distance between two points."""
-    if len(points) < 2:
-        return np.inf
+    """Return the smallest squared distance between two points."""
+    order = np.argsort(points[:, 0], kind="stable")
+    placed = points[order]
     least = np.inf
-    for index in range(len(points) - 1):
-        step = points[index + 1 :] - points[index]
+    for offset in range(1, len(placed)):
+        step = placed[offset:] - placed[:-offset]
+        if float((step[:, 0] ** 2).min()) >= least:
+            break
         least = min(least, float(np.sum(step * step, axis=1).min()))
-    return float(np.sqrt(least))
+    return least

@@ -1,0 +1,317 @@
+"""From script to show: defaults, units, fleets, groups, limits, what is refused."""
+
+import math
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from conftest import ROOT, SHOWS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.script import load_show
+from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour
+from showc.script.operations import fence_distance
+from showc.script.rules import inside_polygon
+from showc.script.spacing import closest, pair_distance
+from showc.script.timing import least_times
+from showc.vehicle import PRESETS, Separation
+
+TEN_LINES = """\
+drones: 16
+formations:
+  ring: {type: circle, radius: 8}
+transitions:
+  - ring
+"""
+
+
+@pytest.mark.parametrize("path", SHOWS, ids=lambda path: path.stem)
+def test_the_shows_are_right(path):
+    result = load_show(path)
+    assert result.diagnostics == ()
+    assert result.show.source.content == path.read_bytes()
+    for formation in result.show.formations.values():
+        assert not formation.points.flags.writeable
+        assert not formation.colours.flags.writeable
+        assert formation.points.shape == formation.colours.shape
+
+
+def test_the_grid_is_the_printed_case():
+    show = load_show(ROOT / "shows" / "grid.yaml").show
+    assert show.drones == 6
+    limits = show.limits
+    assert limits.velocity_max == (5.0, 5.0, 5.0)
+    assert limits.velocity_min == (-5.0, -5.0, -5.0)
+    assert limits.tilt == math.radians(20.0)
+    assert limits.body_rate == (1.7, 1.7, 1.7)
+    assert (limits.thrust_min, limits.thrust_max) == (0.0, 21.03)
+    assert limits.torque_max == (0.67, 0.67, 0.105)
+    assert show.separation == Separation(1.0)
+    assert show.vehicle.mass == 0.625
+    assert show.vehicle.torque_arm == "included"
+    above = show.formations["pads"].points + [0, 0, show.launch.altitude]
+    (move,) = show.transitions
+    assert move.assignment == "fixed"
+    shift = show.formations[move.to].points - above
+    assert np.array_equal(shift, np.tile([30.0, 20.0, 10.0], (6, 1)))
+
+
+def test_the_swap_is_antipodal():
+    show = load_show(ROOT / "shows" / "swap.yaml").show
+    start, goal = (show.formations[name].points for name in ("pads", "swapped"))
+    assert np.allclose(start[:, :2], -goal[:, :2])
+    assert show.transitions[0].assignment == "fixed"
+    assert np.all(goal[:, 2] == show.launch.altitude)
+
+
+def test_defaults_make_a_show(show):
+    made = show(TEN_LINES)
+    assert made.name == "show"
+    assert made.epoch == datetime(2025, 1, 1, tzinfo=UTC)
+    assert made.vehicle == PRESETS["formation-625g"].vehicle
+    assert made.separation == Separation(1.5)
+    assert made.site.volume_max == (100.0, 100.0, 120.0)
+    assert made.limits.position_max == made.site.volume_max
+    pads = made.formations["pads"]
+    assert made.pads == "pads"
+    assert np.all(pads.points[:, 2] == 0.0)
+    assert closest(pads.points, 10.0, Separation(1.0)).distance == 2.25
+    (move,) = made.transitions
+    assert (move.name, move.hold, move.duration) == ("launch -> ring", 5.0, None)
+    assert made.formations["ring"].points[:, 2].tolist() == [10.0] * 16
+    assert np.all(made.formations["ring"].colours == 1.0)
+    assert (made.yaw, made.heading, made.parking) == ("held", 0.0, None)
+    assert made.mission.light_servos is None
+
+
+def test_everything_said_is_taken(show):
+    made = show(
+        "name: All\nepoch: 2025-06-01T23:30:00+02:00\n"
+        "site: {origin: {latitude: 52.5 deg, longitude: -0.1, altitude: 1 km}, "
+        "heading: 0.5 turn, volume: {min: [-30, -40, -1], max: [30, 40, 60]}, "
+        "fence: [[-20, -20], [20, -20], [0, 30]]}\n"
+        "vehicle: {preset: formation-625g, mass: 700 g, torque_arm: multiplied}\n"
+        "limits: {speed: [18 km/h, 4, 3], descent: 1.5, tilt: 0.3 rad, "
+        "body_rate: [90, 90, 1 rad/s], thrust_min: 1, thrust_max: 15 N, "
+        "torque: [0.5, 0.4, 0.1]}\n"
+        "separation: {distance: 2 m, shape: ellipsoid, vertical_stretch: 2}\n"
+        "yaw: {mode: free, heading: 90}\ndrones: 4\nlog_rate: 50\nseed: 7\n"
+        "pads: {type: line, length: 12}\n"
+        "launch: {altitude: 12, climb_speed: 1, hold: 4}\n"
+        "landing: {altitude: 9, descent_speed: 0.5, hold: 3, assignment: fixed}\n"
+        "formations:\n  ring: {type: circle, radius: 4, colour: gold, "
+        "effect: {kind: sweep, period: 3, direction: [0, 2, 0], depth: 0.5}}\n"
+        "transitions:\n  - {to: ring, hold: 1 min, assignment: fixed, duration: 20, "
+        "colour: {each: [red, blue]}, fade: start, effect: pulse, name: Go}\n"
+        "mission: {light_servos: [9, 10, 11], light_pwm: [900, 2100], slack: 4, "
+        "board: cube}\n"
+    )
+    assert made.name == "All"
+    assert made.epoch == datetime(2025, 6, 1, 21, 30, tzinfo=UTC)
+    site = made.site
+    assert (site.latitude, site.longitude, site.altitude) == (52.5, -0.1, 1000.0)
+    assert site.heading == pytest.approx(180.0)
+    assert site.fence.tolist() == [[-20, -20], [20, -20], [0, 30]]
+    assert (made.vehicle.name, made.vehicle.mass) == ("custom", 0.7)
+    assert made.vehicle.torque_arm == "multiplied"
+    limits = made.limits
+    assert limits.velocity_max == pytest.approx((5.0, 4.0, 3.0))
+    assert limits.velocity_min == pytest.approx((-5.0, -4.0, -1.5))
+    assert limits.tilt == 0.3
+    assert limits.body_rate == pytest.approx((math.pi / 2, math.pi / 2, 1.0))
+    assert (limits.thrust_min, limits.thrust_max) == (1.0, 15.0)
+    assert limits.torque_max == (0.5, 0.4, 0.1)
+    assert made.separation == Separation(2.0, "ellipsoid", 2.0)
+    assert (made.yaw, made.heading) == ("free", math.radians(90))
+    assert (made.log_rate, made.seed) == (50.0, 7)
+    launch, landing = made.launch, made.landing
+    assert (launch.altitude, launch.climb_speed, launch.hold) == (12.0, 1.0, 4.0)
+    assert (landing.altitude, landing.descent_speed) == (9.0, 0.5)
+    assert (landing.hold, landing.assignment) == (3.0, "fixed")
+    (move,) = made.transitions
+    assert (move.name, move.hold, move.duration) == ("Go", 60.0, 20.0)
+    assert (move.assignment, move.fade, move.effect.kind) == ("fixed", "start", "pulse")
+    assert move.colours.tolist() == [[1, 0, 0], [0, 0, 1]] * 2
+    ring = made.formations["ring"]
+    assert np.allclose(ring.colours, linear_light(np.array([1, 215 / 255, 0])))
+    assert ring.effect.direction == (0.0, 1.0, 0.0)
+    assert (ring.effect.kind, ring.effect.depth) == ("sweep", 0.5)
+    mission = made.mission
+    assert (mission.light_servos, mission.light_pwm) == ((9, 10, 11), (900, 2100))
+    assert (mission.slack, mission.board) == (4.0, "cube")
+
+
+def test_groups(show):
+    made = show(
+        "groups: {left: 1-4, right: [8, 5-7]}\nformations:\n"
+        "  west: {type: circle, radius: 5, centre: [-20, 0, 20]}\n"
+        "  east: {type: circle, radius: 5, centre: [20, 0, 20]}\n"
+        "  all: {type: circle, radius: 12, centre: [0, 0, 40]}\n"
+        "transitions:\n  - {to: west, group: left}\n  - {to: east, group: right}\n"
+        "  - all\n"
+    )
+    assert made.drones == 8
+    assert made.groups == {"left": (0, 1, 2, 3), "right": (4, 5, 6, 7)}
+    assert len(made.formations["west"].points) == 4
+    assert len(made.formations["all"].points) == 8
+    assert [move.name for move in made.transitions][:2] == [
+        "launch -> west", "launch -> east",
+    ]  # fmt: skip
+
+
+def test_parking(show):
+    made = show(
+        "drones: 10\nparking: {type: line, count: 4, centre: [0, -30, 12]}\n"
+        "formations:\n  small: {type: circle, radius: 6, count: 6}\n"
+        "  whole: {type: circle, radius: 12}\ntransitions: [small, whole]\n"
+    )
+    assert made.parking == "parking"
+    assert len(made.formations["parking"].points) == 4
+    assert len(made.formations["small"].points) == 6
+
+
+def test_pads_may_be_a_formation(show):
+    made = show(
+        "drones: 4\npads: ground\nformations:\n  ground: {type: line, length: 9}\n"
+        "  ring: {type: circle, radius: 5}\ntransitions: [ring]\n"
+    )
+    assert made.pads == "ground"
+    assert np.all(made.formations["ground"].points[:, 2] == 0.0)
+
+
+def test_the_same_script_gives_the_same_show(read):
+    text = (ROOT / "shows" / "chapters.yaml").read_text(encoding="utf-8")
+    body = text.split("showc: 1\n")[1]
+    first, second = read(body).show, read(body).show
+    for name, formation in first.formations.items():
+        again = second.formations[name]
+        assert formation.points.tobytes() == again.points.tobytes()
+        assert formation.colours.tobytes() == again.colours.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("shape", "stretch", "apart"),
+    [
+        ("sphere", 1.0, 2.0),
+        ("ellipsoid", 2.0, 4.0),
+        ("any-axis", 1.0, 2.0),
+    ],
+)
+def test_spacing_is_measured_in_the_separations_shape(read, shape, stretch, apart):
+    """Two places above each other must keep the separation of that shape."""
+    script = (
+        "separation: {distance: 2, shape: %s, vertical_stretch: %g}\nformations:\n"
+        "  tower: {type: points, points: [[0, 0, 20], [0, 0, %.3f]]}\n"
+        "transitions: [tower]\n"
+    )
+    near = read(script % (shape, stretch, 20 + apart - 0.01))
+    assert [item.code for item in near.errors] == ["SHW201"]
+    assert not read(script % (shape, stretch, 20 + apart + 0.01)).errors
+
+
+def test_all_axes_refuses_neighbours_on_one_level(read):
+    result = read(
+        "separation: {distance: 1, shape: all-axes}\n"
+        "formations: {row: {type: line, count: 2, length: 9}}\ntransitions: [row]\n"
+    )
+    found = [item for item in result.errors if "`row`" in item.message]
+    assert [item.code for item in found] == ["SHW201"]
+
+
+@settings(deadline=None)
+@given(
+    st.integers(2, 60),
+    st.integers(0, 10**6),
+    st.sampled_from(["sphere", "ellipsoid", "any-axis", "all-axes"]),
+    st.floats(0.05, 3.0),
+)
+def test_the_closest_pair_is_found(count, seed, shape, threshold):
+    points = np.random.default_rng(seed).uniform(-3, 3, size=(count, 3))
+    separation = Separation(1.0, shape, 2.0)
+    upper = np.triu_indices(count, 1)
+    distance = pair_distance(points[upper[0]] - points[upper[1]], separation)
+    found = closest(points, threshold, separation)
+    near = distance < threshold
+    if not near.any():
+        assert found is None
+    else:
+        assert found.pairs == near.sum()
+        assert found.distance == pytest.approx(distance.min())
+
+
+@given(st.tuples(*[st.floats(-60, 60)] * 3))
+def test_the_least_time_is_below_a_flight_of_full_thrust(displacement):
+    """No bang-bang flight along the straight line within generous bounds is quicker."""
+    preset = PRESETS["formation-625g"]
+    way = np.array(displacement)
+    least = float(least_times(way, preset.limits, preset.vehicle))
+    distance = float(np.linalg.norm(way))
+    thrust = preset.limits.thrust_max / preset.vehicle.mass
+    most = thrust + preset.vehicle.gravity
+    assert least <= 2 * math.sqrt(max(distance, 0.0) / 1.0) + distance / 1.0 + 1e-9
+    assert least >= 2 * math.sqrt(np.abs(way).max() / most) - 1e-9
+    assert least >= np.abs(way).max() / 5.0 - 1e-9
+
+
+def test_the_least_time_of_a_vertical_move_is_exact():
+    """Full thrust up, free fall down, with the speed limit in between."""
+    preset = PRESETS["formation-625g"]
+    up = preset.limits.thrust_max / 0.625 - 9.80665
+    down = 9.80665
+    reach = 5.0**2 / 2 * (1 / up + 1 / down)
+    assert reach < 20.0
+    wanted = 5.0 / up + 5.0 / down + (20.0 - reach) / 5.0
+    least = float(
+        least_times(np.array([0.0, 0.0, 20.0]), preset.limits, preset.vehicle)
+    )
+    assert least == pytest.approx(wanted)
+
+
+def test_polygons():
+    corners = np.array([[0.0, 0], [4, 0], [4, 4], [2, 1], [0, 4]])
+    points = np.array([[1.0, 1], [2, 2], [3.5, 3], [5, 1], [-1, 0]])
+    assert inside_polygon(points, corners).tolist() == [True, False, True, False, False]
+    square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
+    near = fence_distance(np.array([[1.0, 2.0], [2, 3.5], [6, 4], [7, 8]]), square)
+    assert near.tolist() == [1.0, 0.5, 2.0, 5.0]
+
+
+def test_colours():
+    assert parse_colour("Gold") == (1.0, 215 / 255, 0.0)
+    assert parse_colour("#f80") == (1.0, 136 / 255, 0.0)
+    assert parse_colour("rebeccapurple") == (0.4, 0.2, 0.6)
+    assert parse_colour("#12345") is None
+    assert len(COLOUR_NAMES) == 148
+    ramp = linear_light(np.linspace(0, 1, 257))
+    assert ramp[0] == 0.0 and ramp[-1] == 1.0
+    assert np.all(np.diff(ramp) > 0)
+    assert linear_light(np.array([0.5]))[0] == pytest.approx(0.21404114)
+
+
+def test_gradients(show):
+    made = show(
+        "drones: 5\nformations:\n"
+        "  row: {type: line, length: 40, colour: {gradient: [black, white]}}\n"
+        "  out: {type: line, length: 40, colour: {gradient: [red, blue], along: centre}}\n"
+        "transitions: [row, out]\n"
+    )
+    row, out = made.formations["row"].colours, made.formations["out"].colours
+    assert np.allclose(row[:, 0], linear_light(np.linspace(0, 1, 5)))
+    assert np.allclose(out[2], [1, 0, 0])
+    assert np.allclose(out[[0, 4]], [0, 0, 1])
+
+
+def test_all_faults_at_once_in_order(read):
+    result = read(
+        "drones: 4\nseparation: 2 kg\nlimits: {tilt: 200}\nsite: {fense: []}\n"
+        "formations:\n  ring: {type: circle, raduis: 4}\n  near: {type: line, length: 3}\n"
+        "transitions:\n  - {to: rong}\n  - {to: near, hold: -1}\n"
+    )
+    codes = [item.code for item in result.errors]
+    assert codes == [
+        "SHW105", "SHW104", "SHW101", "SHW101", "SHW107", "SHW104",
+    ]  # fmt: skip
+    places = [(item.span.line, item.span.column) for item in result.diagnostics]
+    assert all(first <= second for first, second in pairwise(places))
