@@ -218,13 +218,13 @@ def _mesh(course: Course) -> list[str]:
     ratios = course.curvature_ratios()
     return [
         bar_plot(
-            "Defect of the acceleration on each interval [m/s²], and its length",
+            "Defect of the acceleration by interval [m/s²]",
             course.breaks,
             course.defects(),
             [f"{1000.0 * width:.0f} ms" for width in np.diff(course.breaks)],
         ),
         bar_plot(
-            "Curvature of the velocity on each interval, greatest over mean",
+            "Curvature of the velocity by interval, greatest over mean",
             course.breaks,
             ratios,
             [f"{value:.1f}" for value in ratios],

@@ -118,7 +118,11 @@ def line_plot(
     reach = max(high - low, 0.35 * max(abs(high), abs(low)), 1e-9)
     near = [level for level in limits if low - 1.6 * reach < level < high + 1.6 * reach]
     low, high = min([low, *near]), max([high, *near])
-    room = 0.06 * max(high - low, 1e-6 * max(abs(high), 1.0))
+    size = max(abs(high), abs(low))
+    if high - low <= 1e-9 * size or size < 1e-12:
+        # A constant: the line stands in the middle of a sheet of its own size.
+        low, high = low - max(0.5 * size, 1.0), high + max(0.5 * size, 1.0)
+    room = 0.06 * (high - low)
     axes = Axes(float(times[0]), float(times[-1]), low - room, high + room)
     parts = axes.background()
     if breaks is not None:

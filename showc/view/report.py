@@ -24,6 +24,8 @@ SHAPES = {
     pb.Separation.ANY_AXIS: "any axis",
     pb.Separation.ALL_AXES: "all axes",
 }
+MOST_FILES = 80
+"""Mission files that are listed one by one; a great fleet's would fill a book."""
 TOLERANCE = 1e-6
 """Separation that the verifier lets pass below the rule [m]."""
 WORDS = {"pass": "ok", "fail": "FAILED", "warning": "warning", "skipped": "not checked"}
@@ -276,7 +278,10 @@ def _origin(logged: LoggedShow) -> str:
     ]
     if isinstance(manifest.get("fleet"), str):
         rows.append(("Fleet", f"{len(files)} files", manifest["fleet"]))
-    rows += [("", str(name), str(value)) for name, value in files.items()]
+    if len(files) <= MOST_FILES:
+        rows += [("", str(name), str(value)) for name, value in files.items()]
+    else:
+        rows.append(("", "each file", "in manifest.json"))
     words = frozenset({0, 1, 2})
     versions = ", ".join(
         f"{name} {value}" for name, value in _entry(manifest, "versions").items()

@@ -80,12 +80,24 @@ def _ways(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
     chosen = np.unique(np.linspace(0, logged.drones - 1, PATHS).astype(int))
     stride = max(1, round(logged.rules.log_rate / 2.5))
     lines = [
-        _path(frame(logged.positions[::stride, drone][:, axes])) for drone in chosen
+        _path(_thinned(frame(logged.positions[::stride, drone][:, axes])))
+        for drone in chosen
     ]
     return (
         f'<path d="{"".join(lines)}" fill="none" stroke="#8fa3c8" '
         'stroke-width="0.6" stroke-opacity="0.55"/>'
     )
+
+
+def _thinned(points: FloatArray) -> FloatArray:
+    """Leave out what lies within a unit of the drawing beside what is kept."""
+    kept = [points[0]]
+    kept.extend(
+        point
+        for point in points[1:]
+        if abs(point[0] - kept[-1][0]) + abs(point[1] - kept[-1][1]) > 1.0
+    )
+    return np.array(kept)
 
 
 def _pictures(logged: LoggedShow, axes: list[int], frame: Frame) -> str:

@@ -74,12 +74,12 @@ function lookAt(view, width, height) {
   const across = view === "front" ? half[0] : Math.hypot(half[0], half[1]);
   const deep = view === "front" ? half[1] : across;
   camera.distance = (1.3 * Math.max(half[2], across / wide)) / fit + 0.7 * deep;
+  camera.target[2] -= 0.14 * camera.distance * fit;
   if (view === "front") {
     // Eyes of someone who stands on the ground.
-    camera.elevation = -Math.asin(Math.min((camera.target[2] - 1.7) / camera.distance, 0.4));
+    camera.elevation = -Math.asin(Math.min((camera.target[2] - low[2] - 1.7) / camera.distance, 0.4));
   } else {
     camera.azimuth = -0.45;
     camera.elevation = 0.1;
   }
-  camera.target[2] -= 0.14 * camera.distance * fit;
 }
