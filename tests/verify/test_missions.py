@@ -3,17 +3,19 @@
 import hashlib
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from verified import proved_flight, written
+from verified import loaded, proved_flight, written
 
 from showc.log import showc_pb2 as pb
 from showc.mission import mission_files
 from showc.verify import verify_log
 from showc.verify.geodesy import east_north_up, to_east_north_up
+from showc.verify.missions import check_attachments, check_missions
 from showc.verify.waypoints import MissionFormatError, parse
 
 SAME = "manifest in the log and manifest in the folder are one"
@@ -217,3 +219,84 @@ def test_geodesy_agrees_with_another_library(
     assert abs((bearing - heading + 180.0) % 360.0 - 180.0) < 1e-9
     geodetic = pymap3d.enu2geodetic(*enu, latitude, longitude, altitude)
     np.testing.assert_allclose(east_north_up(site, *geodetic), enu, atol=1e-5)
+
+
+NUMBERS = [
+    "0",
+    "-1",
+    "1e308",
+    "-1e308",
+    "99999999999999999999",
+    "1e-320",
+    "181",
+    "7",
+    "x",
+]
+
+
+@settings(
+    deadline=None,
+    max_examples=60,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    row=st.integers(0, 40),
+    column=st.integers(0, 11),
+    text=st.sampled_from(NUMBERS),
+    drop=st.booleans(),
+)
+def test_whatever_stands_in_a_mission_raises_nothing(folder, row, column, text, drop):
+    """Altered after compiling, hashes and all: findings, never a traceback."""
+    path = folder / "output" / "missions" / "drone_0001.waypoints"
+    content = path.read_bytes()
+    rows = [line.split("\t") for line in content.decode().splitlines()]
+    chosen = 1 + row % (len(rows) - 1)
+    if drop:
+        del rows[chosen]
+    else:
+        rows[chosen][column] = text
+    altered = "\n".join("\t".join(fields) for fields in rows).encode() + b"\n"
+    path.write_bytes(altered)
+    log, show = loaded(folder / "output.mcap")
+    checks = check_missions(log, show)
+    path.write_bytes(content)
+    found = {check.name for check in checks if check.verdict == "fail"}
+    assert (HASHES in found) == (altered != content)
+
+
+@settings(
+    deadline=None,
+    max_examples=60,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    st.recursive(
+        st.none()
+        | st.booleans()
+        | st.floats()
+        | st.sampled_from(["ardupilot", "px4", "2026-06-01T20:00:00Z"]),
+        lambda inner: (
+            st.lists(inner, max_size=3)
+            | st.dictionaries(
+                st.sampled_from(
+                    ["missions", "show", "files", "legs", "prediction", "closest"]
+                    + ["autopilot", "start", "missions/drone_0001.waypoints"]
+                ),
+                inner,
+                max_size=4,
+            )
+        ),
+        max_leaves=12,
+    )
+)
+def test_whatever_stands_in_a_manifest_raises_nothing(folder, manifest):
+    content = json.dumps(manifest).encode()
+    (folder / "output" / "manifest.json").write_bytes(content)
+    log, show = loaded(folder / "output.mcap")
+    other = SimpleNamespace(path=log.path, attachment=lambda _: content)
+    found = {c.name for c in check_missions(other, show) if c.verdict == "fail"}
+    assert HASHES in found
+    assert SAME not in found
+    check_attachments(other, {"script": "synthetic.yaml"})
