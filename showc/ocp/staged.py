@@ -80,6 +80,8 @@ class StagedOptions:
     solver: StagedSolver = "fatrop"
     tolerance: float = 1e-6
     iterations: int = 200
+    seconds: float = 20.0
+    """Greatest CPU time of one solve by IPOPT [s]; a guard, not a means of control."""
     barrier: float = 1e-2
     """First barrier parameter."""
     points: int = 4
@@ -411,6 +413,8 @@ class StagedTranscription:
                     "max_iter": options.iterations,
                     "bound_relax_factor": 0.0,
                     "nlp_scaling_method": "none",
+                    # A guard: its restoration phase has been seen not to end.
+                    "max_cpu_time": options.seconds,
                     **options.extra,
                 }
             self._solver = casadi.nlpsol(
