@@ -175,6 +175,8 @@ def _candidates(
     yield from sorted(
         found, key=lambda item: sum(stage.duration + STOP for stage in item[1])
     )
+    for name, stages in _bends(leg, flight, builder, around, stretches=(1.0,)):
+        yield f"{name}, staggered", [_staggered_stage(one, around) for one in stages]
 
 
 def _slower(
@@ -193,9 +195,7 @@ def _slower(
             (first.duration * stretch, f"straight, time x {stretch:g}", stretch)
             for stretch in STRETCHES[1:]
         ]
-    # The proof of the whole stage falls short of the pairs' by its tolerance.
-    apart = around.required + TOLERANCE
-    waits = staggered(first, around.separation, around.timing, apart)
+    waits = _waits(first, around)
     if waits is not None:
         longest = float(waits.max())
         name = f"straight, staggered by up to {longest:g} s"
@@ -207,8 +207,25 @@ def _slower(
             yield name, [first.waiting(how)]
 
 
+def _waits(stage: Stage, around: Surroundings) -> FloatArray | None:
+    """How long each drone of a stage may wait so that all keep apart."""
+    # The proof of the whole stage falls short of the pairs' by its tolerance.
+    apart = around.required + TOLERANCE
+    return staggered(stage, around.separation, around.timing, apart)
+
+
+def _staggered_stage(stage: Stage, around: Surroundings) -> Stage:
+    waits = _waits(stage, around)
+    return stage if waits is None else stage.waiting(waits)
+
+
 def _bends(
-    leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
+    leg: Leg,
+    flight: LegFlight,
+    builder: StageBuilder,
+    around: Surroundings,
+    *,
+    stretches: tuple[float, ...] = BEND_STRETCHES,
 ) -> Iterator[tuple[str, list[Stage]]]:
     """Two or three straight legs along the solved flight, or outside it."""
     start, goal = around.positions[leg.drones], leg.goal
@@ -226,7 +243,7 @@ def _bends(
                 line = _nearest_on_line(solved, start, goal)
                 places.append(np.clip(line + bend * (solved - line), low, high))
             places.append(goal)
-            for stretch in BEND_STRETCHES:
+            for stretch in stretches:
                 stages = []
                 for begin, end in pairwise(places):
                     quick = builder.build(leg.drones, begin, end, leg.limits)

@@ -33,7 +33,7 @@ TOLERANCE = 2e-3
 FIRST_PIECES = 32
 """Pieces of the window that a pair is looked at in first."""
 
-SHORTEST_PIECE = 1e-3
+SHORTEST_PIECE = 4e-3
 """Pieces of time below this are not cut further [s]."""
 
 BLOCK = 400_000
@@ -108,8 +108,8 @@ def pairs_apart(
 ) -> NDArray[np.bool_]:
     """Return which of the ``pairs`` are proved to keep ``required`` [m], shape (m,).
 
-    A pair that is undecided when the pieces are shorter than a millisecond counts as
-    too near.
+    A pair that is undecided when the pieces are shorter than ``SHORTEST_PIECE`` counts
+    as too near.
     """
     apart = np.ones(pairs[0].size, dtype=np.bool_)
     pieces = FIRST_PIECES

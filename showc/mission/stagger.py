@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 LONGEST_WAIT = 30
 """Nobody leaves later than this after the first [s]."""
 
+NEAR_DIFFERENCE = 8
+"""Differences of release up to this are looked at one by one [s]."""
+
 MOST_PAIRS = 4000
 """With more pairs too near, other encodings are quicker found."""
 
@@ -61,18 +64,16 @@ def staggered(
     if not 0 < a.size <= MOST_PAIRS:
         return None
     reach = min(ceil(stage.duration + 2.0 * timing.spread), LONGEST_WAIT)
-    table = np.stack(
-        [
-            pairs_apart(
-                _pair_motion(stage, timing, a, b, float(later)),
-                separation,
-                (np.arange(a.size), a.size + np.arange(a.size)),
-                required,
-            )
-            for later in range(-reach, reach + 1)
-        ],
-        axis=1,
-    )
+    rows = np.arange(a.size)
+    table = np.zeros((a.size, 2 * reach + 1), dtype=np.bool_)
+    for later in range(-reach, reach + 1):
+        # Differences in between count as too near: they are seldom the best.
+        if NEAR_DIFFERENCE < abs(later) < reach:
+            continue
+        motion = _pair_motion(stage, timing, (a, b), float(later))
+        table[:, later + reach] = pairs_apart(
+            motion, separation, (rows, a.size + rows), required
+        )
     if not np.all(table.any(axis=1)):
         return None
     neighbours: list[list[tuple[int, BoolArray]]] = [[] for _ in stage.drones]
@@ -92,14 +93,14 @@ def staggered(
 
 
 def _pair_motion(
-    stage: Stage, timing: Timing, a: IntArray, b: IntArray, later: float
+    stage: Stage, timing: Timing, pairs: tuple[IntArray, IntArray], later: float
 ) -> Motion:
     """Return each pair on its own: first ones at rows 0.., second ones behind them.
 
     The second ones leave ``later`` [s] after the first ones.
     """
-    both = np.concatenate([a, b])
-    start = np.concatenate([np.zeros(a.size), np.full(b.size, later)])
+    both = np.concatenate(pairs)
+    start = np.repeat([0.0, later], pairs[0].size)
     return Motion(
         stage.begin[both],
         stage.end[both],
