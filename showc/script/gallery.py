@@ -188,13 +188,16 @@ class Gallery:
         changes = settings.items("transform") if "transform" in settings else []
         points, unshifted = transform(base.points - base.origin, changes)
         shift, _ = transform(np.zeros((1, 3)), changes)
+        spread = self._spaced(settings, points)
+        # Spreading may reach lower than the shape as drawn.
+        deeper = float(spread[:, 2].min() - points[:, 2].min())
         origin = base.origin
         if "centre" in settings:
             origin = np.array(settings.vector("centre"))
         elif floor is not None and self._lifts(settings):
-            origin = np.array([0.0, 0.0, floor - float(unshifted[:, 2].min())])
-        points = points + origin
-        points = self._spaced(settings, points)
+            lowest = float(unshifted[:, 2].min()) + deeper
+            origin = np.array([0.0, 0.0, floor - lowest])
+        points = spread + origin
         colours = base.colours
         if "colour" in settings:
             colours = paint(settings.section("colour"), points)

@@ -10,7 +10,7 @@ import numpy as np
 from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.rules import inside_polygon
 from showc.script.spacing import closest
-from showc.script.timing import least_duration
+from showc.script.timing import least_mean_time
 from showc.script.wording import number_text
 from showc.vehicle import Separation
 
@@ -182,7 +182,7 @@ def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
     total += landing.altitude / landing.descent_speed + landing.hold
     if not show.groups:
         for index, transition in enumerate(show.transitions):
-            move = transition.duration or least_duration(show, index)[0]
+            move = transition.duration or least_mean_time(show, index)
             total += move + transition.hold
     if total > BATTERY:
         yield _warning(

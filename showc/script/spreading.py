@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-_ROUNDS = 400
+_MOST_ROUNDS = 400
+_EFFORT = 60_000
 _MARGIN = 1.0 + 1e-3
 
 
@@ -46,7 +47,8 @@ def spread_apart(
     metric = type(separation)(separation.distance)
     placed = _apart(points * scale)
     goal = spacing * _MARGIN
-    for _ in range(_ROUNDS):
+    # Many places settle slowly; what they lack then, the scaling gives them.
+    for _ in range(min(_MOST_ROUNDS, max(_EFFORT // len(points), 1))):
         push = np.zeros_like(placed)
         close = False
         for first, second, distance in close_pairs(placed, goal, metric):

@@ -272,7 +272,8 @@ def test_the_least_time_of_a_vertical_move_is_exact():
 def test_polygons():
     corners = np.array([[0.0, 0], [4, 0], [4, 4], [2, 1], [0, 4]])
     points = np.array([[1.0, 1], [2, 2], [3.5, 3], [5, 1], [-1, 0]])
-    assert inside_polygon(points, corners).tolist() == [True, False, True, False, False]
+    inside = inside_polygon(points, corners)
+    assert inside.tolist() == [True, False, True, False, False]
     square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
     near = fence_distance(np.array([[1.0, 2.0], [2, 3.5], [6, 4], [7, 8]]), square)
     assert near.tolist() == [1.0, 0.5, 2.0, 5.0]
@@ -294,7 +295,8 @@ def test_gradients(show):
     made = show(
         "drones: 5\nformations:\n"
         "  row: {type: line, length: 40, colour: {gradient: [black, white]}}\n"
-        "  out: {type: line, length: 40, colour: {gradient: [red, blue], along: centre}}\n"
+        "  out: {type: line, length: 40, "
+        "colour: {gradient: [red, blue], along: centre}}\n"
         "transitions: [row, out]\n"
     )
     row, out = made.formations["row"].colours, made.formations["out"].colours
@@ -306,7 +308,8 @@ def test_gradients(show):
 def test_all_faults_at_once_in_order(read):
     result = read(
         "drones: 4\nseparation: 2 kg\nlimits: {tilt: 200}\nsite: {fense: []}\n"
-        "formations:\n  ring: {type: circle, raduis: 4}\n  near: {type: line, length: 3}\n"
+        "formations:\n  ring: {type: circle, raduis: 4}\n"
+        "  near: {type: line, length: 3}\n"
         "transitions:\n  - {to: rong}\n  - {to: near, hold: -1}\n"
     )
     codes = [item.code for item in result.errors]

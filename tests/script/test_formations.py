@@ -287,8 +287,9 @@ def test_image(show, tmp_path):
     pixels[10:50, 50:80] = (0, 255, 255)
     Image.fromarray(pixels).save(tmp_path / "flag.png")
     made = show(
-        "drones: 40\nseparation: 0.1\nformations:\n  flag: {type: image, file: flag.png, "
-        "height: 8, threshold: 0.1, centre: [0, 0, 20]}\ntransitions: [flag]\n"
+        "drones: 40\nseparation: 0.1\nformations:\n"
+        "  flag: {type: image, file: flag.png, height: 8, threshold: 0.1, "
+        "centre: [0, 0, 20]}\ntransitions: [flag]\n"
     )
     flag = made.formations["flag"]
     left = flag.points[:, 0] < 0
@@ -311,9 +312,7 @@ def test_transforms_are_done_in_order(points):
     assert tipped.tolist() == [[0, 0, -1], [0, 0, -2]]
 
 
-@given(
-    st.floats(-360, 360), st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: any(a))
-)
+@given(st.floats(-360, 360), st.tuples(*[st.floats(-1, 1)] * 3).filter(any))
 def test_rotation_keeps_distances(angle, axis):
     from showc.script.placing import transform
     from showc.script.settings import Setting, Settings

@@ -58,8 +58,10 @@ def test_json_of_a_right_script_is_valid():
 
 
 def test_json_fixes_mend_the_script():
-    text = "showc: 1\ndrones: 4\nseperation: 2\nformations:\n" \
-        "  ring: {type: cirle, raduis: 8, colour: glod}\ntransitions: [rign]\n"  # fmt: skip
+    text = (
+        "showc: 1\ndrones: 4\nseperation: 2\nformations:\n"
+        "  ring: {type: cirle, raduis: 8, colour: glod}\ntransitions: [rign]\n"
+    )
     for _ in range(4):
         result = read_show(text.encode())
         if result.show is not None:
@@ -138,8 +140,10 @@ def test_sarif_points_and_fixes(corpus):
 
 
 def test_sarif_fingerprints_stay_when_lines_move():
-    text = "showc: 1\ndrones: 4\nseperation: 2\nformations: {a: {type: circle}}\n" \
-        "transitions: [a]\n"  # fmt: skip
+    text = (
+        "showc: 1\ndrones: 4\nseperation: 2\nformations: {a: {type: circle}}\n"
+        "transitions: [a]\n"
+    )
 
     def prints(script):
         result = read_show(script.encode())

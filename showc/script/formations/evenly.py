@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-_ROUNDS = 8
+_ROUNDS, _FEW_ROUNDS, _MANY = 8, 3, 300
 _BLOCK = 4_000_000
 
 
@@ -27,7 +27,7 @@ def candidates_for(count: int) -> int:
 
 
 def spread_evenly(
-    candidates: FloatArray, count: int, *, rounds: int = _ROUNDS
+    candidates: FloatArray, count: int, *, rounds: int | None = None
 ) -> IntArray:
     """Choose candidates that cover all of them evenly.
 
@@ -38,8 +38,9 @@ def spread_evenly(
     count
         Number of points, at most the number of candidates.
     rounds
-        Rounds of Lloyd's method. The round is kept whose two closest points are the
-        furthest apart, because separation is what counts most.
+        Rounds of Lloyd's method; None: as many as take little time. The round is kept
+        whose two closest points are the furthest apart, because separation is what
+        counts most.
 
     Returns
     -------
@@ -47,6 +48,8 @@ def spread_evenly(
         Indices of the chosen candidates, shape (count,), in order of the candidates'
         first coordinates.
     """
+    if rounds is None:
+        rounds = _ROUNDS if count <= _MANY else _FEW_ROUNDS
     chosen = farthest_points(candidates, count)
     best, width = chosen, _least_gap(candidates[chosen])
     for _ in range(rounds if 1 < count < len(candidates) else 0):

@@ -1,0 +1,59 @@
+"""Checking is quick, start-up included, and knows no solver."""
+
+import os
+import resource
+import subprocess
+import sys
+
+HUNDRED = """\
+showc: 1
+drones: 100
+formations:
+  ring: {type: circle, radius: 45, centre: [0, 0, 30]}
+  ball: {type: sphere, radius: 18, centre: [0, 0, 40]}
+  wall: {type: grid, plane: front, step: 3}
+  word: {type: text, text: SHOW, height: 30, spread: true}
+  helix: {type: helix, radius: 20, height: 40, turns: 3}
+  wave: {type: wave, step: 4}
+transitions: [ring, ball, wall, word, helix, wave]
+"""
+
+
+def cpu_time(arguments, folder):
+    """Least processor time of a few runs: what a machine without other work takes."""
+    times = []
+    for _ in range(5):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(
+            [sys.executable, *arguments],
+            cwd=folder,
+            check=True,
+            capture_output=True,
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(
+            after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        )
+    return min(times)
+
+
+def test_a_hundred_drones_are_checked_in_a_blink(tmp_path):
+    (tmp_path / "hundred.yaml").write_text(HUNDRED, encoding="utf-8")
+    start_up = cpu_time(["-c", "import numpy, yaml, click"], tmp_path)
+    check = cpu_time(["-m", "showc", "check", "hundred.yaml"], tmp_path)
+    # 0.3 s on a machine without other work, of which the libraries take a part that
+    # is measured here and now, as much slower as the machine is busier.
+    assert check < 0.3 * max(1.0, start_up / 0.12)
+
+
+def test_checking_imports_no_solver(tmp_path):
+    (tmp_path / "hundred.yaml").write_text(HUNDRED, encoding="utf-8")
+    code = (
+        "import sys\nfrom showc.__main__ import main\n"
+        "sys.argv = ['showc', 'check', 'hundred.yaml']\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "heavy = {'casadi', 'scipy', 'trimesh', 'PIL', 'svgelements', 'mcap'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
