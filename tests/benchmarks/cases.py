@@ -59,9 +59,11 @@ def flights() -> list[Case]:
     one, six = quadrotor.one(), quadrotor.six()
     crossed = quadrotor.six_crossed()
     fine = {"mesh": [160, 3]}
+    joint = {"way": "fleet", "gap": 0.001}
     adaptive = {"mesh": [16, 3], "tolerance": 1e-3}
     return [
-        Case(one, "showc", {}),
+        Case(one, "showc", {"way": "drone"}, "drone"),
+        Case(one, "showc", {"way": "core"}, "core"),
         Case(one, "yapss", {"mesh": [10, 6]}, "10 x 6"),
         Case(one, "yapss", {"mesh": [40, 4]}, "40 x 4"),
         Case(one, "yapss", fine, "160 x 3"),
@@ -70,10 +72,10 @@ def flights() -> list[Case]:
         Case(one, "pockit", {"mesh": [10, 6], "tolerance": 1e-4}, "refined to 1e-4"),
         Case(one, "mpopt", {"mesh": [10, 6], "tolerance": 1e-4}, "10 x 6, adapted"),
         Case(one, "rockit", {"mesh": [40, 4]}, "40 x 4"),
-        Case(six, "showc", {}),
+        Case(six, "showc", joint, "fleet"),
         Case(six, "yapss", {"mesh": [10, 6]}, "10 x 6, all pairs"),
         Case(six, "maptor", {"mesh": [10, 6]}, "10 x 6, fixed, all pairs"),
         Case(six, "rockit", {"mesh": [40, 4]}, "40 x 4, all pairs"),
-        Case(crossed, "showc", {}),
+        Case(crossed, "showc", joint, "fleet"),
         Case(crossed, "yapss", {"mesh": [10, 6]}, "10 x 6, all pairs"),
     ]

@@ -28,6 +28,7 @@ from benchmarks.measure import Effort, Row, measure  # noqa: E402
 
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TABLES = ("optima", "quadrotor", "fleet")
+REPEATS = "One drone, yaw held, fixed time: built once, solved many times"
 STORE = HOME / "rows.json"
 
 
@@ -55,7 +56,7 @@ def arguments() -> argparse.Namespace:
         help="take the rows of peers from the last run; the page says so",
     )  # fmt: skip
     parser.add_argument(
-        "--tables", nargs="+", choices=TABLES, default=TABLES, help="which tables (all)",
+        "--tables", nargs="+", choices=TABLES, default=TABLES, help="all",
     )  # fmt: skip
     return parser.parse_args()
 
@@ -81,17 +82,17 @@ def prepare_all(names: set[str]) -> tuple[dict[str, Path], dict[str, str]]:
     return pythons, missing
 
 
-def fleet(*, quick: bool) -> list[tuple[str, str]]:
-    """Section of the fleet table, printed as Markdown by its own script."""
-    script = Path(__file__).with_name("fleet_table.py")
-    if not script.exists():
+def printed(title: str, script: str, *, quick: bool) -> list[tuple[str, str]]:
+    """Section that a script prints as Markdown; nothing if there is no such script."""
+    path = Path(__file__).with_name(script)
+    if not path.exists():
         return []
-    tell("fleet table ...")
-    command = [sys.executable, str(script), *(["--quick"] if quick else [])]
+    tell(f"{title} ...")
+    command = [sys.executable, str(path), *(["--quick"] if quick else [])]
     run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if run.returncode != 0:
-        return [("Fleets", f"The fleet table failed with status {run.returncode}.")]
-    return [("Fleets", run.stdout)]
+        return [(title, f"`{script}` failed with status {run.returncode}.")]
+    return [(title, run.stdout)]
 
 
 def main() -> int:
@@ -135,7 +136,12 @@ def main() -> int:
                 stored[row.key] = asdict(row)
                 HOME.mkdir(parents=True, exist_ok=True)
                 STORE.write_text(json.dumps(stored, indent=1))
-    extra = fleet(quick=chosen.quick) if "fleet" in chosen.tables else []
+    extra = []
+    own = not chosen.peers or "showc" in chosen.peers
+    if "quadrotor" in chosen.tables and own and not chosen.only:
+        extra += printed(REPEATS, "repeats.py", quick=chosen.quick)
+    if "fleet" in chosen.tables and own and not chosen.only:
+        extra += printed("Fleets", "fleet_table.py", quick=chosen.quick)
     text = document.page(effort, *rows, extra, missing, reused=reused)
     sys.stdout.write(text)
     if (

@@ -1,17 +1,31 @@
-"""showc's own core through its public API, with its defaults."""
+"""showc itself, in three ways.
+
+``core``: the general optimal control core through its public API, with its defaults.
+``drone``: the least time of one drone. ``fleet``: a leg of several drones as
+``compile`` solves it, in one process and without the cache.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import casadi
 import numpy as np
 from benchmarks.audit import Answer, Piece
+from benchmarks.quadrotor import SEPARATION
 
 import showc
 from showc import ocp
 from showc.ocp.adaptive import solve as refine
+from showc.plan.itinerary import Leg
+from showc.progress import Silent
+from showc.solve import SolveOptions, solve_leg
+from showc.solve.pool import InProcess
+from showc.solve.single import Aircraft, minimum_time
+from showc.vehicle import PRESETS, Separation
 
 if TYPE_CHECKING:
     from benchmarks.problem import Problem
@@ -52,9 +66,119 @@ def build(problem: Problem) -> ocp.Problem:
 
 
 def solve(problem: Problem, settings: dict) -> Answer:
-    """Solve with the defaults; ``settings`` are not used."""
-    del settings
+    """Solve in the way ``settings["way"]`` names, ``core`` by default."""
+    way = settings.get("way", "core")
+    if way == "drone":
+        return _one_drone(problem)
+    if way == "fleet":
+        return _fleet(problem, settings)
     return answer(refine(build(problem)))
+
+
+def aircraft() -> Aircraft:
+    """Return the aircraft of the benchmarks: torques as widely printed, yaw free."""
+    preset = PRESETS["formation-625g"]
+    vehicle = replace(preset.vehicle, torque_arm="multiplied")
+    limits = replace(
+        preset.limits,
+        position_min=(-200.0, -200.0, -200.0),
+        position_max=(200.0, 200.0, 200.0),
+    )
+    return Aircraft(vehicle, limits, "free")
+
+
+def _places(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    columns = problem.place_columns()
+    start = [[problem.states[i].start for i in triple] for triple in columns]
+    goal = [[problem.states[i].end for i in triple] for triple in columns]
+    return np.array(start), np.array(goal)
+
+
+def _one_drone(problem: Problem) -> Answer:
+    (start,), (goal,) = _places(problem)
+    result = minimum_time(aircraft(), start, goal, tolerance=2e-4)
+    if result.trajectory is None:
+        raise RuntimeError(result.message)
+    return Answer(
+        objective=result.duration,
+        pieces=_pieces(result.trajectory.state, result.trajectory.control),
+        solves=result.solves,
+        points=result.intervals,
+        message=result.status,
+        solved=result.solved,
+    )
+
+
+def _fleet(problem: Problem, settings: dict) -> Answer:
+    start, goal = _places(problem)
+    count = len(start)
+    craft = aircraft()
+    leg = Leg(
+        index=0,
+        name=problem.name,
+        kind="transition",
+        drones=np.arange(count),
+        start=start,
+        goal=goal,
+        from_formation="start",
+        to_formation="goal",
+        places=np.arange(count),
+        limits=craft.limits,
+        duration=None,
+        after=(),
+        mark=None,
+    )
+    show = SimpleNamespace(
+        vehicle=craft.vehicle,
+        separation=Separation(SEPARATION),
+        yaw=craft.yaw,
+        heading=0.0,
+        drones=count,
+    )
+    options = SolveOptions(jobs=1, use_cache=False, gap=settings["gap"])
+    flight = solve_leg(leg, show, options, InProcess(), Silent())
+    borders = np.unique(
+        np.concatenate([each.state.breaks for each in flight.trajectories])
+    )
+    borders = borders[np.concatenate([[True], np.diff(borders) > 1e-9])]
+    borders[-1] = flight.duration
+    # Drones may have polynomials of different degree: give all the same nodes.
+    states = [each.state for each in flight.trajectories]
+    controls = [each.control for each in flight.trajectories]
+    states = [s.elevated(max(each.degree for each in states)) for s in states]
+    controls = [c.elevated(max(each.degree for each in controls)) for c in controls]
+    pieces = []
+    for first, last in pairwise(borders):
+        parts = [
+            _piece(each.state, each.control, first, last)
+            for each in flight.trajectories
+        ]
+        # Drones may have polynomials of different degree: give all the same nodes.
+        most_states = max(len(part.state_times) for part in parts)
+        most_controls = max(len(part.control_times) for part in parts)
+        parts = [
+            _piece(each.state, each.control, first, last, most_states, most_controls)
+            for each in flight.trajectories
+        ]
+        pieces.append(
+            Piece(
+                first,
+                last,
+                parts[0].state_times,
+                np.concatenate([part.states for part in parts], axis=1),
+                parts[0].control_times,
+                np.concatenate([part.controls for part in parts], axis=1),
+            )
+        )
+    statistics = flight.certificate.statistics
+    return Answer(
+        objective=flight.duration,
+        pieces=pieces,
+        solves=int(statistics.get("solves", 0)),
+        points=len(borders) - 1,
+        message=flight.certificate.method,
+        solved=True,
+    )
 
 
 def answer(solution: ocp.Solution) -> Answer:
@@ -74,22 +198,25 @@ def answer(solution: ocp.Solution) -> Answer:
 
 def _pieces(states: PiecewisePolynomial, controls: PiecewisePolynomial) -> list[Piece]:
     borders = np.union1d(states.breaks, controls.breaks)
-    at_states, at_controls = _nodes(states.degree), _nodes(controls.degree)
-    pieces = []
-    for start, end in pairwise(borders):
-        state_times = start + (end - start) * at_states
-        control_times = start + (end - start) * at_controls
-        pieces.append(
-            Piece(
-                start,
-                end,
-                state_times,
-                states(state_times),
-                control_times,
-                controls(control_times),
-            )
-        )
-    return pieces
+    return [_piece(states, controls, start, end) for start, end in pairwise(borders)]
+
+
+def _piece(
+    states: PiecewisePolynomial,
+    controls: PiecewisePolynomial,
+    start: float,
+    end: float,
+) -> Piece:
+    state_times = start + (end - start) * _nodes(states.degree)
+    control_times = start + (end - start) * _nodes(controls.degree)
+    return Piece(
+        start,
+        end,
+        state_times,
+        states(state_times),
+        control_times,
+        controls(control_times),
+    )
 
 
 def _nodes(degree: int) -> np.ndarray:
