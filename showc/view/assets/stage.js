@@ -252,20 +252,26 @@ function groundLines() {
   const step = reach > 600 ? 50 : reach > 250 ? 20 : 10;
   const fade = (x, y) => 0.2 * Math.max(0, 1 - Math.hypot(x - middle[0], y - middle[1]) / reach);
   const first = [0, 1].map((k) => Math.ceil((middle[k] - reach) / step) * step);
+  const pieces = 8;
+  const length = (2 * reach) / pieces;
   for (let u = 0; u * step <= 2 * reach; u++) {
-    for (let v = 0; v * step < 2 * reach; v++) {
+    for (let piece = 0; piece < pieces; piece++) {
       for (const swap of [false, true]) {
-        const [x, y] = swap ? [first[0] + v * step, first[1] + u * step] : [first[0] + u * step, first[1] + v * step];
-        const [dx, dy] = swap ? [step, 0] : [0, step];
-        const [a, b] = [fade(x, y), fade(x + dx, y + dy)];
-        if (a + b > 0.004) line([x, y, 0], [x + dx, y + dy, 0], [0.55, 0.68, 1, a], [0.55, 0.68, 1, b]);
+        const begin = [first[0] + u * step, middle[1] - reach + piece * length];
+        const end = [begin[0], begin[1] + length];
+        const [a, b] = [begin, end].map(([p, q]) => (swap ? [q - middle[1] + middle[0], p - first[0] + first[1]] : [p, q]));
+        const [fadeA, fadeB] = [fade(...a), fade(...b)];
+        if (fadeA + fadeB > 0.004) line([...a, 0], [...b, 0], [0.55, 0.68, 1, fadeA], [0.55, 0.68, 1, fadeB]);
       }
     }
   }
+  // Squares for the pads; of a great fleet only one edge of each, which costs a quarter.
   const pad = 0.25;
+  const strength = Math.max(0.08, 0.4 / show.drones ** 0.2 - 0.02);
+  const edges = show.drones > 200 ? 1 : 4;
   for (const [x, y, z] of show.pads) {
     const corners = [[x - pad, y - pad, z], [x + pad, y - pad, z], [x + pad, y + pad, z], [x - pad, y + pad, z]];
-    corners.forEach((corner, k) => line(corner, corners[(k + 1) % 4], [0.6, 0.7, 0.9, Math.max(0.08, 0.4 / show.drones ** 0.2 - 0.02)]));
+    for (let k = 0; k < edges; k++) line(corners[k], corners[(k + 1) % 4], [0.6, 0.7, 0.9, strength]);
   }
   const orange = [1, 0.6, 0.25];
   show.fence.forEach(([x, y], k) => {
