@@ -100,7 +100,7 @@ def _hover(show: LoggedShow) -> Check:
                 segment=segment.message.name,
                 time=time,
             )
-    return worst.check("hover at both ends of every segment", JOINT, "SI units")
+    return worst.check("hover at both ends of every segment", JOINT, "(SI)")
 
 
 def _heading(show: LoggedShow) -> Check:
@@ -206,7 +206,7 @@ def _continuity(show: LoggedShow) -> Check:
                 segment=segment.message.name,
                 time=segment.start + float(table.start[rows[row]]),
             )
-    return worst.check("state continuous inside every segment", JOINT, "SI units")
+    return worst.check("state continuous inside every segment", JOINT, "(SI)")
 
 
 def _joined(show: LoggedShow) -> list[Check]:
@@ -245,7 +245,7 @@ def _joined(show: LoggedShow) -> list[Check]:
     gap.see(rest, np.arange(show.drones), MOMENT, segment="the end", time=show.duration)
     return [
         gap.check("every drone covered from launch to landing", MOMENT, "s"),
-        jump.check("segments joined without a jump", JOINT, "SI units"),
+        jump.check("segments joined without a jump", JOINT, "(SI)"),
     ]
 
 

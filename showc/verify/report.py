@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +15,9 @@ Verdict = Literal["pass", "fail", "warning", "skipped"]
 
 FORMAT_VERSION = 1
 """Version of the JSON result."""
+
+_WIDTH = 96
+"""Columns of the notes under a check."""
 
 _COLOURS = {"pass": "32", "fail": "1;31", "warning": "33", "skipped": "2"}
 _WORDS = {"pass": "ok", "fail": "FAIL", "warning": "warn", "skipped": "-"}
@@ -161,42 +165,57 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
     """
     head = f"{verification.path}: “{verification.title}”, {verification.drones} drones"
     lines = [f"{head}, {verification.duration:.3f} s"]
-    width = max((len(check.name) for check in verification.checks), default=0)
-    figures = [_figures(check) for check in verification.checks]
-    middle = max((len(text) for text in figures), default=0)
+    names = max((len(check.name) for check in verification.checks), default=0)
+    found = [_found(check) for check in verification.checks]
+    middle = max((len(value) for value, _ in found), default=0)
     group = ""
-    for check, text in zip(verification.checks, figures, strict=True):
+    for check, (value, limit) in zip(verification.checks, found, strict=True):
         if check.group != group:
             group = check.group
             lines += ["", group.capitalize()]
         word = _WORDS[check.verdict].ljust(4)
         if colour:
             word = f"\x1b[{_COLOURS[check.verdict]}m{word}\x1b[0m"
-        line = (
-            f"  {word}  {check.name.ljust(width)}  {text.ljust(middle)}  {check.where}"
-        )
+        line = f"  {word}  {check.name.ljust(names)}  {value.rjust(middle)}  {limit}"
         lines.append(line.rstrip())
-        lines += [f"        {note}" for note in check.notes]
+        lines += _details(check)
     lines += ["", _summary(verification.checks)]
     return "\n".join(lines)
 
 
-def _figures(check: Check) -> str:
+def _found(check: Check) -> tuple[str, str]:
+    """Value and limit as text; more digits where they decide."""
     if check.value is None:
-        return ""
-    text = f"{format_number(check.value)} {check.unit}".rstrip()
+        return "", ""
+    digits = 9 if check.verdict == "fail" else 4
+    value = f"{format_number(check.value, digits)} {check.unit}".rstrip()
     if check.limit is None:
-        return text
-    return f"{text} (limit {format_number(check.limit)})"
+        return value, ""
+    return value, f"limit {format_number(check.limit, digits)}"
 
 
-def format_number(value: float) -> str:
-    """Up to six significant digits; whole numbers in full."""
+def _details(check: Check) -> list[str]:
+    """Place, unless nothing but zero was found there, and notes."""
+    texts = list(check.notes)
+    where = str(check.where)
+    if where and (check.value != 0.0 or check.verdict != "pass"):
+        texts.insert(0, where)
+    return [line for text in texts for line in _wrapped(text)]
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(
+        text, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8
+    )
+
+
+def format_number(value: float, digits: int = 6) -> str:
+    """Up to ``digits`` significant digits; whole numbers in full."""
     if not math.isfinite(value):
         return "unbounded"
     if float(value).is_integer() and abs(value) < 1e9:
         return f"{int(value)}"
-    return f"{value:.6g}"
+    return f"{value:.{digits}g}"
 
 
 def _summary(checks: Sequence[Check]) -> str:

@@ -87,7 +87,7 @@ class _Compared:
             "pass" if self.bad == 0 and self.samples else "fail",
             self.value,
             1.0,
-            "of the rounding allowed",
+            "of the rounding",
             self.where,
             found,
         )
