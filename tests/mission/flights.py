@@ -11,10 +11,14 @@ from synthetic import (
     formation,
     gliding_trajectory,
     grid,
+    hold_trajectory,
     make_show,
+    move_time,
     raised,
+    vertical_trajectory,
 )
 
+from showc.flight import Certificate, Flight, LegFlight
 from showc.script.show import MissionOptions
 
 START = datetime(2026, 6, 1, 20, 0, 0, tzinfo=UTC)
@@ -27,6 +31,30 @@ def shift_flight(drones, shift=(12.0, 8.0, 4.0), spacing=2.0, options=None, fade
     first = raised(pads, 8.0)
     second = first + np.array(shift)
     return _show(pads, level, first, second, options=options, fades=fades)
+
+
+def hop_flight(drones=3):
+    """A short show: up, higher, back and down, within a few metres and seconds."""
+    pads = grid(drones)
+    level, top = raised(pads, 2.0), raised(pads, 3.5)
+    formations = [
+        formation("pads", pads, [0.0, 0.0, 0.0]),
+        formation("top", top, [1.0, 1.0, 1.0]),
+    ]
+    show = make_show(formations, drones, holds=[0.5], altitude=2.0)
+    show = replace(
+        show,
+        launch=replace(show.launch, hold=0.5),
+        landing=replace(show.landing, hold=0.5),
+    )
+    stops = [
+        ("pads", "pads", pads, None),
+        ("launch", "above", level, None),
+        ("transition", "top", top, 0),
+        ("approach", "above to land", level, None),
+        ("land", "pads", pads, None),
+    ]
+    return fly(show, stops, vertical_trajectory)
 
 
 def swap_flight(drones=6, radius=8.0):
@@ -59,6 +87,31 @@ def _show(pads, level, first, second, *, options=None, fades=()):
         ("land", "pads", pads, None),
     ]
     return fly(show, stops, gliding_trajectory)
+
+
+def formula_flight(itinerary):
+    """Fly any itinerary on straight lines, without solving anything."""
+    show = itinerary.show
+    flights, starts, clock = [], [], 0.0
+    for leg in itinerary.legs:
+        held = leg.kind == "hold"
+        time = leg.duration or move_time(leg.start, leg.goal, 4.0)
+        fly_one = (
+            vertical_trajectory
+            if leg.kind in {"launch", "land"}
+            else gliding_trajectory
+        )
+        parts = tuple(
+            hold_trajectory(show.vehicle, start, time, show.heading)
+            if held
+            else fly_one(show.vehicle, start, goal, time, show.heading)
+            for start, goal in zip(leg.start, leg.goal, strict=True)
+        )
+        certificate = Certificate(time, 0.0, 0.0, None, None, "made by formula")
+        flights.append(LegFlight(leg, time, parts, certificate))
+        starts.append(clock)
+        clock = round(clock + time, 3)
+    return Flight(itinerary, tuple(flights), np.array(starts))
 
 
 def rows(content: bytes) -> list[list[float]]:

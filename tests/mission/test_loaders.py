@@ -1,7 +1,6 @@
 """The files as other people's readers see them, and over the real protocol."""
 
 import math
-import time
 
 import pytest
 from mission.flights import START, rows, shift_flight
@@ -39,32 +38,6 @@ def test_pymavlink_loads_every_row(missions, tmp_path):
             values = [item.param1, item.param2, item.param3, item.param4]
             assert values == row[4:8]
             assert (item.x, item.y, item.z) == tuple(row[8:11])
-
-
-@pytest.fixture(scope="module")
-def link():
-    """A ground station and a vehicle of MAVSDK's, joined over the loopback address."""
-    mavsdk = pytest.importorskip("mavsdk")
-    from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
-    from mavsdk.plugins.mission_raw_server import MissionRawServer
-
-    def station(kind):
-        configuration = mavsdk.Configuration.create_with_component_type(kind)
-        return mavsdk.Mavsdk(configuration)
-
-    ground = station(mavsdk.ComponentType.GROUND_STATION)
-    vehicle = station(mavsdk.ComponentType.AUTOPILOT)
-    port = 24581
-    ground.add_any_connection(f"udpin://127.0.0.1:{port}")
-    vehicle.add_any_connection(f"udpout://127.0.0.1:{port}")
-    server = MissionRawServer(vehicle.server_component())
-    until = time.monotonic() + 10.0
-    while not ground.get_systems() and time.monotonic() < until:
-        time.sleep(0.02)
-    yield MissionRaw(ground.get_systems()[0])
-    del server
-    ground.destroy()
-    vehicle.destroy()
 
 
 def same(first, second):

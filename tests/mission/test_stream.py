@@ -7,8 +7,8 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mission.flights import hop_flight
 from mission.vehicle import Faults, Vehicle
-from synthetic import vertical_flight
 
 from showc.errors import DamagedFileError, UsageError
 from showc.log.writer import write_log
@@ -17,7 +17,7 @@ from showc.mission.flown import FlownLog, read_flown
 from showc.mission.geodesy import SiteFrame
 from showc.mission.stream import Clock, StreamOptions, stream_show
 
-SPEED = 4.0
+SPEED = 2.0
 """How much faster than the wall's clock these shows run."""
 
 ARM, TAKEOFF, LAND, MODE = 400, 22, 21, 176
@@ -25,7 +25,7 @@ ARM, TAKEOFF, LAND, MODE = 400, 22, 21, 176
 
 @pytest.fixture(scope="module")
 def flight():
-    return vertical_flight(3)
+    return hop_flight(3)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_what_was_flown_is_the_plan(flown, log, flight):
     assert comparison.kept_separation
     assert comparison.least_separation == pytest.approx(3.0, abs=0.05)
     transitions = [a for a in comparison.arrivals if a.difference is not None]
-    assert len(transitions) >= 6
+    assert len(transitions) >= 3
     assert np.median([abs(arrival.difference) for arrival in transitions]) < 0.2
     json.dumps(comparison.to_json())
 
@@ -138,6 +138,7 @@ def test_all_vehicles_share_one_clock(flown):
     assert np.ptp(first) < 0.5
 
 
+@pytest.mark.slow
 def test_px4_gets_setpoints_before_it_goes_offboard(log, flight):
     port = free_port()
     with ExitStack() as stack:
@@ -150,11 +151,12 @@ def test_px4_gets_setpoints_before_it_goes_offboard(log, flight):
         assert vehicle.flown.setpoints[0][1] == 0x0DC0
 
 
+@pytest.mark.slow
 def test_mavsdks_vehicle_is_taken_through_the_show(tmp_path):
     pytest.importorskip("mavsdk")
     from mission.mavsdk_vehicle import MavsdkVehicle
 
-    flight = vertical_flight(1)
+    flight = hop_flight(1)
     show = flight.itinerary.show
     log = tmp_path / "one.mcap"
     write_log(flight, log, manifest=b"{}")
@@ -176,7 +178,7 @@ def test_mavsdks_vehicle_is_taken_through_the_show(tmp_path):
 def test_a_lost_link_stops_everybody(log, flight):
     port = free_port()
     with ExitStack() as stack:
-        vehicles = fleet(stack, flight, port, faults={2: Faults(silent_at=10.0)})
+        vehicles = fleet(stack, flight, port, faults={2: Faults(silent_at=5.5)})
         report = stream(log, port)
     assert not report.complete
     assert "drone 2 was not heard" in report.reason
@@ -187,7 +189,7 @@ def test_a_lost_link_stops_everybody(log, flight):
 
 def test_leaving_the_corridor_stops_everybody(log, flight):
     port = free_port()
-    drift = Faults(drift=(1.5, 0.0, 0.0), drift_at=9.0)
+    drift = Faults(drift=(1.5, 0.0, 0.0), drift_at=5.0)
     with ExitStack() as stack:
         vehicles = fleet(stack, flight, port, faults={3: drift})
         report = stream(log, port, options={"corridor": 2.0})
