@@ -89,6 +89,17 @@ class Profiles:
         """Time of each leg, shape (n,) [s]."""
         return self.edges[:, -1]
 
+    def part(self, begin: int, end: int) -> Profiles:
+        """Return the legs from ``begin`` up to ``end``."""
+        return Profiles(
+            self.length[begin:end],
+            self.speed[begin:end],
+            self.edges[begin:end],
+            self.constant[begin:end],
+            self.cosine[begin:end],
+            self.start[begin:end],
+        )
+
     def fraction(
         self, leg: NDArray[np.int64], time: ArrayLike
     ) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +47,20 @@ class MissionLegs:
     """How each leg is flown."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionRows:
+    """What the rows of one mission say, before anything is flown."""
+
+    places: FloatArray
+    """Pad, and every place flown to, show frame, shape (n + 1, 3) [m]."""
+    steps: FloatArray
+    """Straight ways in the autopilot's metric, shape (n, 3) [m]."""
+    limits: FloatArray
+    """Speeds in force, level and vertical, shape (n, 2) [m/s]."""
+    waits: tuple[tuple[str, float], ...]
+    """What each leg waits for, and how long [s]."""
+
+
 @dataclass
 class _Walk:
     """Speeds in force and what has been met so far."""
@@ -76,13 +91,10 @@ def read_parameters(content: bytes) -> dict[str, float]:
     return values
 
 
-def read_legs(
+def read_rows(
     items: Sequence[Item], site: Site, values: Mapping[str, float]
-) -> MissionLegs:
-    """Return the legs of a mission for ArduPilot, its home row first.
-
-    A leg that follows a hold is timed: by the clock if the hold waits for one, else by
-    what was flown and held before, take-off at its nominal time.
+) -> MissionRows:
+    """Return what a mission for ArduPilot flies, its home row first.
 
     Raises
     ------
@@ -91,7 +103,6 @@ def read_legs(
     """
     home = items[0]
     try:
-        law = Law.of(values)
         speeds = {
             LEVEL: values["WPNAV_SPEED"] / 100.0,
             CLIMB: values["WPNAV_SPEED_UP"] / 100.0,
@@ -121,11 +132,44 @@ def read_legs(
         [item.longitude for item in flown],
         [height + home.height for height in heights],
     )
-    step = np.array(walk.steps).reshape(-1, 3)
-    level, vertical = np.array(walk.limits).reshape(-1, 2).T
-    flights = profiles(step, level, vertical, law)
-    turned = _show_frame(site, places)
-    return MissionLegs(turned, _releases(walk.waits, flights.duration), flights)
+    return MissionRows(
+        _show_frame(site, places),
+        np.array(walk.steps).reshape(-1, 3),
+        np.array(walk.limits).reshape(-1, 2),
+        tuple(walk.waits),
+    )
+
+
+def fly_rows(
+    missions: Sequence[MissionRows], values: Mapping[str, float]
+) -> list[MissionLegs]:
+    """Return the legs of a fleet's missions under one set of parameters.
+
+    A leg that follows a hold is timed: by the clock if the hold waits for one, else by
+    what was flown and held before, take-off at its nominal time.
+
+    Raises
+    ------
+    MissionFormatError
+        If a parameter is missing.
+    """
+    try:
+        law = Law.of(values)
+    except KeyError as error:
+        raise MissionFormatError(f"parameter {error} is missing") from None
+    if not missions:
+        return []
+    limits = np.concatenate([mission.limits for mission in missions])
+    step = np.concatenate([mission.steps for mission in missions])
+    # All legs of the fleet at once: a call for each drone would take far longer.
+    flights = profiles(step, limits[:, 0], limits[:, 1], law)
+    edges = np.cumsum([0, *(len(mission.steps) for mission in missions)]).tolist()
+    fleet = []
+    for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
+        own = flights.part(begin, end)
+        releases = _releases(mission.waits, own.duration)
+        fleet.append(MissionLegs(mission.places, releases, own))
+    return fleet
 
 
 def _show_frame(site: Site, places: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.verify.legs import MissionLegs, read_legs, read_parameters
+from showc.verify.legs import MissionRows, fly_rows, read_parameters, read_rows
 from showc.verify.predicted import (
     RESOLUTION,
     Nearest,
@@ -66,11 +66,12 @@ def check_mission_flight(
     where = Place(file=f"{folder.name}/{PARAMETERS}")
     try:
         values = read_parameters((folder / PARAMETERS).read_bytes())
-        flown: list[MissionLegs] = []
+        rows: list[MissionRows] = []
         for drone in sorted(missions):
             where = Place(drone + 1, file=f"{folder.name}/{missions[drone]}")
             items = parse((folder / missions[drone]).read_bytes())
-            flown.append(read_legs(items, rules.site, values))
+            rows.append(read_rows(items, rules.site, values))
+        flown = fly_rows(rows, values)
     except (OSError, MissionFormatError, ValueError, IndexError) as error:
         return [Check(GROUP, NAME, "fail", where=where, notes=(str(error),))]
     if len(flown) < 2:
