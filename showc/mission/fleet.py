@@ -38,6 +38,9 @@ Autopilot = Literal["ardupilot", "px4"]
 
 SILENT = Silent()
 
+LEAST_SLACK = 2.0
+"""Slack before a clock slot that calm air needs [s]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MissionSet:
@@ -218,6 +221,11 @@ def _warnings(
             f"the missions no later than {prediction['latest_mission_start']:+.1f} s "
             "from the show's start"
         )
+        if show.mission.slack < LEAST_SLACK:
+            found.append(
+                f"slack is {show.mission.slack:g} s; drones were measured to need "
+                f"{LEAST_SLACK:g} s before the next slot, 3 s in wind"
+            )
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
     found.extend(
         f"{leg['name']} is flown as {leg['encoding']}: straight legs in the solved "

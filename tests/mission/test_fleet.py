@@ -236,6 +236,23 @@ def test_the_predicted_flight_goes_from_pad_to_pad(missions, flight):
     assert np.linalg.norm(steps, axis=2).max() < 0.05 * 8.0
 
 
+def test_arrivals_are_where_the_predicted_flight_comes_near(missions, flight):
+    for leg in missions.prediction["legs"]:
+        goal = flight.legs[leg["leg"]].leg.goal
+        for drone, moment in zip(leg["drones"], leg["arrivals"], strict=True):
+            before, after = missions.predicted.position([moment - 0.01, moment + 0.01])
+            assert np.linalg.norm(before[drone - 1] - goal[drone - 1]) > 0.28
+            assert np.linalg.norm(after[drone - 1] - goal[drone - 1]) < 0.32
+            end = leg["slot"] + leg["duration"] + 0.35
+            assert end - 0.7 < moment < end
+
+
+def test_little_slack_is_warned_of(flight):
+    hasty = MissionOptions(slack=1.0)
+    missions = mission_files(with_options(flight, hasty), start=START)
+    assert any("slack is 1 s" in line for line in missions.warnings)
+
+
 def test_predicted_positions_keep_the_proved_separation(missions):
     predicted, required = missions.predicted, 1.0
     times = np.arange(0.0, predicted.duration, 0.02)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from mission.flights import START, rows, shift_flight
-from pymavlink import mavwp
+from pymavlink import mavparm, mavwp
 
 from showc.mission import mission_files
 from showc.script.show import MissionOptions
@@ -13,6 +13,17 @@ FIELDS = (
     "seq", "frame", "command", "autocontinue", "param1", "param2", "param3", "param4",
     "x", "y", "z", "mission_type",
 )  # fmt: skip
+
+
+def test_pymavlink_loads_the_parameters(tmp_path):
+    missions = mission_files(shift_flight(1), start=START)
+    path = tmp_path / "ardupilot.parm"
+    path.write_bytes(missions.files["missions/ardupilot.parm"])
+    loaded = mavparm.MAVParmDict()
+    assert loaded.load(str(path))
+    assert len(loaded) == 13
+    assert loaded["WPNAV_ACCEL"] == 350.0
+    assert loaded["ATC_INPUT_TC"] == 0.15
 
 
 @pytest.fixture(scope="module", params=["ardupilot", "px4"])
