@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _SUBDIVISIONS = 32
 _MARGIN = 1e-9
 _INTERVALS = 36
+_NEAR = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +210,7 @@ def lower_bound(
     drone: int,
     displacement: FloatArray,
     guess: float,
-    rounds: int = 4,
+    rounds: int = 8,
 ) -> DualWitness:
     """Prove that ``displacement`` takes at least some time.
 
@@ -230,20 +231,23 @@ def lower_bound(
         Its ``time`` is proved by :func:`surplus`.
     """
     best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
-    time = guess
+    before: tuple[float, float] | None = None
+    time, power = guess, 1.25
     for _ in range(rounds):
         knots = _knots(relaxation, time)
         beta, multipliers, reach = _multipliers(relaxation, displacement, time, knots)
         proved = _longest(relaxation, displacement, beta, knots, multipliers, time)
-        gain = 0.0 if best is None else proved / best[0] - 1.0
         if best is None or proved > best[0]:
             best = proved, beta, knots, multipliers
-        elif gain < 1e-4:
+        if abs(reach - 1.0) < _NEAR:
             break
-        # The reach grows between linearly (cruise) and with the square of the time.
-        time = max(proved, time * min(2.0, max(0.5, reach ** (-0.7))))
-        if abs(time / proved - 1.0) < 1e-4:
-            break
+        # The reach grows between linearly (cruise) and with the square of the time;
+        # two programs tell the power.
+        if before is not None and abs(math.log(time / before[0])) > 1e-6:
+            slope = math.log(reach / before[1]) / math.log(time / before[0])
+            power = min(2.5, max(0.8, slope))
+        before = time, reach
+        time *= min(2.0, max(0.5, reach ** (-1.0 / power)))
     assert best is not None  # noqa: S101 - rounds >= 1
     time, beta, knots, multipliers = best
     return DualWitness(
