@@ -4,9 +4,11 @@ Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of yo
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
 """
 
+from showc.ocp.adaptive import solve
 from showc.ocp.guess import Guess
 from showc.ocp.limits import Overrides
 from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.options import Options
 from showc.ocp.problem import HalfSpaces, Phase, Problem
 from showc.ocp.solution import (
     ErrorEstimate,
@@ -26,6 +28,7 @@ __all__ = [
     "Mesh",
     "MeshRecord",
     "Multipliers",
+    "Options",
     "Overrides",
     "Phase",
     "PhaseMesh",
@@ -36,4 +39,5 @@ __all__ = [
     "SolverMissingError",
     "SolverOptions",
     "Transcription",
+    "solve",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from showc.ocp.audit import PhaseAuditor, ranges
 from showc.ocp.judgement import Judgement, is_worse, judge
 from showc.ocp.limits import Overrides, Statement
-from showc.ocp.options import CAUTION, SWITCH_TRIALS, Options
+from showc.ocp.options import CAUTION, ROUGH, SWITCH_TRIALS, Options
 from showc.ocp.proposal import (
     Proposal,
     place_switches,
@@ -58,6 +58,9 @@ class _Refinement:
         self.iterations = 0
         self.latest: Transcription | None = None
         """The transcription solved last."""
+        self.rescaled = False
+        self.guess: Guess | Solution | None = None
+        """The guess the user gave."""
         self.former: Transcription | None = None
         """The transcription of the solution that the next mesh starts from."""
 
@@ -114,6 +117,7 @@ class _Refinement:
 
     def first(self, guess: Guess | Solution | None) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
+        self.guess = guess
         mesh = self.options.mesh or plain_mesh(self.auditors, 10, 4)
         solution = self.attempt(mesh, guess)
         if solution.result.usable or solution.result is Result.CONTRADICTION:
@@ -178,17 +182,7 @@ class _Refinement:
             structures=proposal.structures,
         )
         if not solution.result.usable and not switching:
-            self.note(solution, None, "the solver failed; it starts afresh")
-            base = self.options.solver
-            extra = {"mu_strategy": "monotone", **base.extra}
-            self.former = None
-            solution = self.attempt(
-                proposal.mesh,
-                current.solution,
-                arcs=proposal.arcs,
-                structures=proposal.structures,
-                solver=replace(base, extra=extra, iterations=2 * base.iterations),
-            )
+            solution = self._afresh(proposal, current, solution)
         fresh = None
         if solution.result.usable and not is_worse(self.problem, solution, current):
             former = None if switching else current
@@ -200,7 +194,7 @@ class _Refinement:
             self.note(solution, None, "no better; back to the mesh before")
             self.former = None
         else:
-            self.former = self.latest
+            self.accept(fresh)
         return fresh
 
     def reached(self, passed: Judgement) -> bool:
@@ -208,6 +202,38 @@ class _Refinement:
         tolerance, error = self.options.tolerance, passed.error
         least = max(error.dynamics, error.path) <= tolerance
         return least and error.objective <= CAUTION * tolerance
+
+    def _afresh(
+        self, proposal: Proposal, current: Judgement, failed: Solution
+    ) -> Solution:
+        """Try a mesh on which the solver failed in other ways."""
+        base = self.options.solver
+        self.former = None
+        starts: tuple[tuple[Guess | Solution | None, dict[str, object]], ...] = (
+            (self.guess, {"mu_oracle": "probing"}),
+            (current.solution, {"mu_strategy": "monotone"}),
+        )
+        solution = failed
+        for guess, strategy in starts:
+            self.note(solution, None, "the solver failed; it starts afresh")
+            solution = self.attempt(
+                proposal.mesh,
+                guess,
+                arcs=proposal.arcs,
+                structures=proposal.structures,
+                solver=replace(base, extra={**strategy, **base.extra}),
+            )
+            if solution.result.usable:
+                break
+        return solution
+
+    def accept(self, judgement: Judgement) -> None:
+        """Let later meshes start from a solution, if it is worth it."""
+        good = judgement.error.dynamics < ROUGH
+        self.former = self.latest if good else None
+        if good and not self.rescaled:
+            self.rescaled = True
+            self.rescale(judgement.solution)
 
     def rescale(self, solution: Solution) -> None:
         """Take scales that bounds do not tell from a first trajectory."""
@@ -280,9 +306,8 @@ def solve(
             solution, iterations=work.iterations, history=tuple(work.records)
         )
     none: list[Structure | None] = [None] * len(problem.phases)
-    work.former = work.latest
     best = current = work.judge(solution, None, none)
-    work.rescale(solution)
+    work.accept(current)
     trials = SWITCH_TRIALS if chosen.switches else 0
     refused: list[Structure] = []
     while len(work.records) < chosen.meshes - 1 and not work.reached(current):

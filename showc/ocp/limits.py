@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.ocp.builder import Discretisation
-    from showc.ocp.mesh import Mesh
     from showc.ocp.layout import PhaseLayout
+    from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Phase, Problem, Quantity
 
     FloatArray = NDArray[np.float64]

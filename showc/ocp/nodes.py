@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 Scheme = Literal["gauss", "radau", "lobatto"]
 
 
-def _locked(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array
+def _locked(array: NDArray[np.floating]) -> FloatArray:
+    fixed = np.array(array, dtype=np.float64)
+    fixed.setflags(write=False)
+    return fixed
 
 
 @lru_cache(maxsize=256)
@@ -59,10 +60,7 @@ def collocation(scheme: Scheme, points: int) -> tuple[FloatArray, FloatArray]:
         raise ValueError(f"{scheme} collocation has {points} points; wanted {least}")
     if scheme == "gauss":
         gauss, share = legendre.leggauss(points)
-        return (
-            _locked(np.asarray(0.5 * (gauss + 1.0), dtype=np.float64)),
-            _locked(np.asarray(0.5 * share, dtype=np.float64)),
-        )
+        return _locked(0.5 * (gauss + 1.0)), _locked(0.5 * share)
     unit = np.zeros(points + 1)
     if scheme == "radau":
         # The points -t of the left rule are the roots of P_N-1 + P_N.

@@ -24,6 +24,8 @@ LITTLE_VIOLATION = 3e-4
 """Violation of a path constraint from which on it is tightened, not chased."""
 CAUTION = 0.25
 """Share of the tolerance that the estimate of the objective's error may take."""
+ROUGH = 1e-2
+"""Error of the dynamics above which arcs and multipliers of a solution mean nothing."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

@@ -10,7 +10,12 @@ import numpy as np
 
 from showc.ocp.audit import ranges
 from showc.ocp.mesh import Mesh, PhaseMesh
-from showc.ocp.options import BOUNDARY_SHARE, INNER_DEGREE, LITTLE_VIOLATION
+from showc.ocp.options import (
+    BOUNDARY_SHARE,
+    INNER_DEGREE,
+    LITTLE_VIOLATION,
+    ROUGH,
+)
 from showc.ocp.refine import arc_mesh, refine
 from showc.ocp.switches import detect
 
@@ -74,7 +79,7 @@ def place_switches(
     Arcs are believed only where the dynamics are about right and the mesh has at
     least two intervals for each; ``refused`` are structures that did not help.
     """
-    if judgement.error.dynamics > 1e-2:
+    if judgement.error.dynamics > ROUGH:
         return None
     meshes: list[PhaseMesh] = []
     arcs: list[FloatArray] = []

@@ -127,7 +127,7 @@ def decay_rate(coefficients: FloatArray, scale: FloatArray) -> float:
 
 
 def curvature_ratio(coefficients: FloatArray) -> float:
-    """Greatest over mean curvature of a polynomial on the interval."""
+    """Greatest over mean curvature of one component, Bernstein (degree + 1,)."""
     degree = coefficients.shape[0] - 1
     if degree < 2:
         return 1.0
@@ -150,7 +150,7 @@ def cut_places(coefficients: FloatArray, scale: FloatArray, pieces: int) -> Floa
     second = bernstein_basis(degree - 2, s) @ np.diff(coefficients / scale, n=2, axis=0)
     bend = np.sqrt(np.abs(second).max(axis=1))
     top = bend.max()
-    if top <= 0.0:
+    if top <= 1e-5:
         return np.linspace(0.0, 1.0, pieces + 1)[1:-1]
     density = bend + 0.15 * bend.mean()
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])

@@ -148,7 +148,10 @@ def _simplify(runs: list[_Run]) -> list[_Run]:
             after = runs[i + 1] if i + 1 < len(runs) else None
             if run.kind == 0 and length < 1.3 * run.width:
                 if before is None or after is None:
-                    run.kind = (before or after or run).kind
+                    near = (before or after or run).kind
+                    if near and abs(run.mean - 0.5 * (1 + near)) > 0.1:
+                        continue
+                    run.kind = near
                 elif before.kind != after.kind and before.kind and after.kind:
                     # Same impulse: where would a jump have to lie?
                     low = 0.5 * (1 + before.kind)

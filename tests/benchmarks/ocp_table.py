@@ -1,0 +1,94 @@
+# ruff: noqa: E402, T201 -- a script: it sets its paths first, and it prints
+"""Print the table of classic optimal control problems, solved with default settings.
+
+One process, one thread; CPU time includes building, all meshes and all audits. Run
+``python tests/benchmarks/ocp_table.py [repeats]``; each figure of time is the median.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from statistics import median
+from time import process_time
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+import casadi as ca
+import numpy as np
+from benchmarks.ocp_further import FURTHER
+from benchmarks.ocp_problems import BENCHMARKS, Benchmark
+
+from showc import ocp
+
+
+def bound_violation(problem: ocp.Problem, solution: ocp.Solution) -> float:
+    """Greatest violation of a bound or path limit on a 1 kHz grid, over its range.
+
+    At least 20,000 instants a phase, so that problems whose unit of time is long are
+    looked at as closely.
+    """
+    worst = 0.0
+    for phase, part in zip(problem.phases, solution.phases, strict=True):
+        count = max(20_000, int(1000.0 * part.duration)) + 1
+        times = np.linspace(part.start, part.end, min(count, 400_000))
+        states, controls = part.states(times), part.controls(times)
+        values = [*states.T, *controls.T]
+        members = [*phase.states.values(), *phase.controls.values()]
+        limits = [member.quantity for member in members]
+        if phase.path_constraints:
+            x = ca.vertcat(*[s.quantity.symbol for s in phase.states.values()])
+            u = ca.vertcat(*[c.quantity.symbol for c in phase.controls.values()])
+            path = ca.vertcat(*[c.symbol for c in phase.path_constraints])
+            function = ca.Function("path", [x, u, phase.time], [path])
+            values += list(np.asarray(function(states.T, controls.T, times[None, :])))
+            limits += phase.path_constraints
+        for value, limit in zip(values, limits, strict=True):
+            lower, upper = float(limit.lower), float(limit.upper)
+            span = upper - lower
+            if not np.isfinite(span):
+                span = max(float(np.ptp(value)), 1e-12)
+            over = max(lower - value.min(), value.max() - upper)
+            worst = max(worst, over / span)
+    return worst
+
+
+def row(benchmark: Benchmark, repeats: int) -> str:
+    """One line of the table."""
+    spent = []
+    for _ in range(repeats):
+        began = process_time()
+        solution = ocp.solve(benchmark.build())
+        spent.append(process_time() - began)
+    problem = benchmark.build()
+    error = solution.error
+    known = benchmark.optimum != 0.0
+    if error is None:
+        return f"| {benchmark.name} | {solution.result.name} | | | | | | | |"
+    relative = abs(solution.objective - benchmark.optimum) / abs(benchmark.optimum or 1)
+    return (
+        f"| {benchmark.name} | {solution.objective:.10g} | "
+        f"{f'{relative:.0e}' if known else '-'} | "
+        f"{max(error.objective, error.dynamics):.0e} | {median(spent):.2f} | "
+        f"{len(solution.history)} | {solution.mesh.point_count} | "
+        f"{bound_violation(problem, solution):.0e} | {error.shooting:.0e} |"
+    )
+
+
+def main() -> None:
+    # ruff: noqa: E402, T201 -- a script: it sets its paths first, and it prints
+"""Print the table."""
+    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+    print(
+        "| problem | objective | relative error | reported error | CPU [s] | meshes | "
+        "points | bound violation | clipped re-integration |"
+    )
+    print("| --- " * 9 + "|")
+    for benchmark in (*BENCHMARKS, *FURTHER):
+        print(row(benchmark, repeats), flush=True)
+
+
+if __name__ == "__main__":
+    main()

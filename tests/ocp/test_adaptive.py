@@ -1,0 +1,227 @@
+"""Known optima with default settings, and what the core says of its own errors."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from benchmarks.ocp_further import FURTHER
+from benchmarks.ocp_problems import BENCHMARKS, double_integrator_vmax, robot_arm
+
+from showc import ocp
+
+ALL = {benchmark.name: benchmark for benchmark in (*BENCHMARKS, *FURTHER)}
+ANALYTIC = [b.name for b in ALL.values() if b.digits < 1e-9]
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Solutions by name of the benchmark, each solved once."""
+    found: dict[str, ocp.Solution] = {}
+
+    def solve(name: str) -> ocp.Solution:
+        if name not in found:
+            found[name] = ocp.solve(ALL[name].build())
+        return found[name]
+
+    return solve
+
+
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_objective_is_right_to_one_millionth(solved, name):
+    solution, benchmark = solved(name), ALL[name]
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(benchmark.optimum, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_reported_error_is_within_a_factor_of_ten_of_the_true_one(solved, name):
+    solution, benchmark = solved(name), ALL[name]
+    true = abs(solution.objective - benchmark.optimum) / abs(benchmark.optimum)
+    reported = max(solution.error.objective, solution.error.dynamics)
+    # Errors far below the tolerance are those of the nonlinear program.
+    assert true <= max(10.0 * reported, 1e-7)
+
+
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_bounds_hold_on_a_fine_grid(solved, name):
+    solution = solved(name)
+    problem = ALL[name].build()
+    for phase, part in zip(problem.phases, solution.phases, strict=True):
+        times = np.linspace(part.start, part.end, 20_001)
+        for curve, table in (
+            (part.states(times), phase.states),
+            (part.controls(times), phase.controls),
+        ):
+            for column, member in zip(curve.T, table.values(), strict=True):
+                lower = float(member.quantity.lower)
+                upper = float(member.quantity.upper)
+                span = upper - lower if np.isfinite(upper - lower) else 1.0
+                assert column.min() >= lower - 1e-9 * span
+                assert column.max() <= upper + 1e-9 * span
+
+
+@pytest.mark.parametrize("name", ["robot_arm", "double_integrator_vmax", "goddard"])
+def test_clipped_controls_flown_open_loop_reproduce_the_states(solved, name):
+    """An integration of this test's own, from the first instant to the last."""
+    solution = solved(name)
+    problem = ALL[name].build()
+    phase, part = problem.phases[0], solution.phases[0]
+    x = ca.vertcat(*[s.quantity.symbol for s in phase.states.values()])
+    u = ca.vertcat(*[c.quantity.symbol for c in phase.controls.values()])
+    f = ca.Function("f", [x, u], [ca.vertcat(*phase.derivatives.values())])
+    low = np.array([float(c.quantity.lower) for c in phase.controls.values()])
+    high = np.array([float(c.quantity.upper) for c in phase.controls.values()])
+    state = part.states.coefficients[0, 0]
+    for k in range(part.controls.intervals):
+        piece = part.controls.coefficients[k]
+        left, right = part.controls.breaks[k : k + 2]
+        steps = 200
+        h = (right - left) / steps
+
+        def rate(s, at, piece=piece):
+            basis = np.array(
+                [
+                    ca_binomial(piece.shape[0] - 1, j)
+                    * s**j
+                    * (1 - s) ** (piece.shape[0] - 1 - j)
+                    for j in range(piece.shape[0])
+                ]
+            )
+            return np.asarray(f(at, np.clip(basis @ piece, low, high))).ravel()
+
+        for i in range(steps):
+            s, d = i / steps, 1.0 / steps
+            k1 = rate(s, state)
+            k2 = rate(s + d / 2, state + h / 2 * k1)
+            k3 = rate(s + d / 2, state + h / 2 * k2)
+            k4 = rate(s + d, state + h * k3)
+            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    span = np.ptp(part.states.coefficients, axis=(0, 1))
+    assert np.abs(state - part.states.coefficients[-1, -1]) / span == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
+def ca_binomial(n: int, k: int) -> float:
+    from math import comb
+
+    return float(comb(n, k))
+
+
+def test_switch_times_of_the_robot_arm_are_placed_to_eight_digits(solved):
+    solution = solved("robot_arm")
+    t = 9.140911745914961
+    borders = np.cumsum(solution.phases[0].arc_durations)[:-1]
+    known = [t / 4, 2.7960432, t / 2, t - 2.7960432, 3 * t / 4]
+    assert borders == pytest.approx(known, abs=2e-6)
+    assert solution.objective == pytest.approx(t, rel=1e-8)
+    assert len(solution.history) <= 4
+
+
+def test_hypersensitive_needs_few_meshes_and_points(solved):
+    solution = solved("hypersensitive")
+    assert len(solution.history) <= 8
+    assert solution.mesh.point_count < 400
+
+
+@pytest.mark.parametrize(
+    ("name", "rel"),
+    [
+        ("catalyst_mixing", 2e-6),
+        ("shuttle_reentry", 1e-6),
+        ("van_der_pol", 1e-6),
+        ("rayleigh", 1e-6),
+        ("tumour", 1e-6),
+        ("free_flying_robot", 1e-5),
+    ],
+)
+def test_published_optima(solved, name, rel):
+    """To the digits in print; two of them are known better here than there."""
+    solution = solved(name)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(ALL[name].optimum, rel=rel)
+
+
+def test_two_linked_phases_each_with_its_switch(solved):
+    # Out to 1 and past it: accelerate, turn round, and stop at -1.
+    assert solved("waypoint").objective == pytest.approx(2.0 + 2.0 * 2.0**0.5, rel=1e-7)
+
+
+def test_path_constraints_hold_between_the_nodes():
+    problem = ocp.Problem("two axes past a disc")
+    phase = problem.phase(duration=2.0)
+    x = phase.state("x", start=-1.0, end=1.0)
+    y = phase.state("y", start=0.1, end=0.1)
+    u, w = phase.control("u"), phase.control("w")
+    phase.derivative(x, u)
+    phase.derivative(y, w)
+    phase.constrain(x**2 + y**2, 0.25, None, name="disc")
+    problem.minimise(phase.integral(u**2 + w**2))
+    guess = ocp.Guess(curves={"y": np.array([0.1, 0.8, 0.1])})
+    solution = ocp.solve(problem, guess=guess)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    part = solution.phases[0]
+    position = part.states(np.linspace(0.0, 2.0, 20_001))
+    assert (position**2).sum(axis=1).min() >= 0.25 * (1.0 - 2e-6)
+    # Shortest way: two tangents and an arc of the circle of radius 1/2.
+    r, d = 0.5, np.hypot(1.0, 0.1)
+    straight = np.sqrt(d**2 - r**2)
+    arc = np.pi - 2.0 * np.arctan(0.1) - 2.0 * np.arccos(r / d)
+    length = 2.0 * straight + r * arc
+    assert solution.objective == pytest.approx(length**2 / 2.0, rel=1e-5)
+
+
+def test_the_curvature_rule_converges_too():
+    options = ocp.Options(rule="curvature", switches=False, meshes=20)
+    solution = ocp.solve(ALL["brachistochrone"].build(), options=options)
+    assert solution.objective == pytest.approx(1.801603122453081, rel=1e-6)
+    solution = ocp.solve(ALL["hypersensitive"].build(), options=options)
+    assert solution.objective == pytest.approx(1.330806904943002, rel=1e-5)
+
+
+def test_without_switch_times_the_mesh_closes_in_on_the_switch():
+    options = ocp.Options(switches=False, tolerance=1e-4)
+    solution = ocp.solve(double_integrator_vmax(), options=options)
+    assert solution.objective == pytest.approx(7.0, rel=1e-4)
+    assert solution.mesh.phases[0].arc_count == 1
+    widths = np.diff(solution.phases[0].states.breaks)
+    assert widths.min() < 0.5 * widths.max()
+
+
+def test_too_few_meshes_is_told_with_the_error_reached():
+    solution = ocp.solve(robot_arm(), options=ocp.Options(meshes=1))
+    assert solution.result is ocp.Result.COARSE
+    assert "wanted 1e-06" in solution.message
+    assert solution.error.objective > 1e-4
+
+
+def test_an_infeasible_problem_says_which_constraint_and_where():
+    problem = ocp.Problem("too far")
+    phase = problem.phase("flight", duration=1.0)
+    x = phase.state("x", start=0.0, end=10.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, u)
+    problem.minimise(phase.integral(u**2))
+    solution = ocp.solve(problem)
+    assert not solution.result.usable
+    assert "'x' in phase 'flight' at t = " in solution.message
+
+
+def test_the_same_problem_gives_the_same_bits():
+    first, second = (ocp.solve(ALL["goddard"].build()) for _ in range(2))
+    assert first.objective == second.objective
+    a, b = first.phases[0], second.phases[0]
+    assert np.array_equal(a.states.coefficients, b.states.coefficients)
+    assert np.array_equal(a.controls.breaks, b.controls.breaks)
+
+
+def test_history_tells_every_mesh_and_reports_progress():
+    seen = []
+    solution = ocp.solve(
+        ALL["goddard"].build(), options=ocp.Options(progress=seen.append)
+    )
+    assert tuple(seen) == solution.history
+    assert "switch times placed" in seen[0].action
+    assert seen[-1].action == "tolerance reached"
+    assert seen[-1].error.dynamics <= 1e-6

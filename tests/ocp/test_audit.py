@@ -1,0 +1,132 @@
+"""The audit finds what is wrong with a solution that is not one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from showc import ocp
+from showc.ocp.audit import PhaseAuditor
+from showc.ocp.limits import Statement
+from showc.trajectory import PiecewisePolynomial
+
+
+def oscillator(*, ceiling: float | None = None) -> ocp.Problem:
+    problem = ocp.Problem("oscillator")
+    phase = problem.phase(duration=3.0)
+    x = phase.state("x", start=1.0)
+    v = phase.state("v", start=0.0)
+    u = phase.control("u", -1.0, 1.0, degree=2)
+    phase.derivative(x, v)
+    phase.derivative(v, -ca.sin(x) + u)
+    if ceiling is not None:
+        phase.constrain(v**2, None, ceiling, name="speed")
+    problem.minimise(phase.integral(x**2 + u**2))
+    return problem
+
+
+def audited(problem: ocp.Problem, change=lambda part: part):
+    solution = ocp.Transcription(problem, ocp.Mesh.uniform(6, 5)).solve()
+    part = change(solution.phases[0])
+    solution = replace(solution, phases=(part,))
+    statement = Statement(problem)
+    table = statement.table(statement.parameters({}))
+    auditor = PhaseAuditor(problem, problem.phases[0], 0)
+    return auditor.audit(solution, table, shoot=True), solution
+
+
+def test_a_good_solution_passes():
+    audit, solution = audited(oscillator())
+    assert audit.dynamics.max() < 1e-6
+    assert audit.shooting < 1e-6
+    gap = audit.objective_control.sum() + audit.objective_dynamics.sum()
+    assert gap < 1e-3 * solution.objective
+    assert audit.path.max() == 0.0 and audit.worst_path == ""
+
+
+def test_a_bent_state_is_found_in_its_interval():
+    def bend(part):
+        coefficients = part.states.coefficients.copy()
+        coefficients[3, 2, 0] += 0.01
+        return replace(
+            part, states=PiecewisePolynomial(part.states.breaks, coefficients)
+        )
+
+    audit, _ = audited(oscillator(), bend)
+    assert int(np.argmax(audit.dynamics)) == 3
+    assert audit.dynamics[3] > 1e-3
+    assert np.delete(audit.dynamics, 3).max() < 1e-6
+
+
+def test_a_control_beyond_its_bound_is_flown_clipped():
+    def push(part):
+        coefficients = part.controls.coefficients.copy()
+        coefficients[2] = 5.0
+        return replace(
+            part, controls=PiecewisePolynomial(part.controls.breaks, coefficients)
+        )
+
+    def hold(part):
+        coefficients = part.controls.coefficients.copy()
+        coefficients[2] = 1.0
+        return replace(
+            part, controls=PiecewisePolynomial(part.controls.breaks, coefficients)
+        )
+
+    beyond, _ = audited(oscillator(), push)
+    at_bound, _ = audited(oscillator(), hold)
+    assert beyond.dynamics[2] > 1e-2
+    assert beyond.dynamics == pytest.approx(at_bound.dynamics)
+
+
+def test_a_worse_control_shows_in_the_minimum_principle():
+    def coast(part):
+        return replace(
+            part,
+            controls=PiecewisePolynomial(
+                part.controls.breaks, np.zeros_like(part.controls.coefficients)
+            ),
+        )
+
+    good, _ = audited(oscillator())
+    bad, _ = audited(oscillator(), coast)
+    assert bad.objective_control.sum() > 50.0 * good.objective_control.sum()
+
+
+def test_a_violation_between_the_nodes_is_found_with_its_place():
+    problem = oscillator()
+    audit, solution = audited(problem)
+    times = np.linspace(0.0, 3.0, 30_001)
+    speed = solution.phases[0].states(times)[:, 1] ** 2
+    ceiling = 0.9 * speed.max()
+    # The same trajectory, judged by a stricter problem.
+    stricter = oscillator(ceiling=ceiling)
+    statement = Statement(stricter)
+    auditor = PhaseAuditor(stricter, stricter.phases[0], 0)
+    part = solution.phases[0]
+    part = replace(part, path_multipliers=np.zeros((part.costates.shape[0], 1)))
+    solution = replace(solution, phases=(part,))
+    audit = auditor.audit(solution, statement.table(np.zeros(0)))
+    assert audit.path.max() == pytest.approx(
+        (speed.max() - ceiling) / ceiling, rel=1e-2
+    )
+    assert "'speed' at t = " in audit.worst_path
+    told = float(audit.worst_path.split("t = ")[1].split()[0])
+    assert told == pytest.approx(times[np.argmax(speed)], abs=0.03)
+    k = int(np.argmax(audit.path))
+    assert len(audit.path_places[k]) >= 1
+
+
+def test_controls_that_enter_linearly_are_known():
+    problem = ocp.Problem("mixed")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0)
+    names = ("linear", "square", "angle", "limited")
+    a, b, c, d = (phase.control(name, -1.0, 1.0) for name in names)
+    phase.derivative(x, a * x + b + ca.sin(c) + d)
+    phase.constrain(d**2, None, 0.5, name="disc")
+    problem.minimise(phase.integral(b**2))
+    assert PhaseAuditor(problem, phase, 0).affine == (True, False, False, False)

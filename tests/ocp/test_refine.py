@@ -1,0 +1,138 @@
+"""Meshes change where and how they should, and stay meshes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc import ocp
+from showc.ocp.refine import (
+    MOST_POINTS,
+    cells_of,
+    curvature_ratio,
+    cut_places,
+    decay_rate,
+    mesh_of,
+    refine,
+)
+from showc.ocp.solution import PhaseSolution
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
+
+
+def fitted(function, breaks, degree) -> PiecewisePolynomial:
+    places = tuple(0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree))
+    inverse = bernstein_basis_inverse(degree, places)
+    breaks = np.asarray(breaks, dtype=float)
+    pieces = []
+    for a, b in pairwise(breaks):
+        pieces.append(inverse @ function(a + (b - a) * np.array(places))[:, None])
+    return PiecewisePolynomial(breaks, np.stack(pieces))
+
+
+def solution_of(function, breaks, degree) -> PhaseSolution:
+    curve = fitted(function, breaks, degree)
+    mesh = ocp.PhaseMesh.from_breaks(breaks, [degree] * (len(breaks) - 1))
+    control = PiecewisePolynomial(curve.breaks, curve.coefficients[:, :1])
+    return PhaseSolution(
+        "p", mesh, np.array([breaks[-1] - breaks[0]]), ("x",), ("u",), curve, control,
+        np.zeros(0), np.zeros((0, 1)),
+    )  # fmt: skip
+
+
+def apply(part, indicator, **options):
+    none = np.zeros(part.mesh.intervals, dtype=bool)
+    options = {"scale": np.ones(1), "must_cut": none} | options
+    return refine(part.mesh, part, np.asarray(indicator, dtype=float), **options)
+
+
+def test_smooth_intervals_get_a_higher_degree_and_kinks_are_cut():
+    smooth = solution_of(np.exp, [0.0, 1.0, 2.0], 6)
+    mesh, words = apply(smooth, [50.0, 0.5])
+    assert mesh.points[0] > 6 and mesh.points[1] == 6 and mesh.intervals == 2
+    assert "raised the degree on 1" in words
+    kinked = solution_of(lambda t: np.abs(t - 0.5), [0.0, 1.0, 2.0], 6)
+    mesh, words = apply(kinked, [50.0, 0.5])
+    assert mesh.intervals > 2
+    assert "cut 1 intervals" in words
+
+
+def test_a_given_control_degree_forces_a_cut():
+    smooth = solution_of(np.exp, [0.0, 1.0, 2.0], 6)
+    mesh, _ = apply(smooth, [50.0, 0.5], must_cut=np.array([True, False]))
+    assert mesh.intervals > 2
+
+
+def test_the_curvature_rule_cuts_peaks_and_raises_the_rest():
+    peak = solution_of(lambda t: 1.0 / (1.0 + 400.0 * (t - 0.1) ** 2), [0.0, 1.0], 10)
+    assert apply(peak, [50.0], rule="curvature")[0].intervals > 1
+    parabola = solution_of(lambda t: 0.1 * t**2, [0.0, 1.0], 4)
+    assert apply(parabola, [50.0], rule="curvature")[0].intervals == 1
+
+
+def test_needless_intervals_are_merged_and_needed_ones_kept():
+    line = solution_of(lambda t: 2.0 * t, [0.0, 1.0, 2.0, 3.0], 4)
+    assert apply(line, [1e-6, 1e-6, 1e-6])[0].intervals == 2
+    kink = solution_of(lambda t: np.abs(t - 1.0), [0.0, 1.0, 2.0], 4)
+    assert apply(kink, [1e-6, 1e-6])[0].intervals == 2
+    assert apply(line, [1e-6, 0.5, 1e-6])[0].intervals == 3
+
+
+def test_cuts_go_to_the_boundary_layer():
+    layer = fitted(lambda t: np.exp(-30.0 * t), [0.0, 1.0], 8).coefficients[0]
+    places = cut_places(layer, np.ones(1), 4)
+    assert np.all(np.diff(places) > 0.0)
+    assert places[0] < 0.1
+    straight = fitted(lambda t: t, [0.0, 1.0], 4).coefficients[0]
+    assert cut_places(straight, np.ones(1), 4) == pytest.approx([0.25, 0.5, 0.75])
+
+
+def test_decay_and_curvature_tell_smooth_from_rough():
+    one = np.ones(1)
+    smooth = fitted(np.exp, [0.0, 1.0], 8).coefficients[0]
+    rough = fitted(lambda t: np.abs(t - 0.4), [0.0, 1.0], 8).coefficients[0]
+    assert decay_rate(smooth, one) > 1.0
+    assert decay_rate(rough, one) < 0.4
+    assert curvature_ratio(rough[:, 0]) > curvature_ratio(smooth[:, 0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(0.05, 3.0), min_size=1, max_size=12),
+    st.data(),
+)
+def test_any_refinement_of_any_mesh_is_a_mesh_of_the_same_span(widths, data):
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    count = len(widths)
+    degree = data.draw(st.integers(3, 8))
+    part = solution_of(lambda t: np.sin(3.0 * t) + np.abs(t - 1.0), breaks, degree)
+    indicator = data.draw(
+        st.lists(st.floats(1e-9, 1e9), min_size=count, max_size=count)
+    )
+    mesh, _ = apply(part, indicator)
+    assert sum(mesh.fractions) == pytest.approx(1.0)
+    assert min(mesh.fractions) > 0.0
+    assert max(mesh.points) <= MOST_POINTS
+    flagged = sum(value > 1.0 for value in indicator)
+    if flagged == count:
+        assert mesh.point_count > part.mesh.point_count
+
+
+def test_taking_a_mesh_apart_and_together_changes_nothing():
+    mesh = ocp.PhaseMesh(
+        (0.25, 0.75, 1.0), (3, 4, 5), (0, 0, 1), {"u": (0, 1, 2)}, ((), (0.5,), ()),
+        (0.0, 1e-5, 0.0),
+    )  # fmt: skip
+    assert mesh_of(cells_of(mesh)) == mesh
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [((0.5, 0.4), (3, 3)), ((), ()), ((1.0,), (3, 4)), ((1.5, -0.5), (3, 3))],
+)
+def test_impossible_meshes_are_refused(arguments):
+    with pytest.raises(ValueError, match="wanted"):
+        ocp.PhaseMesh(*arguments)
