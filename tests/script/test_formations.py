@@ -152,6 +152,14 @@ def test_letters_are_written_on_the_middle_of_their_strokes(points):
     assert steps.max() < 1.35 * steps.min()
 
 
+@pytest.mark.parametrize("text", ["a", "8", "O", "@", "B&", "R2D2", "%", "="])
+@pytest.mark.parametrize("drones", [5, 24, 80])
+def test_letters_with_rings_and_branches_have_room(points, text, drones):
+    places = points(f'{{type: text, text: "{text}", height: 30}}', drones)
+    assert len(places) == drones
+    assert gaps(places).min() > 0.35 * np.median(gaps(places))
+
+
 def test_lines_of_text_stand_below_each_other(points):
     one = points('{type: text, text: "A\\nB", height: 20, centre: [0, 0, 40]}', 60)
     heights = np.sort(one[:, 2])

@@ -64,8 +64,11 @@ def centreline(contours: Sequence[Contour], count: int) -> FloatArray:
         return np.column_stack([across[column], up[row]])
 
     anchors = _apart(place(nodes), width)
+    fixed = set(nodes)
     wires = [
-        Wire(_smooth(place(chain)), ring=chain[0] == chain[-1])
+        Wire(
+            _smooth(place(chain)), ring=chain[0] == chain[-1] and chain[0] not in fixed
+        )
         for chain in chains
         if len(chain) > 2
     ]
