@@ -1,0 +1,34 @@
+"""Twelve states in least time: flyable with the controls it prints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.ocp_quadrotor import quadrotor, solve_quadrotor
+
+from showc import ocp
+from showc.ocp.audit import PhaseAuditor
+from showc.ocp.limits import Statement
+
+
+@pytest.mark.parametrize(("yaw_free", "ceiling"), [(True, 6.680), (False, 6.91)])
+def test_least_time_is_flyable_to_a_millimetre(yaw_free, ceiling):
+    solution = solve_quadrotor(yaw_free=yaw_free)
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective <= ceiling
+    problem = quadrotor(yaw_free=yaw_free)
+    table = Statement(problem).table(np.zeros(0))
+    auditor = PhaseAuditor(problem, problem.phases[0], 0)
+    audit = auditor.audit(solution, table, shoot=True)
+    states = solution.phases[0].states
+    missed = np.abs(audit.shooting_end[:3] - states.coefficients[-1, -1, :3])
+    assert missed.max() < 1e-3
+    # Hulls inside the limits: kept at every instant, controls included.
+    for part, members in (
+        (states, problem.phases[0].states),
+        (solution.phases[0].controls, problem.phases[0].controls),
+    ):
+        low, high = part.bounds()
+        for i, member in enumerate(members.values()):
+            assert low[i] >= float(member.quantity.lower) - 1e-12
+            assert high[i] <= float(member.quantity.upper) + 1e-12
