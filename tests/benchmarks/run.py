@@ -1,7 +1,7 @@
 """Measure showc beside its peers and write the tables of the documentation.
 
 Run from the root of the repository: ``make bench``, or this file with options. A full
-run takes about half an hour on one core, most of it the peers; ``--quick`` a third.
+run takes about an hour of CPU time, nearly all of it the peers'; ``--quick`` a fifth.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from benchmarks.measure import Effort, Row, measure  # noqa: E402
 
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TABLES = ("optima", "quadrotor", "fleet")
+REPORTED = "What showc says of its own error, on these problems and more"
 REPEATS = "One drone, yaw held, fixed time: built once, solved many times"
 STORE = HOME / "rows.json"
 
@@ -82,17 +83,49 @@ def prepare_all(names: set[str]) -> tuple[dict[str, Path], dict[str, str]]:
     return pythons, missing
 
 
-def printed(title: str, script: str, *, quick: bool) -> list[tuple[str, str]]:
+def printed(title: str, script: str, *options: str) -> list[tuple[str, str]]:
     """Section that a script prints as Markdown; nothing if there is no such script."""
     path = Path(__file__).with_name(script)
     if not path.exists():
         return []
     tell(f"{title} ...")
-    command = [sys.executable, str(path), *(["--quick"] if quick else [])]
+    command = [sys.executable, str(path), *options]
     run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if run.returncode != 0:
         return [(title, f"`{script}` failed with status {run.returncode}.")]
     return [(title, run.stdout)]
+
+
+def selected(chosen: argparse.Namespace) -> list[list[cases.Case]]:
+    """Cases of the two tables that are measured here, less what is filtered out."""
+    groups = [
+        cases.classic() if "optima" in chosen.tables else [],
+        cases.flights() if "quadrotor" in chosen.tables else [],
+    ]
+    return [
+        [
+            case
+            for case in group
+            if (not chosen.peers or case.peer in chosen.peers)
+            and (not chosen.only or any(word in case.key for word in chosen.only))
+        ]
+        for group in groups
+    ]
+
+
+def sections(chosen: argparse.Namespace, runs: int) -> list[tuple[str, str]]:
+    """Sections about showc alone, each printed by a script of its own."""
+    if chosen.only or (chosen.peers and "showc" not in chosen.peers):
+        return []
+    quick = ["--quick"] if chosen.quick else []
+    found = []
+    if "optima" in chosen.tables:
+        found += printed(REPORTED, "ocp_table.py", str(runs))
+    if "quadrotor" in chosen.tables:
+        found += printed(REPEATS, "repeats.py", *quick)
+    if "fleet" in chosen.tables:
+        found += printed("Fleets", "fleet_table.py", *quick)
+    return found
 
 
 def main() -> int:
@@ -101,54 +134,35 @@ def main() -> int:
     runs = 1 if chosen.quick else chosen.runs
     effort = Effort(runs=runs, limit=chosen.limit, budget=chosen.budget)
     stored = json.loads(STORE.read_text()) if STORE.exists() else {}
-    wanted: list[list[cases.Case]] = [
-        cases.classic() if "optima" in chosen.tables else [],
-        cases.flights() if "quadrotor" in chosen.tables else [],
-    ]
-    for group in wanted:
-        group[:] = [
-            case
-            for case in group
-            if (not chosen.peers or case.peer in chosen.peers)
-            and (not chosen.only or any(word in case.key for word in chosen.only))
-        ]
-
-    def known(case: cases.Case) -> bool:
-        return chosen.reuse and case.peer != "showc" and case.key in stored
-
-    needed = {case.peer for group in wanted for case in group if not known(case)}
+    groups = selected(chosen)
+    old = {
+        case.key
+        for group in groups
+        for case in group
+        if chosen.reuse and case.peer != "showc" and case.key in stored
+    }
+    needed = {case.peer for group in groups for case in group if case.key not in old}
     tell(
-        f"{sum(map(len, wanted))} rows, up to {runs} runs each; about half an hour for "
-        "all rows and five runs, and longer on a busy machine"
+        f"{sum(map(len, groups))} rows, {len(old)} of them from the last run, up to "
+        f"{runs} runs each; all rows with five runs take about an hour of CPU time"
     )
     pythons, missing = prepare_all(needed)
     rows: list[list[Row]] = []
-    reused = False
-    for group in wanted:
+    for group in groups:
         rows.append([])
         for case in group:
-            if known(case):
+            if case.key in old:
                 rows[-1].append(Row(**stored[case.key]))
-                reused = True
             elif case.peer in pythons:
                 row = measure(case, pythons[case.peer], effort, tell)
                 rows[-1].append(row)
-                stored[row.key] = asdict(row)
                 HOME.mkdir(parents=True, exist_ok=True)
-                STORE.write_text(json.dumps(stored, indent=1))
-    extra = []
-    own = not chosen.peers or "showc" in chosen.peers
-    if "quadrotor" in chosen.tables and own and not chosen.only:
-        extra += printed(REPEATS, "repeats.py", quick=chosen.quick)
-    if "fleet" in chosen.tables and own and not chosen.only:
-        extra += printed("Fleets", "fleet_table.py", quick=chosen.quick)
-    text = document.page(effort, *rows, extra, missing, reused=reused)
+                stored = json.loads(STORE.read_text()) if STORE.exists() else {}
+                STORE.write_text(json.dumps({**stored, row.key: asdict(row)}, indent=1))
+    extra = sections(chosen, runs)
+    text = document.page(effort, *rows, extra, missing, reused=bool(old))
     sys.stdout.write(text)
-    if (
-        chosen.only
-        or chosen.peers
-        or len(chosen.tables) < len({*chosen.tables, "fleet"})
-    ):
+    if chosen.only or chosen.peers or len(chosen.tables) < len(TABLES):
         tell("rows were left out: the documentation is not written")
     else:
         PAGE.write_text(text, encoding="utf-8")

@@ -19,7 +19,6 @@ from benchmarks.quadrotor import SEPARATION
 
 import showc
 from showc import ocp
-from showc.ocp.adaptive import solve as refine
 from showc.plan.itinerary import Leg
 from showc.progress import Silent
 from showc.solve import SolveOptions, solve_leg
@@ -72,7 +71,7 @@ def solve(problem: Problem, settings: dict) -> Answer:
         return _one_drone(problem)
     if way == "fleet":
         return _fleet(problem, settings)
-    return answer(refine(build(problem)))
+    return answer(ocp.solve(build(problem)))
 
 
 def aircraft() -> Aircraft:
