@@ -219,8 +219,9 @@ def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901
                 "maximum": kind.maximum,
             }
         case Text():
-            schema = {"type": "string", "maxLength": kind.max_length}
+            schema = {"type": ["string", "number"], "maxLength": kind.max_length}
             if kind.pattern:
+                schema["type"] = "string"
                 schema["pattern"] = f"^({kind.pattern})$"
                 if re.fullmatch(kind.pattern, "1"):
                     schema = {"anyOf": [schema, {"type": "integer", "minimum": 1}]}

@@ -128,6 +128,16 @@ def test_keys_are_completed(opened, server):
     assert {"tilt", "thrust_max", "torque"} <= labels
 
 
+def test_a_formations_own_keys_are_completed(opened, server):
+    uri, _ = opened("showc: 1\nformations:\n  ring:\n    type: circle\n    ra\n")
+    completed = server.ask(
+        "textDocument/completion",
+        {"textDocument": {"uri": uri}, "position": {"line": 5, "character": 6}},
+    )
+    items = completed["items"] if isinstance(completed, dict) else completed
+    assert "radius" in {item["label"] for item in items}
+
+
 def test_hovering_explains_a_key(opened, server):
     uri, _ = opened(SCRIPT)
     hover = server.ask(
