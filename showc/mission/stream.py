@@ -120,8 +120,8 @@ def stream_show(
 
     Every vehicle is put into the mode that follows setpoints, armed, and (ArduPilot)
     sent up to where it joins the show; then the clock starts for all. When a vehicle is
-    not heard for a while, leaves its corridor or its mode, all of them are told to hold
-    where they are.
+    not heard for a while, leaves its corridor or its mode, or the operator interrupts,
+    all of them are told to hold where they are; before the clock has started, to land.
 
     Parameters
     ----------
@@ -200,7 +200,10 @@ class _Conductor:
     def run(self, record: FlownLog | None) -> StreamReport:
         """Fly the show; return how it went."""
         self.record = record
-        reason = self._prepare() or self._fly() or self._land()
+        try:
+            reason = self._prepare() or self._fly() or self._land()
+        except KeyboardInterrupt:
+            reason = "stopped by the operator"
         if reason:
             self._stop()
         return StreamReport(
@@ -321,12 +324,16 @@ class _Conductor:
                     self._send(pilot, [pilot.land()])
 
     def _stop(self) -> None:
-        """Tell everybody to hold, more than once: links lose messages."""
-        if self.begun is None:
-            return
+        """Tell everybody to hold, or to land again if the show has not begun.
+
+        More than once: links lose messages.
+        """
         for _ in range(3):
             for pilot in self.pilots:
-                self._send(pilot, [pilot.hold()])
+                if self.begun is not None:
+                    self._send(pilot, [pilot.hold()])
+                elif pilot.armed:
+                    self._send(pilot, [pilot.land()])
             self._listen(0.1)
 
     def _listen(self, span: float) -> float:

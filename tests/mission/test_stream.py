@@ -2,6 +2,7 @@
 
 import json
 import socket
+import time
 from contextlib import ExitStack
 
 import numpy as np
@@ -16,6 +17,7 @@ from showc.mission.compare import compare_flown
 from showc.mission.flown import FlownLog, read_flown
 from showc.mission.geodesy import SiteFrame
 from showc.mission.stream import Clock, StreamOptions, stream_show
+from showc.progress import Silent
 
 SPEED = 2.0
 """How much faster than the wall's clock these shows run."""
@@ -213,12 +215,34 @@ def test_a_vehicle_beside_its_pad_is_not_armed(log, flight):
 def test_a_vehicle_that_does_not_arm_is_named(log, flight):
     port = free_port()
     with ExitStack() as stack:
-        fleet(stack, flight, port, faults={1: Faults(refuse_arming=True)})
+        vehicles = fleet(stack, flight, port, faults={1: Faults(refuse_arming=True)})
         report = stream(log, port)
+        time.sleep(0.3)
     assert not report.complete
+    assert not any(vehicle.armed for vehicle in vehicles)
     assert report.reason == (
         "drone 1 answers MAV_CMD_COMPONENT_ARM_DISARM with MAV_RESULT_DENIED"
     )
+
+
+def test_an_operator_who_interrupts_stops_everybody(log, flight):
+    class Interrupting(Silent):
+        """Interrupts in the second second of the show."""
+
+        def stage(self, title, total=None):  # noqa: ARG002 - the protocol names it
+            self.title, self.told = title, 0
+
+        def advance(self, steps=1):
+            self.told += steps
+            if self.title == "show" and self.told >= 2:
+                raise KeyboardInterrupt
+
+    port = free_port()
+    with ExitStack() as stack:
+        vehicles = fleet(stack, flight, port)
+        report = stream(log, port, progress=Interrupting())
+    assert report.reason == "stopped by the operator"
+    assert all(vehicle.flown.modes[-1] == 17 for vehicle in vehicles)
 
 
 def test_nobody_there_ends_in_time(log):
