@@ -36,6 +36,3 @@ TAKEOFF_SPREAD = 0.5
 
 ARRIVAL_SPREAD = 0.3
 """What every leg adds to the uncertainty when no clock starts the next one [s]."""
-
-SETTLE = 2.0
-"""Time between a predicted arrival and the instant that is counted on [s]."""

@@ -86,6 +86,22 @@ def test_measured_arrivals(parameters, arrival):
     assert -0.1 <= near + 0.35 - arrival <= 0.5
 
 
+@pytest.mark.parametrize(
+    ("length", "time", "first", "last"),
+    # Four drones, legs of 4 to 27 m with speeds solved for 8 and for 6 s: measured from
+    # the clock slot until within 0.3 m, earliest and latest of all of them.
+    [(4.0, 8.0, 7.70, 7.92), (27.0, 8.0, 7.70, 7.92), (10.0, 6.0, 5.78, 5.90)],
+)
+def test_measured_synchronised_arrivals(length, time, first, last):
+    limits = legs([0.8 * length, 0.5 * length, 0.331662 * length])
+    speed = speed_for(limits, TUNED, np.array([time]), np.array([0.1]))
+    leg = profile(limits, TUNED, speed)
+    times = np.linspace(0.0, leg.duration[0], 20_001)
+    near = times[np.argmax(leg.distance(times[:, None])[:, 0] > length - 0.3)]
+    # 0.35 s behind the law, and 0.17 s that the simulation's clock is cut by.
+    assert first - 0.3 <= near + 0.35 + 0.17 <= last + 0.3
+
+
 vectors = st.tuples(*[st.floats(-40, 40)] * 3).filter(
     lambda v: np.linalg.norm(v) > 0.05
 )
