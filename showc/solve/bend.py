@@ -83,7 +83,8 @@ def bent(
     """
     aside = np.stack([way[:, 1], -way[:, 0], np.zeros(way.shape[0])], axis=1)
     size = np.linalg.norm(aside, axis=1)
-    upright = size < 1e-6 * np.linalg.norm(way, axis=1)
+    # Straight up or down there is no right; who hovers stays (its sign is 0).
+    upright = size <= 1e-6 * np.linalg.norm(way, axis=1)
     aside[upright] = np.sign(way[upright, 2:]) * np.array([1.0, 0.0, 0.0])
     aside /= np.where(upright, 1.0, size)[:, None]
     upper = np.triu_indices(way.shape[0], 1)

@@ -115,13 +115,22 @@ class _Solver:
             leg.start,
             leg.goal,
         )
+        if leg.duration is not None:
+            return self._fixed(leg.duration, shared)
+        return self._shortest(self._limiting(solve=True), shared)
+
+    def _limiting(self, *, solve: bool) -> Limiting:
         limiting = limiting_time(
-            self.aircraft, leg.start, leg.goal, self.workers, self.progress
+            self.aircraft,
+            self.leg.start,
+            self.leg.goal,
+            self.workers,
+            self.progress,
+            name=self.leg.name,
+            solve=solve,
         )
         self.tried.add("minimum_time_solves", limiting.solves)
-        if leg.duration is not None:
-            return self._fixed(leg.duration, limiting, shared)
-        return self._shortest(limiting, shared)
+        return limiting
 
     def _hold(self) -> LegFlight:
         if self.leg.duration is None:
@@ -137,28 +146,29 @@ class _Solver:
         )
         return LegFlight(self.leg, duration, trajectories, certificate)
 
-    def _fixed(
-        self, duration: float, limiting: Limiting, shared: Profile
-    ) -> LegFlight:
-        """Fly the leg in the time that the script gives."""
+    def _fixed(self, duration: float, shared: Profile) -> LegFlight:
+        """Fly the leg in the time that the script gives; minimum times need no solving.
+
+        The rigorous bound stands for the single-drone minimum then.
+        """
         time = whole_milliseconds(duration)
-        if time < limiting.witness.time:
-            needed = whole_milliseconds(max(limiting.time, limiting.witness.time))
+        limiting = self._limiting(solve=False)
+        if time < limiting.time:
+            drone = int(self.leg.drones[limiting.drone])
             raise SolveError(
-                f"{self.where}: needs >= {needed:.3f} s, script gives {time:.3f} s: "
-                f"drone {limiting.drone + 1} cannot make its way of "
-                f"{limiting.distance:.2f} m in less under its limits "
-                f"(proved for anything under {limiting.witness.time:.3f} s); "
-                "give it more time or leave 'duration' out"
+                f"{self.where}: needs >= {limiting.time:.3f} s, script gives "
+                f"{time:.3f} s: it is proved that drone {drone + 1} cannot make its "
+                f"way of {limiting.distance:.2f} m in less under its limits; give it "
+                "more time or leave 'duration' out"
             )
         repair = self._repair(time, shared)
         if repair.run():
             return self._finish(repair, limiting)
-        least = self._shortest(limiting, shared)
+        trouble = repair.trouble
+        least = self._shortest(self._limiting(solve=True), shared)
         raise SolveError(
             f"{self.where}: needs >= {least.duration:.3f} s, script gives "
-            f"{time:.3f} s: {repair.trouble}; give it more time or leave "
-            "'duration' out"
+            f"{time:.3f} s: {trouble}; give it more time or leave 'duration' out"
         )
 
     def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:

@@ -52,6 +52,9 @@ def limiting_time(
     goal: FloatArray,
     workers: Workers,
     progress: Progress,
+    *,
+    name: str = "",
+    solve: bool = True,
 ) -> Limiting:
     """Find the drones that need the longest, and prove how long they need.
 
@@ -64,6 +67,10 @@ def limiting_time(
     ----------
     start, goal
         Shape (n, 3) [m]; at least one drone moves.
+    name
+        Of the leg, for people.
+    solve
+        Whether to solve minimum times at all; else the rigorous bound stands for them.
     """
     displacement = goal - start
     # Moves that differ by rounding alone are one.
@@ -75,7 +82,7 @@ def limiting_time(
     relaxation = Relaxation(
         aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
     )
-    progress.stage("lower bounds", candidates.size)
+    progress.stage(f"{name}: lower bounds", candidates.size)
     witnesses: list[DualWitness] = workers.run(
         lower_bound,
         [
@@ -94,7 +101,11 @@ def limiting_time(
     near = proved[order] > proved[order[0]] * (1.0 - _SCATTER)
     wanted = int(np.clip(near.sum(), _SOLVED_AT_LEAST, _SOLVED_AT_MOST))
     chosen = [int(rows[candidates[index]]) for index in order[:wanted]]
-    progress.stage("minimum times", len(chosen))
+    best = witnesses[int(order[0])]
+    if not solve:
+        length = float(np.linalg.norm(displacement[chosen[0]]))
+        return Limiting(best.time, chosen[0], length, best, 0, len(witnesses), {})
+    progress.stage(f"{name}: minimum times", len(chosen))
     results: list[Result] = workers.run(
         minimum_time,
         [(aircraft, start[row], goal[row]) for row in chosen],
@@ -118,7 +129,6 @@ def limiting_time(
             SHAPES,
         ).min(axis=1)
         slowest, time = chosen[int(np.argmax(times))], float(times.max())
-    best = witnesses[int(order[0])]
     return Limiting(
         max(time, best.time),
         slowest,

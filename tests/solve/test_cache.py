@@ -21,7 +21,7 @@ START = np.array([[0.0, 0.0, 10.0], [3.0, 0.0, 10.0]])
 
 @pytest.fixture(scope="module")
 def solved():
-    leg = make_leg(START, START + [0.0, 6.0, 1.0])
+    leg = make_leg(START, START + [0.0, 6.0, 1.0], duration=4.0)
     flight = solve_leg(leg, make_show(2), make_options(), InProcess(), Silent())
     return leg, flight
 
