@@ -125,7 +125,7 @@ def mission_files(
         files,
         token,
         prediction,
-        _warnings(show, timeline, prediction),
+        _warnings(flight, timeline, prediction),
         PredictedFlight(timeline, parameters),
     )
 
@@ -188,9 +188,17 @@ PX4_WARNINGS = (
 
 
 def _warnings(
-    show: Show, timeline: Timeline, prediction: dict[str, Any]
+    flight: Flight, timeline: Timeline, prediction: dict[str, Any]
 ) -> tuple[str, ...]:
-    found = [f"load missions/ardupilot.parm onto {FIRMWARE} before the missions"]
+    show = flight.itinerary.show
+    found = [
+        f"load missions/ardupilot.parm onto {FIRMWARE} before the missions",
+        (
+            f"the missions take {timeline.duration:.0f} s, the solved show "
+            f"{flight.duration:.0f} s: the autopilot's legs and the slack before each "
+            "slot need the difference; `showc stream` flies the solved times"
+        ),
+    ]
     legs = prediction["legs"]
     if prediction["start"] is None:
         found.append(
