@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.verify.drawn import check_drawn
 from showc.verify.legs import MissionRows, fly_rows, read_parameters, read_rows
 from showc.verify.predicted import (
     RESOLUTION,
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.log import showc_pb2 as pb
+    from showc.verify.logfile import LogFile
+    from showc.verify.show import LoggedShow
 
 GROUP = "missions"
 
@@ -46,6 +49,8 @@ def check_mission_flight(
     missions: Mapping[int, str],
     description: Mapping[str, Any],
     rules: pb.Rules,
+    *,
+    drawn: tuple[LogFile, LoggedShow] | None = None,
 ) -> list[Check]:
     """Prove the separation of the flights that the autopilots will make.
 
@@ -59,6 +64,8 @@ def check_mission_flight(
         What the manifest says of the missions: ``autopilot`` and ``prediction``.
     rules
         Site and separation, from the log.
+    drawn
+        The log, if the predicted fleet that it draws is to be checked too.
     """
     if description.get("autopilot") != "ardupilot":
         note = "how this autopilot flies a leg is not known: nothing is predicted"
@@ -93,6 +100,9 @@ def check_mission_flight(
         for name, found in (("take-off", climb), ("landing", land))
     ]
     checks.append(_as_claimed(timed, description))
+    if drawn is not None:
+        begin = _start_of_day(description) if description.get("start") else None
+        checks.append(check_drawn(*drawn, flown, begin))
     return checks
 
 

@@ -126,7 +126,9 @@ def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
     checks.append(_end_points(folder, missions, show))
     described = (manifest or {}).get("missions")
     if isinstance(described, dict) and sorted(missions) == list(range(show.drones)):
-        checks += check_mission_flight(folder, missions, described, show.rules)
+        checks += check_mission_flight(
+            folder, missions, described, show.rules, drawn=(log, show)
+        )
     return checks
 
 

@@ -34,16 +34,17 @@ _NUMPY = {
 }
 
 
-def point_layout(cloud: PointCloud, offset: int) -> np.dtype[np.void]:
-    """Read the layout of a point from the message's own description."""
+def point_layout(
+    cloud: PointCloud, offset: int, wanted: tuple[str, ...] = POINT_FIELDS
+) -> np.dtype[np.void]:
+    """Read the layout of a point from the message's own description.
+
+    Damage at ``offset`` if it lacks one of the fields ``wanted``.
+    """
     names = [field.name for field in cloud.fields]
     known = all(field.type in _NUMPY for field in cloud.fields)
-    if (
-        not known
-        or len(set(names)) != len(names)
-        or not set(POINT_FIELDS) <= set(names)
-    ):
-        raise Damage(offset, "/fleet/state does not describe its points")
+    if not known or len(set(names)) != len(names) or not set(wanted) <= set(names):
+        raise Damage(offset, "a point cloud does not describe its points")
     try:
         return np.dtype(
             {
@@ -54,7 +55,7 @@ def point_layout(cloud: PointCloud, offset: int) -> np.dtype[np.void]:
             }
         )
     except (ValueError, TypeError) as error:
-        raise Damage(offset, "/fleet/state does not describe its points") from error
+        raise Damage(offset, "a point cloud does not describe its points") from error
 
 
 def points_of(
@@ -65,7 +66,7 @@ def points_of(
         cloud.point_stride != layout.itemsize
         or len(cloud.data) != drones * layout.itemsize
     ):
-        raise Damage(offset, f"a message on /fleet/state does not hold {drones} drones")
+        raise Damage(offset, f"a point cloud does not hold {drones} drones")
     return np.frombuffer(cloud.data, dtype=layout)
 
 

@@ -1,0 +1,150 @@
+"""The predicted fleet that the log draws, held against the missions' own legs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+from showc.verify.autopilot import GREATEST_DELAY, LEAST_DELAY
+from showc.verify.decode import parse
+from showc.verify.report import Check, Place
+from showc.verify.sample import point_layout, points_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.verify.legs import MissionLegs
+    from showc.verify.logfile import LogFile
+    from showc.verify.show import LoggedShow
+
+    FloatArray = NDArray[np.float64]
+
+TOPIC = "/fleet/predicted"
+
+NAME = "predicted fleet drawn where the missions fly"
+
+TOLERANCE = 0.01
+"""How far a drawn place may be off [m]: speeds, delays and places in the files are
+rounded, and so is the drawing."""
+
+UNCLOCKED = 0.02
+"""How far the nominal releases of missions without a clock may be off [s]: they are
+sums of legs and holds, and of a take-off that is timed to half a second."""
+
+PLACES = ("x", "y", "z")
+
+
+def check_drawn(
+    log: LogFile,
+    show: LoggedShow,
+    missions: Sequence[MissionLegs],
+    begin: float | None,
+) -> Check:
+    """Compare the places on ``/fleet/predicted`` with the missions' timed legs.
+
+    Take-off and landing are not timed, so nothing is compared before a drone's first
+    timed leg and after its last.
+
+    Parameters
+    ----------
+    log, show
+        The log.
+    missions
+        What each drone flies, read from its mission.
+    begin
+        When the missions start, on the clock of their releases [s]; None: they have
+        no clock, and start with their take-off.
+    """
+    channels = [
+        number for number, channel in log.channels.items() if channel.topic == TOPIC
+    ]
+    if not channels:
+        return Check("missions", NAME, "skipped", notes=("the log draws none",))
+    fleet = _Fleet(missions, begin or 0.0)
+    limit = TOLERANCE
+    if begin is None:
+        fastest = max(float(m.profiles.speed.max(initial=0.0)) for m in missions)
+        limit += UNCLOCKED * fastest
+    worst, where, count = 0.0, Place(), 0
+    layout: np.dtype[np.void] | None = None
+    for data, m, offset in log.read(set(channels)):
+        clouds = []
+        for start, size in zip(m.payload.tolist(), m.size.tolist(), strict=True):
+            cloud = parse(PointCloud, data[start : start + size], offset)
+            layout = layout or point_layout(cloud, offset, PLACES)
+            clouds.append(points_of(cloud, layout, show.drones, offset))
+        points = np.stack(clouds)
+        drawn = np.stack([points[name] for name in PLACES], axis=-1)
+        times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
+        flown = fleet(times)
+        timed = np.isfinite(flown[..., 0])
+        off = np.sqrt(np.sum((drawn - flown) ** 2, axis=-1))
+        # Whatever is no number on the drawn side must not pass for untimed.
+        off = np.where(timed, np.where(np.isnan(off), np.inf, off), 0.0)
+        count += int(timed.sum())
+        if off.max() > worst:
+            row, drone = np.unravel_index(int(off.argmax()), off.shape)
+            worst = float(off[row, drone])
+            where = Place(drone=int(drone) + 1, time=float(times[row]))
+    return Check(
+        "missions",
+        NAME,
+        "pass" if worst <= limit else "fail",
+        worst,
+        limit,
+        "m",
+        where,
+        (f"{count:,} places of timed legs compared, on the missions' clock",),
+    )
+
+
+class _Fleet:
+    """Places of all drones over mission time, each delay in the middle of its range."""
+
+    def __init__(self, missions: Sequence[MissionLegs], begin: float) -> None:
+        most = max(mission.release.size for mission in missions)
+        shape = len(missions), most
+        self.missions = missions
+        self.release = np.full(shape, np.inf)
+        self.duration = np.zeros(shape)
+        self.begin = np.zeros((*shape, 3))
+        self.end = np.zeros((*shape, 3))
+        self.last = np.full(len(missions), -np.inf)
+        for drone, mission in enumerate(missions):
+            timed = np.flatnonzero(np.isfinite(mission.release))
+            legs = np.arange(timed.size)
+            self.release[drone, legs] = mission.release[timed] - begin
+            self.duration[drone, legs] = mission.profiles.duration[timed]
+            self.begin[drone, legs] = mission.places[timed]
+            self.end[drone, legs] = mission.places[timed + 1]
+            if timed.size:
+                arrived = self.release[drone, legs] + self.duration[drone, legs]
+                self.last[drone] = arrived.max() + GREATEST_DELAY
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
+        drones = np.arange(len(self.missions))
+        result = np.full((times.size, drones.size, 3), np.nan)
+        leg = (times[:, None, None] >= self.release).sum(axis=2) - 1
+        known = (leg >= 0) & (times[:, None] <= self.last)
+        chosen = np.maximum(leg, 0)
+        since = times[:, None] - self.release[drones, chosen]
+        since = since - 0.5 * (LEAST_DELAY + GREATEST_DELAY)
+        part = (since >= self.duration[drones, chosen]).astype(np.float64)
+        moving = known & (since > 0.0) & (part == 0.0)
+        for drone in np.flatnonzero(moving.any(axis=0)).tolist():
+            mission = self.missions[drone]
+            timed = np.flatnonzero(np.isfinite(mission.release))
+            rows = moving[:, drone]
+            share, _ = mission.profiles.fraction(
+                timed[chosen[rows, drone]], since[rows, drone]
+            )
+            part[rows, drone] = share
+        begin, end = self.begin[drones, chosen], self.end[drones, chosen]
+        place = begin + part[..., None] * (end - begin)
+        result[known] = place[known]
+        return result

@@ -1,0 +1,86 @@
+"""The predicted fleet in the log, against the missions' own bytes."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from synthetic import gliding_flight
+from verified import loaded
+
+from showc.log.writer import write_log
+from showc.mission import mission_files
+from showc.verify.drawn import UNCLOCKED, check_drawn
+from showc.verify.legs import fly_rows, read_parameters, read_rows
+from showc.verify.waypoints import parse
+
+START = datetime(2026, 6, 1, 20, 0, tzinfo=UTC)
+BEGIN = 20 * 3600.0
+
+
+class Shifted:
+    """A prediction that is elsewhere, or at another time."""
+
+    def __init__(self, flight, *, drone=0, by=(0.0, 0.0, 0.0), late=0.0):
+        self.flight, self.drone, self.by, self.late = flight, drone, by, late
+        self.duration = flight.duration
+
+    def position(self, times):
+        places = np.array(self.flight.position(np.asarray(times) - self.late))
+        places[:, self.drone] += self.by
+        return places
+
+
+def drawn(gliding, missions, begin, tmp_path, **shift):
+    path = tmp_path / "output.mcap"
+    write_log(
+        flight, path, manifest=b"{}", predicted=Shifted(missions.predicted, **shift)
+    )
+    log, show = loaded(path)
+    values = read_parameters(missions.files["missions/ardupilot.parm"])
+    rows = [
+        read_rows(parse(missions.files[name]), show.rules.site, values)
+        for name in sorted(missions.files)
+        if name.endswith(".waypoints")
+    ]
+    return check_drawn(log, show, fly_rows(rows, values), begin)
+
+
+@pytest.fixture(scope="module")
+def gliding():
+    return gliding_flight(4, moves=2)
+
+
+@pytest.fixture(scope="module")
+def missions(gliding):
+    return mission_files(gliding, start=START)
+
+
+def test_the_drawn_fleet_flies_the_missions(gliding, missions, tmp_path):
+    check = drawn(gliding, missions, BEGIN, tmp_path)
+    assert check.verdict == "pass"
+    assert check.value < 0.005
+    assert "0 places" not in check.notes[0]
+
+
+def test_a_drone_drawn_beside_its_line_is_found(gliding, missions, tmp_path):
+    check = drawn(gliding, missions, BEGIN, tmp_path, drone=2, by=(0.0, 0.02, 0.0))
+    assert check.verdict == "fail"
+    assert check.where.drone == 3
+    assert check.value == pytest.approx(0.02, abs=0.005)
+
+
+def test_a_fleet_drawn_late_is_found(gliding, missions, tmp_path):
+    check = drawn(gliding, missions, BEGIN, tmp_path, late=0.05)
+    assert check.verdict == "fail"
+
+
+def test_without_a_clock_releases_are_nominal(gliding, tmp_path):
+    relative = mission_files(gliding)
+    assert drawn(gliding, relative, None, tmp_path).verdict == "pass"
+    late = drawn(gliding, relative, None, tmp_path, late=5.0 * UNCLOCKED)
+    assert late.verdict == "fail"
+
+
+def test_nothing_drawn_is_left_out(log_path):
+    log, show = loaded(log_path)
+    assert check_drawn(log, show, [], BEGIN).verdict == "skipped"
