@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from fractions import Fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,8 @@ class Unit:
     @property
     def exact(self) -> Fraction | None:
         """The same as a fraction of small numbers, where it is one."""
+        from fractions import Fraction  # noqa: PLC0415 - start-up counts
+
         fraction = Fraction(self.factor).limit_denominator(10**9)
         return fraction if float(fraction) == self.factor else None
 
@@ -173,7 +175,7 @@ def _converted(number: str, source: Unit, target: Unit) -> float:
     top, bottom = source.exact, target.exact
     if top is None or bottom is None or not math.isfinite(value) or value == 0.0:
         return value * source.factor / target.factor
-    return float(Fraction(number) * top / bottom)
+    return float(type(top)(number) * top / bottom)
 
 
 def _unit(written: str, unit: str, text: str) -> Unit:

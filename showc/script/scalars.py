@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from showc.script.colours import COLOUR_NAMES, parse_colour
@@ -54,6 +53,8 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     lower = {name.lower(): name for name in names}
     if word.lower() in lower:
         return lower[word.lower()]
+    from difflib import get_close_matches  # noqa: PLC0415 - start-up counts
+
     near = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
     return lower[near[0]] if near else ""
 

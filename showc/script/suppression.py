@@ -10,7 +10,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from showc.script.codes import CODES
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
 from showc.script.show import Mark
 
@@ -80,6 +79,8 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
     faults: list[Diagnostic] = []
     if "showc:" not in text or "ignore" not in text:
         return requests, faults
+    from showc.script.codes import CODES  # noqa: PLC0415 - start-up counts
+
     for number, line in enumerate(text.split("\n"), start=1):
         match = _COMMENT.search(line)
         if match is None:

@@ -1,4 +1,4 @@
-"""Timing: moves that are asked to be quicker than any drone can fly."""
+"""Timing: moves quicker than any drone can fly, limits that rotors never reach."""
 
 from __future__ import annotations
 
@@ -17,10 +17,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.script.build import Sketch
-    from showc.script.show import Show
+    from showc.script.show import Mark, Show
     from showc.vehicle import Limits, Quadrotor
 
     FloatArray = NDArray[np.float64]
+
+
+_MORE = 1.01
+"""How far above the rotors' own limit a limit may be: printed ones are rounded."""
 
 
 def least_times(
@@ -100,6 +104,35 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             notes=(f"{who} cannot be there sooner, by its speed and thrust alone",),
             help=f"give at least {number_text(_up(least))} s, or leave `duration` out",
         )
+
+
+def limit_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield the limits that the rotors never reach (SHW210)."""
+    show = sketch.show
+    if show is None:
+        return
+    section = sketch.settings.section("limits")
+    vehicle, limits = show.vehicle, show.limits
+    if section.written("thrust_max") and limits.thrust_max > vehicle.thrust_max * _MORE:
+        yield _beyond(section.mark_of("thrust_max"), "thrust", limits.thrust_max,
+                      vehicle.thrust_max, "N")  # fmt: skip
+    if section.written("torque"):
+        pairs = zip("234", limits.torque_max, vehicle.torque_max, strict=True)
+        for axis, limit, most in pairs:
+            if limit > most * _MORE:
+                mark = section.mark_of("torque")
+                yield _beyond(mark, f"torque U{axis}", limit, most, "N m")
+
+
+def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diagnostic:
+    return Diagnostic(
+        "SHW210",
+        Severity.WARNING,
+        f"the limit of {what} is {number_text(limit)} {unit}, the rotors give "
+        f"{number_text(most)} {unit} at most",
+        mark,
+        help="check the limit, or the vehicle's rotors; the rotors' own holds too",
+    )
 
 
 def _up(time: float) -> float:

@@ -79,4 +79,14 @@ CODES = (
         "Give at least the time the message names, or leave `duration` out.",
         "transitions: [{to: far_away, duration: 2}]",
     ),
+    Code(
+        "SHW210",
+        "limit beyond the rotors",
+        "A limit of thrust or torque is more than the rotors can give at their "
+        "greatest speed, so that it never takes effect.",
+        "Check the limit, or the vehicle's parameters. The rotors' own limit holds in "
+        "any case.",
+        "limits: {thrust_max: 30 N}    (the rotors give 21 N)",
+        Severity.WARNING,
+    ),
 )
