@@ -30,7 +30,7 @@ class Shifted:
         return places
 
 
-def drawn(gliding, missions, begin, tmp_path, **shift):
+def drawn(flight, missions, begin, tmp_path, **shift):
     path = tmp_path / "output.mcap"
     write_log(
         flight, path, manifest=b"{}", predicted=Shifted(missions.predicted, **shift)
