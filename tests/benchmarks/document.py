@@ -32,9 +32,9 @@ Each peer runs in a virtual environment of its own, made on demand under
 
 - **CPU time** is that of the process from the start of stating the problem to the end
   of the last solve: imports are left out, building and compiling are in. It is the
-  median of {runs} runs; no further run is started once a row has used {budget:g} s,
-  and none gets more than {limit:g} s. Read the ratios: the seconds are those of one
-  machine, all from one run of the command{reused}.
+  median of the number of runs that the tables show: at most {runs}; no further one is
+  started once a row has used {budget:g} s, and none gets more than {limit:g} s. Read the
+  ratios: the seconds are those of one machine{reused}.
 - **Objective error** is relative to the known optimum. The problems and where their
   optima come from are in `tests/benchmarks/problems.yaml`; every peer gets the same
   problem, the same first guess (showc: its own) and its one default setting below.
@@ -106,6 +106,26 @@ def objective_table(rows: Sequence[Row]) -> str:
     return markdown(("error / CPU s", *names), lines)
 
 
+def summary(rows: Sequence[Row]) -> str:
+    """Say how showc compares with the peers that refine, in two sentences."""
+    problems = len({row.problem for row in rows})
+    own = _total(rows, "showc")
+    lines = [
+        f"showc reaches 1e-6 on {_within(rows, 'showc', 1e-6)} of {problems} problems."
+    ]
+    for name, how in (
+        ("maptor", "which refines unattended as well"),
+        ("pockit", "whose refinement the user drives"),
+    ):
+        total = _total(rows, name)
+        if own and total:
+            lines.append(
+                f"{name}, {how}, reaches it on {_within(rows, name, 1e-6)} and takes "
+                f"{total / own:.2g} times the CPU time in the sum."
+            )
+    return "\n".join(lines)
+
+
 def _over(value: float | None, own: float) -> str:
     return ratio(None if value is None else value / own)
 
@@ -160,7 +180,7 @@ def flight_table(rows: Sequence[Row]) -> str:
     for row in rows:
         name = " ".join(filter(None, (row.peer, row.label)))
         if row.failure:
-            lines.append((row.problem, name, row.failure, *[""] * 7))
+            lines.append((row.problem, name, row.failure, *[""] * 8))
             continue
         base = own.get(row.problem)
         figures = row.figures
@@ -176,12 +196,13 @@ def flight_table(rows: Sequence[Row]) -> str:
                 percent(figures.get("bound_violation")),
                 length(figures.get("position_error")),
                 length(figures.get("least_distance")),
+                str(row.runs),
             )
         )
     return markdown(
         (
             "move", "solver", "t_f [s]", "CPU s", "over showc", "meshes", "points",
-            "bound violation", "flown error", "least distance",
+            "bound violation", "flown error", "least distance", "runs",
         ),
         lines,
     )  # fmt: skip
@@ -209,7 +230,7 @@ def page(
             runs=effort.runs,
             budget=effort.budget,
             limit=effort.limit,
-            reused=" (rows of peers: from an earlier run on it)" if reused else "",
+            reused=", the rows of peers from an earlier run on it" if reused else "",
         ),
         "## Solvers\n",
         peers_table([*classic, *flights])
@@ -219,6 +240,7 @@ def page(
         parts += [
             "## Problems with known optima\n",
             objective_table(classic) + "\n",
+            summary(classic) + "\n",
             "What the answers are worth between the nodes:\n",
             detail_table(classic) + "\n",
         ]

@@ -250,6 +250,7 @@ def test_no_peer_is_dropped_in_silence():
     assert "- p yapss: no result in 9 s" in text
     assert "- rockit: not installed here: no wheel" in text
     assert "5 x" in text
+    assert "takes 5 times the CPU time" in text
     for peer in PEERS:
         assert peer.name in text and peer.version in text
 
