@@ -8,11 +8,12 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 
-def rewritten(data: bytes, replace) -> bytes:
+def rewritten(data: bytes, replace, schemas_of=lambda _, data: data) -> bytes:
     """Return the same log with each message passed through ``replace``.
 
     ``replace(topic, number, message)`` gets the topic, how many messages came before
     on it, and the bytes; it returns the new bytes, or None to leave the message out.
+    ``schemas_of(name, data)`` may change a schema.
     """
     reader = make_reader(BytesIO(data))
     target = BytesIO()
@@ -38,7 +39,7 @@ def rewritten(data: bytes, replace) -> bytes:
     for schema, channel, message in reader.iter_messages(log_time_order=False):
         if schema.id not in schemas:
             schemas[schema.id] = writer.register_schema(
-                schema.name, schema.encoding, schema.data
+                schema.name, schema.encoding, schemas_of(schema.name, schema.data)
             )
         if channel.id not in channels:
             channels[channel.id] = writer.register_channel(

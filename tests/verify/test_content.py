@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rewritten import rewritten
@@ -72,6 +73,41 @@ def test_writing_again_changes_nothing(data, tmp_path):
     verification = verified(again, tmp_path)
     assert verification.passed
     assert not any(check.verdict == "warning" for check in verification.checks)
+
+
+def with_extra_field(wanted):
+    """Add a field to the first message of the last file of one schema."""
+
+    def change(name, data):
+        if name != wanted:
+            return data
+        files = FileDescriptorSet.FromString(data)
+        field = files.file[-1].message_type[0].field.add()
+        field.CopyFrom(files.file[-1].message_type[0].field[0])
+        field.name, field.number = "more", 99
+        return files.SerializeToString(deterministic=True)
+
+    return change
+
+
+def test_another_definition_of_a_message_of_ours_fails(data, tmp_path):
+    content = rewritten(
+        data, lambda *found: found[-1], with_extra_field("showc.Segment")
+    )
+    assert failures(verified(content, tmp_path)) == {
+        "message types are showc's and Foxglove's"
+    }
+
+
+def test_another_release_of_foxgloves_schemas_is_a_warning(data, tmp_path):
+    content = rewritten(
+        data, lambda *found: found[-1], with_extra_field("foxglove.PointCloud")
+    )
+    verification = verified(content, tmp_path)
+    assert verification.exit_code == 0
+    assert [c.name for c in verification.checks if c.verdict == "warning"] == [
+        "schema release"
+    ]
 
 
 @SETTINGS
