@@ -9,13 +9,12 @@ first that is proved is taken.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import ExportError
-from showc.mission.conflicts import conflict_colours
+from showc.mission.detours import bends, layers
 from showc.mission.geodesy import POSITION_RESOLUTION
 from showc.mission.law import LegProfile
 from showc.mission.separation import (
@@ -42,12 +41,6 @@ if TYPE_CHECKING:
 
 STRETCHES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
 """Factors on the time of a straight leg."""
-
-BENDS = (1.0, 1.15, 1.3, 1.6, 2.0)
-"""Factors on the sideways part of the solved flight's bend."""
-
-BEND_STRETCHES = (1.0, 1.6, 2.5, 4.0)
-"""Factors on the times of the legs of a bend."""
 
 STOP = 4.0
 """About what a further stage costs besides its flying: slack and a whole second [s]."""
@@ -168,14 +161,14 @@ def _candidates(
         return
     yield from _slower(first, straight, around)
     found = [
-        *_bends(leg, flight, builder, around),
-        *_layers(leg, builder, around, first),
+        *bends(leg, flight, builder, around),
+        *layers(leg, builder, around, first),
     ]
     # Quickest first, every stop paid for; equal ones in the order of their making.
     yield from sorted(
         found, key=lambda item: sum(stage.duration + STOP for stage in item[1])
     )
-    for name, stages in _bends(leg, flight, builder, around, stretches=(1.0,)):
+    for name, stages in bends(leg, flight, builder, around, stretches=(1.0,)):
         yield f"{name}, staggered", [_staggered_stage(one, around) for one in stages]
 
 
@@ -217,102 +210,6 @@ def _waits(stage: Stage, around: Surroundings) -> FloatArray | None:
 def _staggered_stage(stage: Stage, around: Surroundings) -> Stage:
     waits = _waits(stage, around)
     return stage if waits is None else stage.waiting(waits)
-
-
-def _bends(
-    leg: Leg,
-    flight: LegFlight,
-    builder: StageBuilder,
-    around: Surroundings,
-    *,
-    stretches: tuple[float, ...] = BEND_STRETCHES,
-) -> Iterator[tuple[str, list[Stage]]]:
-    """Two or three straight legs along the solved flight, or outside it."""
-    start, goal = around.positions[leg.drones], leg.goal
-    low, high = np.array(leg.limits.position_min), np.array(leg.limits.position_max)
-    for stops in ((0.5,), (1.0 / 3.0, 2.0 / 3.0)):
-        for bend in BENDS:
-            places = [start]
-            for stop in stops:
-                solved = np.array(
-                    [
-                        trajectory.state(stop * flight.duration)[:3]
-                        for trajectory in flight.trajectories
-                    ]
-                )
-                line = _nearest_on_line(solved, start, goal)
-                places.append(np.clip(line + bend * (solved - line), low, high))
-            places.append(goal)
-            for stretch in stretches:
-                stages = []
-                for begin, end in pairwise(places):
-                    quick = builder.build(leg.drones, begin, end, leg.limits)
-                    stages.append(
-                        quick
-                        if stretch == 1.0
-                        else builder.build(
-                            leg.drones,
-                            begin,
-                            end,
-                            leg.limits,
-                            duration=stretch * quick.duration,
-                        )
-                    )
-                yield (
-                    f"{len(places) - 1} legs, bend x {bend:g}, time x {stretch:g}",
-                    stages,
-                )
-
-
-def _nearest_on_line(
-    points: FloatArray, start: FloatArray, goal: FloatArray
-) -> FloatArray:
-    """Feet (n, 3) of ``points`` on the straight lines from ``start`` to ``goal``."""
-    along = goal - start
-    length = np.sum(along**2, axis=1)
-    part = np.sum((points - start) * along, axis=1) / np.where(length > 0, length, 1.0)
-    return np.asarray(start + np.clip(part, 0.0, 1.0)[:, None] * along)
-
-
-def _layers(
-    leg: Leg, builder: StageBuilder, around: Surroundings, straight: Stage
-) -> Iterator[tuple[str, list[Stage]]]:
-    """Apart in height, across, and back: drones whose lines meet get other layers."""
-    colour = conflict_colours(straight, around.separation, around.required)
-    separation = around.separation
-    step = 1.05 * separation.distance / separation.metric_scale[2] + 0.05
-    low, high = leg.limits.position_min[2], leg.limits.position_max[2]
-    for direction in (1.0, -1.0, 0.0):
-        lift = np.zeros(leg.drones.size)
-        rank = np.searchsorted(leg.drones, straight.drones)
-        if direction == 0.0:
-            # Alternately above and below.
-            lift[rank] = np.where(colour % 2, (colour + 1) // 2, -(colour // 2)) * step
-        else:
-            lift[rank] = direction * colour * step
-        rise = np.stack([np.zeros_like(lift), np.zeros_like(lift), lift], axis=1)
-        start, goal = around.positions[leg.drones], leg.goal
-        heights = np.concatenate([(start + rise)[:, 2], (goal + rise)[:, 2]])
-        if heights.min() < low or heights.max() > high:
-            continue
-        for stretch in BEND_STRETCHES:
-            stages = []
-            for begin, end in (
-                (start, start + rise),
-                (start + rise, goal + rise),
-                (goal + rise, goal),
-            ):
-                quick = builder.build(leg.drones, begin, end, leg.limits)
-                stages.append(
-                    builder.build(
-                        leg.drones,
-                        begin,
-                        end,
-                        leg.limits,
-                        duration=stretch * quick.duration,
-                    )
-                )
-            yield f"{int(colour.max()) + 1} layers, time x {stretch:g}", stages
 
 
 def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportError:
