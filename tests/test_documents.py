@@ -94,3 +94,11 @@ def test_python_examples_run(tmp_path, cache):
         check=False,
     )
     assert run.returncode == 0, run.stderr
+
+
+def test_the_readme_shows_the_first_show():
+    written = next(
+        block["text"] for block in blocks(ROOT / "README.md") if block["file"]
+    )
+    kept = (ROOT / "shows" / "first.yaml").read_text(encoding="utf-8")
+    assert kept.split("\n", 1)[1] == written

@@ -48,7 +48,7 @@ def command(
     with file, line and column: syntax, keys, units, ranges, references, spacing of
     formations, flight volume. Nothing is solved; a script takes a fraction of a second.
 
-    A finding on a line that ends in "# showc: ignore[SHW203] why" is left out.
+    A warning on a line that ends in "# showc: ignore[SHW303] why" is left out.
 
     \b
       showc check shows/*.yaml
