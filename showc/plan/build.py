@@ -129,16 +129,15 @@ class _Builder:
         given = choose(self.position, above.points, self.show.separation)
         if landing.assignment == "fixed":
             given = replace(given, reason="every drone to its own pad")
-        if np.array_equal(above.points[given.places], self.position):
-            self.places = _frozen(given.places.copy())
-        else:
+        # Who is above a pad already, lands from there.
+        if not np.array_equal(above.points[given.places], self.position):
             self._move("approach", "approach to the pads", above, given)
         self._hold("approach to the pads", landing.hold)
         limits = self.show.limits.with_vertical_speed(
             landing.descent_speed, landing.descent_speed
         )
         pads = self.show.formations[self.show.pads]
-        down = Assignment(self.places, np.inf, "")
+        down = replace(given, reason="")
         self._move("land", "land", pads, down, limits=limits)
 
     def _raised(self, name: str, height: float) -> Formation:

@@ -80,6 +80,22 @@ def test_places_name_where_each_drone_ends(show):
         np.testing.assert_allclose(points[leg.places], leg.goal)
 
 
+def test_who_hovers_above_the_pads_lands_from_there(show):
+    pads = show.formations["pads"].points
+    above = place("above", pads[::-1] + [0.0, 0.0, show.landing.altitude])
+    show = replace(show, formations={**show.formations, "above": above})
+    itinerary = build_itinerary(
+        replace(show, transitions=(transition("line"), transition("above")))
+    )
+    assert "approach" not in {leg.kind for leg in itinerary.legs}
+    formations = itinerary.show.formations
+    for leg in itinerary.legs:
+        points = formations[leg.to_formation].points
+        np.testing.assert_allclose(points[leg.places], leg.goal)
+    land = itinerary.legs[-1]
+    np.testing.assert_array_equal(land.start[:, :2], land.goal[:, :2])
+
+
 def test_the_rest_parks_where_the_script_says(show):
     itinerary = build_itinerary(replace(show, transitions=(transition("pair"),)))
     leg = next(leg for leg in itinerary.legs if leg.kind == "transition")
