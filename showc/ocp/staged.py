@@ -10,13 +10,14 @@ other parameters, widths, signals, half-spaces and guesses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import casadi
 import numpy as np
 from scipy.sparse import linalg
 
+from showc.ocp.guarded import AVAILABLE, call_guarded
 from showc.ocp.solution import Result
 from showc.ocp.stages import Row, Stage, TimeKind, build_stage
 
@@ -217,6 +218,7 @@ class StagedTranscription:
         }
         self._table()
         self._solver: Any = None
+        self._forked = False
         self._jacobian: Any = None
 
     def _table(self) -> None:
@@ -321,18 +323,34 @@ class StagedTranscription:
             "lbg": lower,
             "ubg": upper,
         }
-        answer = solver(**arguments)
-        statistics = solver.stats()
-        unknowns, rows = self._close_gaps(
-            np.array(answer["x"]).ravel(), np.array(answer["g"]).ravel(), arguments
-        )
+        answer = self._call(solver, arguments)
+        unknowns, rows = self._close_gaps(answer.unknowns, answer.rows, arguments)
         return self._unpack(
-            _Answer(unknowns, rows, float(answer["f"]), statistics),
+            replace(answer, unknowns=unknowns, rows=rows),
             fractions,
             values,
             data,
             (lower, upper),
         )
+
+    def _call(self, solver: Any, arguments: Mapping[str, Any]) -> _Answer:  # noqa: ANN401
+        if not self._forked:
+            answer = solver(**arguments)
+            return _Answer(
+                np.array(answer["x"]).ravel(),
+                np.array(answer["g"]).ravel(),
+                float(answer["f"]),
+                solver.stats(),
+            )
+        size = self.stage.states + self.stage.inputs
+        seconds = 0.5 + 4e-7 * size**2 * self.intervals * self.options.iterations
+        sizes = arguments["x0"].size, self._scale.size
+        found = call_guarded(solver, arguments, sizes, seconds)
+        if found is None:
+            rows = np.full(sizes[1], np.nan)
+            statistics = {"success": False, "iter_count": self.options.iterations}
+            return _Answer(arguments["x0"], rows, np.nan, statistics)
+        return _Answer(*found)
 
     def _close_gaps(
         self, unknowns: FloatArray, rows: FloatArray, arguments: Mapping[str, Any]
@@ -385,6 +403,8 @@ class StagedTranscription:
     def _make_solver(self) -> Any:  # noqa: ANN401
         if self._solver is None:
             options = self.options
+            # Where no child can be forked, IPOPT does the work.
+            self._forked = options.solver == "fatrop" and AVAILABLE
             common: dict[str, object] = {
                 "print_time": False,
                 "calc_lam_p": False,
@@ -392,7 +412,7 @@ class StagedTranscription:
                 "error_on_fail": False,
                 "show_eval_warnings": False,
             }
-            if options.solver == "fatrop":
+            if self._forked:
                 common |= {
                     "structure_detection": "auto",
                     "equality": self._equal.tolist(),
@@ -418,7 +438,7 @@ class StagedTranscription:
                     **options.extra,
                 }
             self._solver = casadi.nlpsol(
-                "staged", options.solver, self._program, common
+                "staged", "fatrop" if self._forked else "ipopt", self._program, common
             )
         return self._solver
 
@@ -462,7 +482,9 @@ class StagedTranscription:
             success=bool(answer.statistics["success"]), violation=float(broken[worst])
         )
         message = ""
-        if not result.usable:
+        if result is Result.INVALID_NUMBER:
+            message = "the solver came to no end"
+        elif not result.usable:
             time = float(
                 np.concatenate([[0.0], np.cumsum(widths)])[self._interval[worst]]
             )

@@ -21,6 +21,7 @@ from showc.solve.programs import Programs
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.flight import Trajectory
     from showc.ocp.staged import StagedGuess, StagedSolution, StagedSolver
     from showc.ocp.stages import TimeKind
     from showc.solve.model import Aircraft
@@ -63,6 +64,9 @@ def minimum_time(
         Its duration is the least time, not rounded. A move of no length takes no
         time and has no trajectory.
     """
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.solution import Result as Ending  # noqa: PLC0415
+
     start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
     programs = Programs(aircraft, start, goal)
     if reason := refusal(aircraft, start, goal):
@@ -73,6 +77,7 @@ def minimum_time(
     least = INTERVALS if tolerance >= 1e-3 else FINE_INTERVALS
     intervals: int | None = interval_count(guessed, least)
     verdict = Verdict("infeasible")
+    best: tuple[float, Trajectory, Verdict] | None = None
     for _ in range(3):
         if intervals is None:
             break
@@ -86,8 +91,12 @@ def minimum_time(
         duration = solution.duration
         trajectory = trajectory_of(aircraft, solution, start, goal, duration)
         verdict = judge(aircraft, trajectory)
-        if verdict.status == "solved":
-            return verdict.result(programs, duration, trajectory)
+        if verdict.status == "solved" and (best is None or duration < best[0]):
+            best = duration, trajectory, verdict
+        if best is not None and solution.result is Ending.SOLVED:
+            break
+    if best is not None:
+        return best[2].result(programs, best[0], best[1])
     return verdict.result(programs, 0.0)
 
 
@@ -117,14 +126,14 @@ def _solved(
     programs: Programs, time: TimeKind, widths: FloatArray, guess: StagedGuess
 ) -> StagedSolution:
     """Solve with fatrop, and again with IPOPT where that does not converge."""
-    # The core loads casadi, which checking a script must not.
-    from showc.ocp.solution import Result as Ending  # noqa: PLC0415
+    from showc.ocp.solution import Result as Ending  # noqa: PLC0415 - as above
 
     solvers: tuple[StagedSolver, ...] = ("fatrop", "ipopt")
     for solver in solvers:
         program = programs.program(widths.size, time, solver=solver)
         solution = programs.solve(program, widths, guess, {"effort": EFFORT})
-        near = solution.duration <= TRUSTED * float(widths.sum())
+        trusted = TRUSTED if time == "free" else 1.0
+        near = solution.duration < trusted * float(widths.sum())
         if solution.result is Ending.SOLVED or (solution.result.usable and near):
             break
     return solution
