@@ -120,6 +120,10 @@ class PhaseAuditor:
         )
         """For each control: whether it enters the Hamiltonian linearly, so that an
         arc off its bounds is singular or bound by a state."""
+        self.path_bound = tuple(
+            casadi.jacobian(path, u)[:, j].nnz() > 0 for j in range(u.numel())
+        )
+        """For each control: whether a path constraint may determine it."""
         slope = casadi.gradient(hamiltonian, u)
         bend = casadi.diag(casadi.jacobian(slope, u))
         self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])

@@ -49,7 +49,8 @@ class Proposal:
 
 def inner_degree(auditor: PhaseAuditor, control: int) -> int:
     """Degree of a control between its bounds; -1 for the points' own."""
-    return INNER_DEGREE if auditor.affine[control] else -1
+    loose = auditor.affine[control] and not auditor.path_bound[control]
+    return INNER_DEGREE if loose else -1
 
 
 def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Structure:

@@ -74,6 +74,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
         "no_nlp_grad": True,
         "error_on_fail": False,
         "verbose_init": False,
+        "show_eval_warnings": False,
         "grad_f": program.objective_gradient,
         "jac_g": program.constraint_jacobian,
     }

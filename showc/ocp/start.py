@@ -60,6 +60,8 @@ def starting_point(
         if arcs is not None and arcs[p] is not None:
             widths = np.asarray(arcs[p], dtype=np.float64)
         point[place.durations] = widths
+        if p > 0 and not isinstance(guess, Solution):
+            curves = _carried(built, p, given, point)
         _place_curves(built, p, given, curves, limits=limits, point=point)
         time = float(point[place.start] + widths.sum())
     for number, static in zip(layout.statics, built.problem.statics, strict=True):
@@ -67,6 +69,30 @@ def starting_point(
         value = given.statics.get(static.name, middle(low, high))
         point[number] = min(max(value, low), high)
     return point
+
+
+def _carried(
+    built: Transcription, index: int, given: Guess, point: FloatArray
+) -> Mapping[str, Curve]:
+    """Values at the end of the phase before, for states of the same name.
+
+    Only for those of which neither a guess nor the ends in this phase tell anything.
+    """
+    before, phase = built.problem.phases[index - 1], built.problem.phases[index]
+    place = built.discretisation.layout.phases[index - 1]
+    known = {*given.curves}
+    curves: dict[str, Curve] = {}
+    for i, name in enumerate(before.states):
+        state = phase.states.get(name)
+        if state is None or {name, f"{phase.name}.{name}"} & known:
+            continue
+        free = all(
+            isinstance(low, float) and isinstance(high, float) and low < high
+            for low, high in (state.start, state.end)
+        )
+        if free:
+            curves[name] = float(point[place.states[-1][-1, i]])
+    return curves
 
 
 def _arc_durations(

@@ -3,6 +3,7 @@ of several phases."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import pi, sqrt
 
 import casadi as ca
@@ -245,6 +246,146 @@ def zermelo() -> ocp.Problem:
     return problem
 
 
+def hang_glider() -> ocp.Problem:
+    """COPS 3: the widest reach through a thermal."""
+    problem = ocp.Problem("hang_glider")
+    phase = problem.phase(duration=(1.0, 200.0))
+    x = phase.state("x", 0.0, None, start=0.0)
+    y = phase.state("y", start=1000.0, end=900.0)
+    vx = phase.state("vx", 0.0, None, start=13.2275675, end=13.2275675)
+    vy = phase.state("vy", start=-1.28750052, end=-1.28750052)
+    lift = phase.control("lift", 0.0, 1.4)
+    r = (x / 100.0 - 2.5) ** 2
+    sink = vy - 2.5 * (1.0 - r) * ca.exp(-r)
+    speed = ca.sqrt(vx**2 + sink**2)
+    push = 0.5 * 1.13 * 14.0 / 100.0 * speed
+    drag = 0.034 + 0.069662 * lift**2
+    phase.derivative(x, vx)
+    phase.derivative(y, vy)
+    phase.derivative(vx, push * (-lift * sink - drag * vx))
+    phase.derivative(vy, push * (lift * vx - drag * sink) - 9.80665)
+    problem.maximise(phase.final(x))
+    return problem
+
+
+def triple_integrator() -> ocp.Problem:
+    problem = ocp.Problem("triple_integrator")
+    phase = problem.phase(duration=(0.1, 20.0))
+    a = phase.state("a", start=1.0, end=0.0)
+    b = phase.state("b", start=0.0, end=0.0)
+    c = phase.state("c", start=0.0, end=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(a, b)
+    phase.derivative(b, c)
+    phase.derivative(c, u)
+    problem.minimise(phase.final_time)
+    return problem
+
+
+def oscillator() -> ocp.Problem:
+    """Least time to rest from 8 half units: four half circles, three switches."""
+    problem = ocp.Problem("oscillator")
+    phase = problem.phase(duration=(0.1, 30.0))
+    x = phase.state("x", start=8.0, end=0.0)
+    v = phase.state("v", start=0.0, end=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, v)
+    phase.derivative(v, u - x)
+    problem.minimise(phase.duration)
+    return problem
+
+
+def touch_point() -> ocp.Problem:
+    """Bryson and Denham's problem with l = 1/5: the bound is touched once."""
+    problem = ocp.Problem("touch_point")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", None, 0.2, start=0.0, end=0.0)
+    v = phase.state("v", start=1.0, end=-1.0)
+    u = phase.control("u")
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.integral(0.5 * u**2))
+    return problem
+
+
+def launch() -> ocp.Problem:
+    """Benson 2005: a Delta III to a transfer orbit, four phases with staging, SI."""
+    problem = ocp.Problem("launch")
+    mu, radius, spin = 3.986012e14, 6_378_145.0, 7.29211585e-5
+    latitude = 28.5 * pi / 180.0
+    r0 = (radius * ca.cos(latitude), 0.0, radius * ca.sin(latitude))
+    v0 = (0.0, spin * r0[0], 0.0)
+    solid, first, second = 628_500.0, 1_083_100.0, 110_094.0
+    d_solid, d_first, d_second = 17_010.0 / 75.2, 95_550.0 / 261.0, 16_820.0 / 700.0
+    mass = 9.0 * 19_290.0 + 104_380.0 + 19_300.0 + 4_164.0
+    stages = (
+        (6.0 * solid + first, 6.0 * d_solid + d_first, 75.2, 6.0 * 2_280.0),
+        (3.0 * solid + first, 3.0 * d_solid + d_first, 75.2, 3.0 * 2_280.0),
+        (first, d_first, 110.6, 8_830.0),
+        (second, d_second, 700.0, 0.0),
+    )
+    phases = []
+    heaviest = mass
+    for i, (thrust, flow, duration, dropped) in enumerate(stages):
+        limits = (1.0, duration) if i == len(stages) - 1 else duration
+        phase = problem.phase(f"stage {i + 1}", duration=limits)
+        phases.append(phase)
+        r = [
+            phase.state(
+                f"r{k}",
+                -2.0 * radius,
+                2.0 * radius,
+                scale=radius,
+                start=float(r0[k]) if i == 0 else None,
+            )
+            for k in range(3)
+        ]
+        v = [
+            phase.state(f"v{k}", -1e4, 1e4, start=float(v0[k]) if i == 0 else None)
+            for k in range(3)
+        ]
+        m = phase.state("m", 100.0, heaviest, start=mass)
+        u = [phase.control(f"u{k}", -1.0, 1.0) for k in range(3)]
+        height = ca.sqrt(r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
+        wind = (v[0] + spin * r[1], v[1] - spin * r[0], v[2])
+        speed = ca.sqrt(wind[0] ** 2 + wind[1] ** 2 + wind[2] ** 2 + 1e-8)
+        density = 1.225 * ca.exp(-(height - radius) / 7_200.0)
+        drag = 0.5 * density * 4.0 * pi * 0.5 * speed
+        for k in range(3):
+            phase.derivative(r[k], v[k])
+            phase.derivative(
+                v[k], -mu * r[k] / height**3 + (thrust * u[k] - drag * wind[k]) / m
+            )
+        phase.derivative(m, -flow)
+        phase.constrain(u[0] ** 2 + u[1] ** 2 + u[2] ** 2, 1.0, 1.0, name="unit")
+        phase.constrain(height / radius, 1.0, None, name="ground")
+        mass -= flow * duration + dropped
+    continuous = [f"{q}{k}" for q in "rv" for k in range(3)]
+    for before, after in pairwise(phases):
+        problem.link(before, after, continuous)
+    last = phases[-1]
+    r = ca.vertcat(*[last.states[f"r{k}"].final for k in range(3)])
+    v = ca.vertcat(*[last.states[f"v{k}"].final for k in range(3)])
+    h = ca.cross(r, v)
+    node = ca.vertcat(-h[1], h[0], 0.0)
+    e = ca.cross(v, h) / mu - r / ca.norm_2(r)
+    axis = -0.5 * mu / (0.5 * ca.dot(v, v) - mu / ca.norm_2(r))
+    deg = pi / 180.0
+    ascending = (269.8 - 360.0) * deg
+    swing = ca.dot(node, e) / ca.norm_2(node) / ca.norm_2(e)
+    for name, value, wanted in (
+        ("semi-major axis", axis / 24_361_140.0, 1.0),
+        ("eccentricity", ca.norm_2(e), 0.7308),
+        ("inclination", h[2] / ca.norm_2(h), ca.cos(latitude)),
+        ("ascending node", ca.atan2(node[1], node[0]), ascending),
+        ("argument of perigee", swing, ca.cos(130.5 * deg)),
+    ):
+        problem.constrain_boundary(value, float(wanted), float(wanted), name=name)
+    problem.constrain_boundary(e[2], 0.0, None, name="perigee in the north")
+    problem.maximise(last.states["m"].final)
+    return problem
+
+
 FURTHER = (
     Benchmark("moon_lander", moon_lander, sqrt(68.0), 0.0, "closed form"),
     Benchmark(
@@ -260,5 +401,16 @@ FURTHER = (
     Benchmark("free_flying_robot", free_flying_robot, 7.9101, 1e-5, "Betts 2010"),
     Benchmark("tumour", tumour, 7571.67158, 1e-6, "Betts 2010"),
     Benchmark("waypoint", two_phase_waypoint, 0.0, 1.0, ""),
+    Benchmark("hang_glider", hang_glider, 1248.031, 1e-5, "COPS 3"),
+    Benchmark(
+        "triple_integrator",
+        triple_integrator,
+        32.0 ** (1.0 / 3.0),
+        0.0,
+        "closed form",
+    ),
+    Benchmark("oscillator", oscillator, 4.0 * pi, 0.0, "closed form"),
+    Benchmark("touch_point", touch_point, 2.24, 0.0, "Bryson, Ho 1975, 3.11"),
+    Benchmark("launch", launch, 7529.712, 1e-6, "Benson 2005; Betts 2010"),
     Benchmark("zermelo", zermelo, 0.0, 1.0, ""),
 )

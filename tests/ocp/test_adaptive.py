@@ -134,6 +134,7 @@ def test_hypersensitive_needs_few_meshes_and_points(solved):
         ("rayleigh", 1e-6),
         ("tumour", 1e-6),
         ("free_flying_robot", 1e-5),
+        ("hang_glider", 1e-6),
     ],
 )
 def test_published_optima(solved, name, rel):
@@ -146,6 +147,15 @@ def test_published_optima(solved, name, rel):
 def test_two_linked_phases_each_with_its_switch(solved):
     # Out to 1 and past it: accelerate, turn round, and stop at -1.
     assert solved("waypoint").objective == pytest.approx(2.0 + 2.0 * 2.0**0.5, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_a_launch_in_four_phases_without_a_guess(solved):
+    solution = solved("launch")
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(7529.712, rel=1e-6)
+    first, second = solution.phases[:2]
+    assert second.start == pytest.approx(first.end, abs=1e-6)
 
 
 def test_path_constraints_hold_between_the_nodes():
