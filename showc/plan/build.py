@@ -132,7 +132,7 @@ class _Builder:
         # Who is above a pad already, lands from there.
         if not np.array_equal(above.points[given.places], self.position):
             self._move("approach", "approach to the pads", above, given)
-        self._hold("approach to the pads", landing.hold)
+        self._hold("reaching the pads", landing.hold)
         limits = self.show.limits.with_vertical_speed(
             landing.descent_speed, landing.descent_speed
         )
