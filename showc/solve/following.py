@@ -40,6 +40,8 @@ NEARNESS = 10.0
 """Weight of the squared distance to the reference over the squared length."""
 TIGHT = 1.06
 """Time over the quick low estimate below which coarse meshes are not tried."""
+HOPELESS = 0.998
+"""Time over the least time found below which nothing more is tried."""
 AMPLE = 1.35
 """Time over that estimate above which the coarsest mesh is tried first."""
 
@@ -108,6 +110,12 @@ def follow(
             return verdict.result(programs, duration, trajectory)
     if verdict.status == "infeasible":
         message = f"no flight in {duration:.3f} s was found: {verdict.message}"
+        least = _least(aircraft, tuple(start), tuple(goal)).duration
+        if duration < least:
+            message = (
+                f"no flight in {duration:.3f} s: the shortest found, other drones "
+                f"aside, takes {least:.3f} s"
+            )
         verdict = Verdict("infeasible", message)
     return verdict.result(programs, duration)
 
@@ -152,6 +160,8 @@ def _ladder(
     widths = graded_widths(duration, interval_count(duration, 24), END_GRADING)
     yield widths, "fatrop", guess(widths)
     shortest = _least(aircraft, tuple(task.start), tuple(task.goal))
+    if duration < HOPELESS * shortest.duration:
+        return
     if shortest.trajectory is not None and shortest.duration <= duration:
         widths = np.diff(shortest.trajectory.state.breaks)
         widths *= duration / widths.sum()
