@@ -134,7 +134,9 @@ class Relaxation:
             directions = np.column_stack([rim, np.full(12, math.cos(cone))])
             directions = np.vstack([directions, [[0.0, 0.0, 1.0]]])
         else:
-            phi, theta = (part.ravel() for part in np.meshgrid(roll * grid, pitch * grid))
+            phi, theta = (
+                part.ravel() for part in np.meshgrid(roll * grid, pitch * grid)
+            )
             directions = np.column_stack(
                 [np.cos(phi) * np.sin(theta), -np.sin(phi), np.cos(phi) * np.cos(theta)]
             )
@@ -156,7 +158,7 @@ def _arc(ahead: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
     )
 
 
-def surplus(
+def surplus(  # noqa: PLR0917 - the names of the inequality
     relaxation: Relaxation,
     displacement: FloatArray,
     time: float,
@@ -270,7 +272,7 @@ def _knots(relaxation: Relaxation, time: float) -> FloatArray:
     return np.unique(np.round(np.concatenate([even, early, 1.0 - early]), 9))
 
 
-def _longest(
+def _longest(  # noqa: PLR0917 - same
     relaxation: Relaxation,
     displacement: FloatArray,
     beta: FloatArray,
@@ -340,9 +342,7 @@ def _multipliers(
         ),
         shape=(nodes, intervals),
     )
-    thrust = block_diag(
-        [-weight[k] * corners[k].T for k in range(nodes)], format="csr"
-    )
+    thrust = block_diag([-weight[k] * corners[k].T for k in range(nodes)], format="csr")
     motion = kron(difference, identity(3), format="csr")
     way = kron(csr_matrix(widths[None, :]), identity(3), format="csr")
     convex = kron(identity(nodes), csr_matrix(np.ones((1, size))), format="csr")

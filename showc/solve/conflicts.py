@@ -1,9 +1,9 @@
 """Where two drones come too near: detection in continuous time, on the polynomials.
 
-Time is cut into slots; in each slot every drone sweeps a box (the hull of its Bernstein
-coefficients), and a k-d tree over the boxes names the few pairs that can meet. For those
-the relative motion is bounded from below by its Bernstein coefficients along a
-separating direction, and halved until the bound decides (branch and bound; the
+Time is cut into slots; in each slot every drone sweeps a box (the hull of its
+Bernstein coefficients), and a k-d tree over the boxes names the few pairs that can
+meet. For those the relative motion is bounded from below by its Bernstein coefficients
+along a separating direction, and halved until the bound decides (branch and bound; the
 coefficients enclose the polynomial, so nothing is missed between samples).
 """
 
@@ -167,10 +167,10 @@ def _measure(difference: FloatArray, separation: Separation) -> FloatArray:
     """Distance of a difference that is already in metric coordinates."""
     if separation.shape in ("any-axis", "all-axes"):
         return measure(difference, separation)
-    return np.sqrt(np.einsum("...c,...c->...", difference, difference))
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", difference, difference)))
 
 
-def _least(
+def _least(  # noqa: PLR0917 - arrays of one loop
     pair: IntArray,
     begin: FloatArray,
     end: FloatArray,

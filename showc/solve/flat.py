@@ -157,9 +157,7 @@ def fly(
     rates = STATE_DEGREE * np.diff(angles, axis=2) / widths
     torques = (STATE_DEGREE - 1) * np.diff(rates, axis=2) / widths
     state[..., 6:8] = angles
-    state[..., 9:11] = np.einsum(
-        "rk,nikc->nirc", _RAISE, rates
-    )
+    state[..., 9:11] = np.einsum("rk,nikc->nirc", _RAISE, rates)
 
     nodes = _lobatto(CONTROL_DEGREE)
     to_control = bernstein_basis_inverse(CONTROL_DEGREE, tuple(nodes)).T

@@ -55,7 +55,9 @@ def solve_itinerary(
             flights.append(flight)
     starts = np.zeros(len(flights))
     for index, flight in enumerate(flights):
-        ends = [starts[before] + flights[before].duration for before in flight.leg.after]
+        ends = [
+            starts[before] + flights[before].duration for before in flight.leg.after
+        ]
         starts[index] = round(max(ends, default=0.0), 3)
     starts.setflags(write=False)
     return Flight(itinerary, tuple(flights), starts)

@@ -141,7 +141,7 @@ def limiting_time(
 
 
 def _candidates(aircraft: Aircraft, displacement: FloatArray) -> NDArray[np.int64]:
-    """Moves that may be the slowest, by two cheap measures."""
+    """Choose moves that may be the slowest, by two cheap measures."""
     if displacement.shape[0] <= _CANDIDATES:
         return np.arange(displacement.shape[0])
     straight = least_times(
@@ -165,7 +165,7 @@ def _candidates(aircraft: Aircraft, displacement: FloatArray) -> NDArray[np.int6
 
 
 def _guess(relaxation: Relaxation, displacement: FloatArray) -> float:
-    """A time near the least one: the slowest axis, speeding up at half a g."""
+    """Guess a time near the least one: the slowest axis, speeding up at half a g."""
     limits = relaxation.limits
     velocity = np.where(
         displacement > 0.0,

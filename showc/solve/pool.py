@@ -133,9 +133,7 @@ class Processes:
                     self._jobs, mp_context=context, initializer=_warm
                 )
                 # The server and its workers inherit the environment of this moment.
-                for future in [
-                    self._executor.submit(_warm) for _ in range(self._jobs)
-                ]:
+                for future in [self._executor.submit(_warm) for _ in range(self._jobs)]:
                     future.result()
         return self._executor
 
@@ -188,11 +186,9 @@ class Cluster:
         sizes = {
             future.key: len(part) for future, part in zip(futures, parts, strict=True)
         }
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=self._client.loop):
             done(sizes[future.key])
-        return [
-            value for part in self._client.gather(futures) for value in part
-        ]
+        return [value for part in self._client.gather(futures) for value in part]
 
     def close(self) -> None:
         """Leave the cluster; it goes on without us."""

@@ -8,12 +8,18 @@ blocks and only become a sparse matrix at the end.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.trajectory import bernstein_basis, bernstein_basis_inverse
+from showc.solve.basis import (
+    DEGREE,
+    LOCAL,
+    NODES,
+    free_coefficients,
+    quadratic_upper,
+    spline_basis,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,14 +30,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
-    Entries = tuple[FloatArray, tuple[IntArray, IntArray]]
 
-DEGREE = 5
 WALL_DEGREE = DEGREE + 1
-_LOCAL = DEGREE + 1
 _MARGIN = 0.995
 _PRICE = 30.0
-_CALM = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,84 +75,6 @@ class Aim:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Basis:
-    """From the local B-spline coefficients to Bernstein ones, shapes (K, ., 6)."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-    """Elevated to the degree of the acceleration."""
-    gram: FloatArray
-    """Mean of squared values and a little of squared jerk, (n, n)."""
-    weights: FloatArray
-    """From values wanted at ``NODES`` of every interval to the linear term, (n, .)."""
-
-
-_NODES: FloatArray = (np.arange(4) + 0.5) / 4
-
-
-@lru_cache(maxsize=16)
-def _basis(intervals: int, duration: float) -> _Basis:
-    from scipy.interpolate import BSpline  # noqa: PLC0415 - scipy only when solving
-
-    knots = np.concatenate(
-        [np.zeros(DEGREE), np.linspace(0.0, 1.0, intervals + 1), np.ones(DEGREE)]
-    )
-    count = intervals + DEGREE
-    inner = (np.arange(_LOCAL) + 0.5) / _LOCAL
-    at = (np.arange(intervals)[:, None] + inner) / intervals
-    values = BSpline.design_matrix(at.ravel(), knots, DEGREE).toarray()
-    inverse = bernstein_basis_inverse(DEGREE, tuple(inner))
-    whole = np.einsum("ij,kjn->kin", inverse, values.reshape(intervals, -1, count))
-    position = np.stack([whole[k, :, k : k + _LOCAL] for k in range(intervals)])
-    position[np.abs(position) < 1e-13] = 0.0
-    width = duration / intervals
-    velocity = DEGREE * np.diff(position, axis=1) / width
-    acceleration = (DEGREE - 1) * np.diff(velocity, axis=1) / width
-    jerk = (DEGREE - 2) * np.diff(acceleration, axis=1) / width
-    elevation = np.array([[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 2 / 3, 1 / 3], [0, 0, 1]])
-    jerk = np.einsum("ij,kjn->kin", elevation, jerk)
-
-    def spread(local: FloatArray) -> FloatArray:
-        result = np.zeros((*local.shape[:2], count))
-        for k in range(intervals):
-            result[k, :, k : k + _LOCAL] = local[k]
-        return result.reshape(-1, count)
-
-    sampled = spread(
-        np.einsum("jk,ikn->ijn", bernstein_basis(DEGREE, _NODES), position)
-    )
-    rough = spread(jerk)
-    gram = sampled.T @ sampled / sampled.shape[0]
-    # A little weight on jerk keeps the program strictly convex and the flight calm.
-    gram += _CALM * rough.T @ rough / rough.shape[0]
-    return _Basis(
-        position, velocity, acceleration, jerk, gram, -sampled.T / sampled.shape[0]
-    )
-
-
-def _free(count: int) -> NDArray[np.bool_]:
-    """Which of the coefficients x, y, z after each other are not given, (3 n,)."""
-    # Hover at both ends: tilt and body rates vanish, so horizontally velocity,
-    # acceleration and jerk do; vertically only the velocity, thrust may jump.
-    free = np.ones((3, count), dtype=bool)
-    free[:2, :4] = free[:2, -4:] = False
-    free[2, :2] = free[2, -2:] = False
-    return free.ravel()
-
-
-@lru_cache(maxsize=16)
-def _upper(intervals: int, duration: float) -> Entries:
-    """Upper triangle of the quadratic term: values, (rows, columns)."""
-    gram = _basis(intervals, duration).gram
-    free = _free(gram.shape[0])
-    full = np.triu(np.kron(np.eye(3), gram)[np.ix_(free, free)])
-    rows, columns = np.nonzero(full)
-    return full[rows, columns], (rows, columns)
-
-
 class _Rows:
     """Rows ``a . c <= b`` of a sparse matrix, block by block."""
 
@@ -167,18 +91,24 @@ class _Rows:
         bound: FloatArray,
     ) -> None:
         """Add rows for every interval; x, y, z of shape (K, r, 6), bound (K, r)."""
-        shape = (*bound.shape, _LOCAL)
+        shape = (*bound.shape, LOCAL)
         parts = [np.broadcast_to(np.asarray(part), shape) for part in (x, y, z)]
-        block = np.stack(parts, axis=2).reshape(-1, 3, _LOCAL)
+        block = np.stack(parts, axis=2).reshape(-1, 3, LOCAL)
         self.values.append(block)
         self.bounds.append(bound.ravel())
         self.intervals.append(np.repeat(np.arange(shape[0]), shape[1]))
+
+    def add_axis(self, axis: int, values: FloatArray, bound: float) -> None:
+        """Add rows on one axis for every interval; values (K, r, 6)."""
+        parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
+        parts[axis] = values
+        self.add(parts[0], parts[1], parts[2], np.full(values.shape[:2], bound))
 
     def add_at(
         self, intervals: IntArray, values: FloatArray, bound: FloatArray
     ) -> None:
         """Add rows for given intervals; values (m, r, 3, 6), bound (m, r)."""
-        self.values.append(values.reshape(-1, 3, _LOCAL))
+        self.values.append(values.reshape(-1, 3, LOCAL))
         self.bounds.append(bound.ravel())
         self.intervals.append(np.repeat(intervals, bound.shape[1]))
 
@@ -186,7 +116,7 @@ class _Rows:
 class Program:
     """The convex program of one drone, linearised about an iterate."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0917 - as follow_spline
         self,
         aircraft: Aircraft,
         start: FloatArray,
@@ -200,9 +130,9 @@ class Program:
         self.breaks = np.linspace(0.0, duration, intervals + 1)
         self.walls = walls
         self.intervals = intervals
-        self.basis = _basis(intervals, duration)
+        self.basis = spline_basis(intervals, duration)
         count = intervals + DEGREE
-        self.free = _free(count)
+        self.free = free_coefficients(count)
         fixed = ~self.free.reshape(3, count).T
         ends = np.zeros((count, 3))
         ends[: count // 2], ends[count // 2 :] = start, goal
@@ -210,7 +140,7 @@ class Program:
         self.start, self.goal = start, goal
         self.pitch = np.zeros((intervals, 4))
         self.roll = np.zeros((intervals, 4))
-        at = (self.breaks[:-1, None] + _NODES * np.diff(self.breaks)[:, None]).ravel()
+        at = (self.breaks[:-1, None] + NODES * np.diff(self.breaks)[:, None]).ravel()
         wanted = start + reference(at) * (goal - start)
         self.linear = (self.basis.weights @ wanted).T.ravel()
 
@@ -236,9 +166,7 @@ class Program:
                 (1.0, limits.velocity_max[axis]),
                 (-1.0, -limits.velocity_min[axis]),
             ):
-                parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
-                parts[axis] = sign * velocity
-                rows.add(*parts, np.full(velocity.shape[:2], bound))  # type: ignore[arg-type]
+                rows.add_axis(axis, sign * velocity, bound)
         self._attitude_rows(rows, aim)
         self._rate_rows(rows, aim)
         self._volume_rows(rows)
@@ -337,9 +265,7 @@ class Program:
             ):
                 reach = max(sign * self.start[axis], sign * self.goal[axis])
                 if bound - reach < span:
-                    parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
-                    parts[axis] = sign * position
-                    rows.add(*parts, np.full(position.shape[:2], bound))  # type: ignore[arg-type]
+                    rows.add_axis(axis, sign * position, bound)
 
     def solve(self, aim: Aim) -> FloatArray | None:
         """Positions as Bernstein coefficients (K, 6, 3) [m], None if infeasible.
@@ -353,9 +279,7 @@ class Program:
         intervals = np.concatenate(rows.intervals)
         count = self.intervals + DEGREE
         columns = (
-            intervals[:, None, None]
-            + np.arange(_LOCAL)
-            + count * np.arange(3)[:, None]
+            intervals[:, None, None] + np.arange(LOCAL) + count * np.arange(3)[:, None]
         )
         right = bounds - np.einsum("rai,rai->r", values, self.given[columns])
         values = np.where(self.free[columns], values, 0.0)
@@ -397,9 +321,9 @@ class Program:
         found = self.given.copy()
         found[self.free] = answer[:free]
         local = found.reshape(3, count)[
-            :, np.arange(self.intervals)[:, None] + np.arange(_LOCAL)
+            :, np.arange(self.intervals)[:, None] + np.arange(LOCAL)
         ]
-        position = np.einsum("kin,akn->kia", self.basis.position, local)
+        position: FloatArray = np.einsum("kin,akn->kia", self.basis.position, local)
         position[0, :2], position[-1, -2:] = self.start, self.goal
         return position
 
@@ -417,7 +341,7 @@ class Program:
         free = int(self.free.sum())
         count = self.intervals + DEGREE
         linear = (self.given.reshape(3, count) @ self.basis.gram).ravel() + self.linear
-        upper = _upper(self.intervals, float(self.breaks[-1]))
+        upper = quadratic_upper(self.intervals, float(self.breaks[-1]))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_iter = 60

@@ -47,7 +47,6 @@ _PATIENCE = 4
 _STILL = 1e-9
 
 
-
 class Repair:
     """Flights of all drones over one common time."""
 
@@ -172,7 +171,7 @@ class Repair:
         return True
 
     def _apart(self) -> bool:
-        """Rounds of half-spaces until no pair comes too near."""
+        """Lay half-spaces, round after round, until no pair comes too near."""
         active: dict[tuple[int, int], int] = {}
         fewest, stalled = np.inf, 0
         for number in range(self.rounds + 1):
@@ -193,9 +192,7 @@ class Repair:
             self.progress.note(
                 f"{self.name}: {len(found)} conflicts left at {self.duration:.3f} s"
             )
-            pairs = list(
-                zip(found.first.tolist(), found.second.tolist(), strict=True)
-            )
+            pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
             for pair in pairs:
                 active[pair] = active.get(pair, 0) + 1
             stalled = stalled + 1 if len(found) >= fewest else 0

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.solve.basis import DEGREE
 from showc.solve.flat import FlatFlights, fly, use_of_limits
-from showc.solve.program import DEGREE, NO_WALLS, Aim, Program, Walls
+from showc.solve.program import NO_WALLS, Aim, Program, Walls
 from showc.trajectory import restrict
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class SplineFlight:
     """Convex programs solved."""
 
 
-def follow_spline(
+def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
@@ -85,9 +86,7 @@ def follow_spline(
     return None
 
 
-def _flown(
-    aircraft: Aircraft, breaks: FloatArray, position: FloatArray
-) -> FlatFlights:
+def _flown(aircraft: Aircraft, breaks: FloatArray, position: FloatArray) -> FlatFlights:
     """States and controls; intervals halved, for attitudes are no polynomials."""
     half = np.full((position.shape[0], 1, 1), 0.5)
     parts = np.stack(

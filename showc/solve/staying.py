@@ -50,7 +50,7 @@ def stay_near(
     return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
-def stay_apart(
+def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,

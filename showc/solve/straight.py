@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from showc.solve.flat import FlatFlights, fly
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from showc.solve.profile import Profile

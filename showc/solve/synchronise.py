@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.solve.profile import BLEND, Profile
 from showc.solve.flat import attitude, keeps_limits
+from showc.solve.profile import BLEND, Profile
 from showc.solve.straight import fly_straight
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ SHAPES: FloatArray = np.array(
 """Shapes tried: phase / T and ramp / T, shape (m, 2)."""
 
 
-def strain(
+def strain(  # noqa: PLR0917 - vectorised physics names every quantity
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,
@@ -138,7 +138,7 @@ def least_times(
     return np.asarray(high.reshape(drones, count))
 
 
-def shared_profile(
+def shared_profile(  # noqa: PLR0917 - same
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,

@@ -1,4 +1,4 @@
-"""Positions of a fleet over one leg, cut into time slots for the search of conflicts."""
+"""Positions of a fleet over one leg, cut into slots for the search of conflicts."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def tracks_of(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
-    """Pieces of tracks, none of which reaches beyond its slot, sorted by drone, time."""
+    """Pieces of tracks, none reaching beyond its slot, sorted by drone and time."""
 
     slots: int
     """Number of slots."""

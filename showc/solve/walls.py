@@ -1,9 +1,10 @@
 """Moving half-spaces that keep a pair apart: each drone keeps to its own side.
 
-For a pair at relative position r(t) and any n(t) no longer than 1,
-``n . x_i >= m + q d / 2`` and ``-n . x_j >= -m + q d / 2`` with q >= \\|n\\| imply
-``\\|r\\| >= d``, whatever m(t) is. On each interval n turns linearly from one unit vector
-to another, m is the middle of the pair at the last iterate. Where the pair meets
+For a pair at relative position r(t) and any n(t) no longer than 1, keeping
+``n . x_i >= m + q d / 2`` and ``-n . x_j >= -m + q d / 2``, with q at least the length
+of n, implies that r is no shorter than d, whatever m(t) is. On each interval n turns
+linearly from one unit vector to another, m is the middle of the pair at the last
+iterate. Where the pair meets
 head-on, n turns so that each passes on its own right.
 """
 
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-NODES: FloatArray = 0.5 * (1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE))
+NODES: FloatArray = 0.5 * (
+    1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE)
+)
 """Where positions are taken on each interval, as fractions of it, shape (7,)."""
 _REACH = 1.6
 _STALLED = 3
@@ -47,7 +50,7 @@ class PairWalls:
     """Offsets for the second with the opposite normal, shape (m, 7) [m]."""
 
 
-def pair_walls(
+def pair_walls(  # noqa: PLR0917 - keyword-like geometry
     first: FloatArray,
     second: FloatArray,
     separation: Separation,
@@ -79,10 +82,10 @@ def pair_walls(
         distance = np.sqrt(np.einsum("kij,kij->ki", relative, relative))
         normal = _normals(relative, distance, wanted, tries)
     near = np.nonzero(distance.min(axis=1) < _REACH * wanted)[0]
-    turning = (1.0 - NODES)[:, None] * normal[near, None, 0] + NODES[
-        :, None
-    ] * normal[near, None, 1]
-    # \\|n\\|² = 1 - 4 s (1 - s) (1 - c²), c half way, so \\|n\\| is at most this:
+    turning = (1.0 - NODES)[:, None] * normal[near, None, 0] + NODES[:, None] * normal[
+        near, None, 1
+    ]
+    # |n|² = 1 - 4 s (1 - s) (1 - c²), c its length half way: |n| is at most this.
     halfway = 0.25 * np.einsum(
         "kj,kj->k", normal[near].sum(axis=1), normal[near].sum(axis=1)
     )
@@ -111,7 +114,7 @@ def pair_walls(
 def _normals(
     relative: FloatArray, distance: FloatArray, wanted: float, tries: int
 ) -> FloatArray:
-    """Unit normals at both ends of each interval, (K, 2, 3), metric coordinates."""
+    """Choose unit normals at both ends of each interval, (K, 2, 3), metric."""
     borders = np.concatenate([relative[:, 0], relative[-1:, -1]])
     interval, node = np.unravel_index(int(np.argmin(distance)), distance.shape)
     motion = relative[interval, -1] - relative[interval, 0]

@@ -147,8 +147,8 @@ def test_a_thousand_drones_take_less_than_a_second_of_work():
     origin, change = start[:, None] - start, (goal - start)[:, None] - (goal - start)
     square = np.einsum("ijc,ijc->ij", change, change)
     along = -np.einsum("ijc,ijc->ij", origin, change)
-    nearest = origin + np.clip(along / np.where(square, square, 1), 0, 1)[
-        ..., None
-    ] * change
+    nearest = (
+        origin + np.clip(along / np.where(square, square, 1), 0, 1)[..., None] * change
+    )
     exact = np.linalg.norm(nearest, axis=2)[np.triu_indices(1000, 1)]
     assert len(found) == int((exact < 1.0 - 1e-6).sum())

@@ -1,6 +1,7 @@
 """Straight flights and splines: they obey the equations of motion and every limit."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from solve.handmade import LIMITS, VEHICLE
 
 from showc.solve.flat import keeps_limits, use_of_limits
 from showc.solve.model import Aircraft
-from showc.solve.program import Walls
 from showc.solve.profile import Profile
+from showc.solve.program import Walls
 from showc.solve.spline import follow_spline
 from showc.solve.straight import fly_straight
 from showc.solve.synchronise import best_profile, shared_profile
@@ -32,8 +33,16 @@ def fly_open_loop(trajectory, vehicle):
         return np.array(
             [
                 *x[3:6],
-                a * (np.cos(phi) * np.sin(theta) * np.cos(psi) + np.sin(phi) * np.sin(psi)),
-                a * (np.cos(phi) * np.sin(theta) * np.sin(psi) - np.sin(phi) * np.cos(psi)),
+                a
+                * (
+                    np.cos(phi) * np.sin(theta) * np.cos(psi)
+                    + np.sin(phi) * np.sin(psi)
+                ),
+                a
+                * (
+                    np.cos(phi) * np.sin(theta) * np.sin(psi)
+                    - np.sin(phi) * np.cos(psi)
+                ),
                 a * np.cos(phi) * np.cos(theta) - vehicle.gravity,
                 p,
                 q,
@@ -47,7 +56,7 @@ def fly_open_loop(trajectory, vehicle):
     state = trajectory.state(0.0)
     breaks = trajectory.state.breaks
     worst = 0.0
-    for k, (left, right) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
+    for k, (left, right) in enumerate(pairwise(breaks)):
         piece = type(trajectory.control)(
             breaks[k : k + 2], trajectory.control.coefficients[k : k + 1]
         )

@@ -1,0 +1,104 @@
+"""The B-splines of the convex program: even knots, clamped ends, hover at both.
+
+On each interval only six coefficients of an axis count; matrices to Bernstein
+coefficients are kept in that local form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import bernstein_basis, bernstein_basis_inverse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    Entries = tuple[FloatArray, tuple[IntArray, IntArray]]
+
+DEGREE = 5
+LOCAL = DEGREE + 1
+"""Coefficients that count on an interval."""
+_CALM = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """From the local B-spline coefficients to Bernstein ones, shapes (K, ., 6)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    """Elevated to the degree of the acceleration."""
+    gram: FloatArray
+    """Mean of squared values and a little of squared jerk, (n, n)."""
+    weights: FloatArray
+    """From values wanted at ``NODES`` of every interval to the linear term, (n, .)."""
+
+
+NODES: FloatArray = (np.arange(4) + 0.5) / 4
+
+
+@lru_cache(maxsize=16)
+def spline_basis(intervals: int, duration: float) -> Basis:
+    """Return the matrices of a spline of ``intervals`` over ``duration`` [s]."""
+    from scipy.interpolate import BSpline  # noqa: PLC0415 - scipy only when solving
+
+    knots = np.concatenate(
+        [np.zeros(DEGREE), np.linspace(0.0, 1.0, intervals + 1), np.ones(DEGREE)]
+    )
+    count = intervals + DEGREE
+    inner = (np.arange(LOCAL) + 0.5) / LOCAL
+    at = (np.arange(intervals)[:, None] + inner) / intervals
+    values = BSpline.design_matrix(at.ravel(), knots, DEGREE).toarray()
+    inverse = bernstein_basis_inverse(DEGREE, tuple(inner))
+    whole = np.einsum("ij,kjn->kin", inverse, values.reshape(intervals, -1, count))
+    position = np.stack([whole[k, :, k : k + LOCAL] for k in range(intervals)])
+    position[np.abs(position) < 1e-13] = 0.0
+    width = duration / intervals
+    velocity = DEGREE * np.diff(position, axis=1) / width
+    acceleration = (DEGREE - 1) * np.diff(velocity, axis=1) / width
+    jerk = (DEGREE - 2) * np.diff(acceleration, axis=1) / width
+    elevation = np.array([[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 2 / 3, 1 / 3], [0, 0, 1]])
+    jerk = np.einsum("ij,kjn->kin", elevation, jerk)
+
+    def spread(local: FloatArray) -> FloatArray:
+        result = np.zeros((*local.shape[:2], count))
+        for k in range(intervals):
+            result[k, :, k : k + LOCAL] = local[k]
+        return result.reshape(-1, count)
+
+    sampled = spread(np.einsum("jk,ikn->ijn", bernstein_basis(DEGREE, NODES), position))
+    rough = spread(jerk)
+    gram = sampled.T @ sampled / sampled.shape[0]
+    # A little weight on jerk keeps the program strictly convex and the flight calm.
+    gram += _CALM * rough.T @ rough / rough.shape[0]
+    return Basis(
+        position, velocity, acceleration, jerk, gram, -sampled.T / sampled.shape[0]
+    )
+
+
+def free_coefficients(count: int) -> NDArray[np.bool_]:
+    """Which of the coefficients x, y, z after each other are not given, (3 n,)."""
+    # Hover at both ends: tilt and body rates vanish, so horizontally velocity,
+    # acceleration and jerk do; vertically only the velocity, thrust may jump.
+    free = np.ones((3, count), dtype=bool)
+    free[:2, :4] = free[:2, -4:] = False
+    free[2, :2] = free[2, -2:] = False
+    return free.ravel()
+
+
+@lru_cache(maxsize=16)
+def quadratic_upper(intervals: int, duration: float) -> Entries:
+    """Upper triangle of the quadratic term: values, (rows, columns)."""
+    gram = spline_basis(intervals, duration).gram
+    free = free_coefficients(gram.shape[0])
+    full = np.triu(np.kron(np.eye(3), gram)[np.ix_(free, free)])
+    rows, columns = np.nonzero(full)
+    return full[rows, columns], (rows, columns)

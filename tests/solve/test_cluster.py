@@ -1,0 +1,103 @@
+"""A Dask cluster: real scheduler, real workers on the loopback address."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from solve.handmade import make_itinerary, make_leg, make_options
+
+from showc.progress import Silent
+from showc.solve import solve_itinerary
+from showc.solve.pool import Cluster
+
+distributed = pytest.importorskip("distributed")
+
+
+def wait_for(client, workers):
+    for _ in range(600):
+        if len(client.scheduler_info(n_workers=-1)["workers"]) == workers:
+            return
+        time.sleep(0.1)
+    pytest.fail(f"{workers} workers did not come")
+
+
+@pytest.fixture
+def cluster():
+    """A scheduler and two workers, each a process of its own."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+    processes = []
+
+    def start(module, *arguments, **options):
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+        processes.append(process)
+        return process
+
+    scheduler = start(
+        "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
+        "--no-dashboard",
+    )  # fmt: skip
+    address = ""
+    for line in scheduler.stderr:
+        if "Scheduler at:" in line:
+            address = line.split()[-1]
+            break
+    crew = [
+        start(
+            "distributed.cli.dask_worker", address, "--nthreads", "1",
+            "--no-nanny", "--no-dashboard", stdin=subprocess.DEVNULL,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    with distributed.Client(address, set_as_default=False) as client:
+        wait_for(client, 2)
+    yield address, crew
+    for process in processes:
+        process.kill()
+        process.wait()
+        process.stderr.close()
+
+
+def slowly(value):
+    time.sleep(0.15)
+    return value * 3
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_what_one_process_gives_even_if_a_worker_dies(cluster):
+    address, crew = cluster
+    remote = Cluster(address)
+    victims = []
+
+    def kill_one(_steps):
+        if not victims:
+            victims.append(crew[0])
+            crew[0].send_signal(signal.SIGKILL)
+
+    try:
+        tasks = [(value,) for value in range(24)]
+        assert remote.run(slowly, tasks, kill_one) == [3 * v for v in range(24)]
+    finally:
+        remote.close()
+    assert victims and victims[0].wait(10) == -signal.SIGKILL
+
+    start = np.array([[0.0, 0.0, 10.0], [9.0, 0.2, 10.0], [4.0, 6.0, 10.0]])
+    goal = start[[1, 0, 2]] + [0.0, 0.0, 2.0]
+    legs = [make_leg(start, goal, duration=5.0)]
+    there = solve_itinerary(
+        make_itinerary(legs), make_options(cluster=address), Silent()
+    )
+    here = solve_itinerary(make_itinerary(legs), make_options(jobs=1), Silent())
+    for a, b in zip(there.legs[0].trajectories, here.legs[0].trajectories, strict=True):
+        assert np.array_equal(a.state.coefficients, b.state.coefficients)
