@@ -16,6 +16,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,9 +105,24 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
 
 
 def _engine_versions() -> list[str]:
+    """Versions of the libraries that solve, and a hash of the code that uses them.
+
+    With the hash an entry made by other code, however little it differs, is never
+    taken; in a released package it changes exactly with the release.
+    """
     from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
-    return [version(name) for name in ("casadi", "clarabel", "numpy", "scipy")]
+    libraries = [version(name) for name in ("casadi", "clarabel", "numpy", "scipy")]
+    return [*libraries, _source_digest()]
+
+
+@lru_cache(maxsize=1)
+def _source_digest() -> str:
+    package = Path(__file__).parents[1]
+    files = [package / "trajectory.py", package / "plan" / "metric.py"]
+    for part in ("vehicle", "ocp", "solve"):
+        files += sorted((package / part).rglob("*.py"))
+    return digest([path.read_bytes() for path in files])
 
 
 class Cache:
