@@ -59,6 +59,8 @@ def bound_violation(problem: ocp.Problem, solution: ocp.Solution) -> float:
             span = upper - lower
             if not np.isfinite(span):
                 span = max(float(np.ptp(value)), 1e-12)
+            elif span == 0.0:
+                span = abs(lower) or 1.0
             over = max(lower - value.min(), value.max() - upper)
             worst = max(worst, over / span)
     return worst
