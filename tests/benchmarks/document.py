@@ -33,8 +33,8 @@ Each peer runs in a virtual environment of its own, made on demand under
 - **CPU time** is that of the process from the start of stating the problem to the end
   of the last solve: imports are left out, building and compiling are in. It is the
   median of the number of runs that the tables show: at most {runs}; no further one is
-  started once a row has used {budget:g} s, and none gets more than {limit:g} s. Read the
-  ratios: the seconds are those of one machine{reused}.
+  started once a row has used {budget:g} s, and none gets more than {limit:g} s. Read
+  the ratios: the seconds are those of one machine{reused}.
 - **Objective error** is relative to the known optimum. The problems and where their
   optima come from are in `tests/benchmarks/problems.yaml`; every peer gets the same
   problem, the same first guess (showc: its own) and its one default setting below.
@@ -47,6 +47,11 @@ Each peer runs in a virtual environment of its own, made on demand under
   state; for the quadrotors the distance in space.
 - showc is audited by the same code as its peers, not by its own error estimate.
 """
+REUSED = {
+    "": ", all from one run of the command",
+    "peers": ", the rows of peers from an earlier run on it",
+    "all": ", taken in several runs on it, with other work beside",
+}
 
 MOVE = """\
 Twelve states, four controls, the model as it is widely printed (with the arm in the
@@ -222,7 +227,7 @@ def page(
     extra: Sequence[tuple[str, str]],
     missing: Mapping[str, str],
     *,
-    reused: bool,
+    reused: str,
 ) -> str:
     """Put the whole page together; ``extra`` are further sections (title, text)."""
     parts = [
@@ -230,7 +235,7 @@ def page(
             runs=effort.runs,
             budget=effort.budget,
             limit=effort.limit,
-            reused=", the rows of peers from an earlier run on it" if reused else "",
+            reused=REUSED[reused],
         ),
         "## Solvers\n",
         peers_table([*classic, *flights])

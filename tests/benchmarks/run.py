@@ -53,9 +53,11 @@ def arguments() -> argparse.Namespace:
         "--peers", nargs="+", metavar="PEER", help="solvers to measure, showc included"
     )
     parser.add_argument(
-        "--reuse", action="store_true",
-        help="take the rows of peers from the last run; the page says so",
-    )  # fmt: skip
+        "--reuse",
+        choices=("peers", "all"),
+        help="take the rows of peers, or all that there are, from earlier runs; the "
+        "page says so",
+    )
     parser.add_argument(
         "--tables", nargs="+", choices=TABLES, default=TABLES, help="all",
     )  # fmt: skip
@@ -139,7 +141,8 @@ def main() -> int:
         case.key
         for group in groups
         for case in group
-        if chosen.reuse and case.peer != "showc" and case.key in stored
+        if case.key in stored
+        and (chosen.reuse == "all" or (chosen.reuse and case.peer != "showc"))
     }
     needed = {case.peer for group in groups for case in group if case.key not in old}
     tell(
@@ -160,7 +163,7 @@ def main() -> int:
                 stored = json.loads(STORE.read_text()) if STORE.exists() else {}
                 STORE.write_text(json.dumps({**stored, row.key: asdict(row)}, indent=1))
     extra = sections(chosen, runs)
-    text = document.page(effort, *rows, extra, missing, reused=bool(old))
+    text = document.page(effort, *rows, extra, missing, reused=chosen.reuse or "")
     sys.stdout.write(text)
     if chosen.only or chosen.peers or len(chosen.tables) < len(TABLES):
         tell("rows were left out: the documentation is not written")

@@ -246,7 +246,7 @@ def test_no_peer_is_dropped_in_silence():
         Row("p maptor", "p", "maptor", "", 5, 0.5, good),
         Row("p yapss", "p", "yapss", "", 1, None, {"failure": "no result in 9 s"}),
     ]
-    text = page(Effort(), rows, [], [], {"rockit": "no wheel"}, reused=False)
+    text = page(Effort(), rows, [], [], {"rockit": "no wheel"}, reused="")
     assert "- p yapss: no result in 9 s" in text
     assert "- rockit: not installed here: no wheel" in text
     assert "5 x" in text
