@@ -1,0 +1,127 @@
+"""Cascades and staged programs on problems with known answers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import casadi
+import numpy as np
+import pytest
+
+from showc.ocp.cascade import Cascade, Composition, elevate, value_at
+from showc.ocp.guarded import AVAILABLE, call_guarded
+from showc.ocp.problem import Problem
+from showc.ocp.solution import Result
+from showc.ocp.staged import StagedGuess, StagedOptions, StagedTranscription
+from showc.trajectory import bernstein_basis
+
+
+def double_integrator(*, speed=None):
+    problem = Problem("double integrator")
+    phase = problem.phase("flight", duration=(0.1, 10.0))
+    goal = problem.parameter("goal", 1.0)
+    x = phase.state("x", start=0.0, end=goal, scale=1.0)
+    bound = None if speed is None else (-speed, speed)
+    v = phase.state("v", *(bound or ()), start=0.0, end=0.0, scale=1.0)
+    u = phase.control("u", -1.0, 1.0, degree=1)
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.duration + 1e-6 * phase.integral(u**2))
+    return problem
+
+
+def start_of(intervals, goal=1.0, duration=2.5):
+    times = np.linspace(0.0, 1.0, intervals + 1)
+    states = np.stack([goal * times, np.full_like(times, goal / duration)], axis=1)
+    states[[0, -1], 1] = 0.0
+    return StagedGuess(states, np.zeros((intervals, 2)))
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("kind", ["free", "movable"])
+def test_bang_bang_time_of_the_double_integrator(solver, kind):
+    program = StagedTranscription(
+        double_integrator(), 8, time=kind, options=StagedOptions(solver=solver)
+    )
+    solution = program.solve(widths=np.full(8, 2.5 / 8), guess=start_of(8))
+    assert solution.result is Result.SOLVED
+    assert solution.duration == pytest.approx(2.0, abs=2e-4)
+    assert np.abs(solution.coefficients["u"]).max() <= 1.0
+    assert solution.violation < 1e-9
+
+
+def test_a_speed_limit_holds_on_all_coefficients_and_costs_what_it_must():
+    program = StagedTranscription(double_integrator(speed=0.5), 30, time="movable")
+    solution = program.solve(
+        widths=np.full(30, 3.0 / 30), guess=start_of(30, duration=3.0)
+    )
+    assert solution.result is Result.SOLVED
+    assert solution.coefficients["v"].max() <= 0.5
+    # 1 m at 0.5 m/s with two ramps of 0.5 s.
+    assert solution.duration == pytest.approx(2.5, abs=1e-3)
+
+
+def test_one_program_many_goals_and_bounds():
+    program = StagedTranscription(double_integrator(speed=0.5), 30, time="movable")
+    for goal, speed in ((1.0, 0.5), (4.0, 1.0), (4.0, 10.0)):
+        exact = goal / speed + speed if goal > speed**2 else 2.0 * np.sqrt(goal)
+        solution = program.solve(
+            widths=np.full(30, 1.2 * exact / 30),
+            guess=start_of(30, goal, 1.2 * exact),
+            parameters={"goal": goal},
+            bounds={("bounds", "v"): (-speed, speed)},
+        )
+        assert solution.result is Result.SOLVED
+        assert solution.duration == pytest.approx(exact, rel=2e-3)
+
+
+def test_impossible_tasks_name_the_constraint_and_the_time():
+    problem = double_integrator(speed=0.5)
+    program = StagedTranscription(
+        problem, 8, options=StagedOptions(solver="ipopt", iterations=60)
+    )
+    solution = program.solve(widths=np.full(8, 0.1), guess=start_of(8))
+    assert not solution.result.usable
+    assert "near time" in solution.message
+
+
+def test_polynomial_expressions_are_exact_and_others_are_said_not_to_be():
+    a, b = casadi.SX.sym("a"), casadi.SX.sym("b")
+    members = {"a": a, "b": b}
+    polynomials = {"a": [casadi.SX(v) for v in (1.0, -2.0, 0.5)], "b": [3.0, 1.0]}
+    made = Composition.of(a * b - 2.0 * a**2 + 1.0, members)
+    assert made.order == 2
+    coefficients = np.array([float(c) for c in made.coefficients(polynomials, members)])
+    for s in np.linspace(0.0, 1.0, 7):
+        va, vb = (float(value_at(polynomials[n], s)) for n in "ab")
+        value = bernstein_basis(4, s) @ coefficients
+        assert value == pytest.approx(va * vb - 2.0 * va**2 + 1.0, abs=1e-12)
+    assert Composition.of(casadi.sin(a), members).order is None
+    raised = elevate([1.0, -2.0, 0.5], 5)
+    assert value_at(raised, 0.3) == pytest.approx(value_at([1.0, -2.0, 0.5], 0.3))
+
+
+def test_circles_are_refused_by_name():
+    problem = Problem("oscillator")
+    phase = problem.phase("p", duration=1.0)
+    x, v = phase.state("x"), phase.state("v")
+    phase.derivative(x, v)
+    phase.derivative(v, -x)
+    with pytest.raises(ValueError, match="x, v of phase 'p' depend on each other"):
+        Cascade.of(phase)
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="no fork here")
+def test_a_solver_that_never_returns_is_stopped():
+    def endless(**_arguments):
+        while True:
+            pass
+
+    before = time.monotonic()
+    assert call_guarded(endless, {}, (1, 1), 0.2) is None
+    assert time.monotonic() - before < 20.0
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+    assert signal.getsignal(signal.SIGPROF) == signal.SIG_DFL
