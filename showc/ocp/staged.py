@@ -228,7 +228,7 @@ class StagedTranscription:
         upper: list[Any] = [casadi.SX(0)]
         slots: dict[tuple[str, ...], int] = {}
 
-        def put(key: tuple[str, ...], low: object, high: object) -> None:
+        def put(key: tuple[str, ...], low: Any, high: Any) -> None:  # noqa: ANN401
             slots[key] = len(lower)
             lower.append(casadi.SX(low))
             upper.append(casadi.SX(high))
@@ -405,7 +405,7 @@ class StagedTranscription:
             options = self.options
             # Where no child can be forked, IPOPT does the work.
             self._forked = options.solver == "fatrop" and AVAILABLE
-            common: dict[str, object] = {
+            common: dict[str, Any] = {
                 "print_time": False,
                 "calc_lam_p": False,
                 "calc_multipliers": False,

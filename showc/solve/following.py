@@ -224,8 +224,8 @@ def _slots(
     placed: list[list[HalfSpace]] = [[] for _ in range(intervals)]
     for space in half_spaces:
         touched = (breaks[1:] > space.start) & (breaks[:-1] < space.end)
-        for k in np.nonzero(touched)[0]:
-            placed[int(k)].append(space)
+        for index in np.nonzero(touched)[0].tolist():
+            placed[index].append(space)
     most = max((len(entry) for entry in placed), default=0)
     slots = next((n for n in SLOTS if n >= most), most)
     normals = np.zeros((intervals, slots, 3))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,14 @@ from showc.solve.assembly import trajectory_of
 from showc.solve.guess import flat_guess
 from showc.solve.intervals import END_GRADING, finer, graded_widths, interval_count
 from showc.solve.judgement import POSITION_ACCURACY, judge, refusal
-from showc.solve.model import POSITION, Aircraft, add_drone, effort, limit_bounds
+from showc.solve.model import (
+    POSITION,
+    Aircraft,
+    Bounds,
+    add_drone,
+    effort,
+    limit_bounds,
+)
 from showc.trajectory import bernstein_basis, bernstein_basis_inverse
 
 if TYPE_CHECKING:
@@ -178,7 +185,7 @@ def _built(
 
     problem = Problem("joint")
     phase = problem.phase("leg", duration=(0.05, 10_000.0))
-    running = 0
+    running: Any = 0
     for drone in range(drones):
         add_drone(phase, problem, aircraft, f"_{drone}")
         running += effort(phase, aircraft, f"_{drone}")
@@ -225,7 +232,7 @@ def _solve(
         for drone in range(drones)
         for k, axis in enumerate(POSITION)
     }
-    bounds = {}
+    bounds: Bounds = {}
     for drone in range(drones):
         bounds |= limit_bounds(aircraft, f"_{drone}")
     least = separation.distance**2

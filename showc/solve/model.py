@@ -157,11 +157,11 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
     for k, axis in enumerate(POSITION):
         bounds["bounds", axis] = limits.position_min[k], limits.position_max[k]
         bounds["bounds", f"v{axis}"] = limits.velocity_min[k], limits.velocity_max[k]
-    for angle, rate, _, axis in _axes(aircraft):
-        reach = limits.tilt if axis < 2 else np.pi
-        middle = aircraft.heading if axis == 2 else 0.0
+    for angle, rate, _, number in _axes(aircraft):
+        reach = limits.tilt if number < 2 else np.pi
+        middle = aircraft.heading if number == 2 else 0.0
         bounds["bounds", angle] = middle - reach, middle + reach
-        bounds["bounds", rate] = -limits.body_rate[axis], limits.body_rate[axis]
+        bounds["bounds", rate] = -limits.body_rate[number], limits.body_rate[number]
     bounds["bounds", "thrust"] = limits.thrust_min, limits.thrust_max
     exact = aircraft.exact_torques
     spare = np.zeros(3) if exact else np.array(aircraft.gyroscopic_torque)
@@ -245,7 +245,7 @@ def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
     def symbol(name: str) -> Any:  # noqa: ANN401
         held = aircraft.yaw == "held" and name in {"r", "r_dot"}
         table = phase.controls if name.endswith("dot") else phase.states
-        return 0.0 if held else table[name + tag].quantity.symbol  # type: ignore[attr-defined]
+        return 0.0 if held else table[name + tag].quantity.symbol
 
     vehicle = aircraft.vehicle
     bounds = limit_bounds(aircraft, tag)
@@ -273,7 +273,7 @@ EFFORT_TORQUE = 1.0
 """Weight of squared angular acceleration (over its scale) in the effort."""
 
 
-def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> object:
+def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> Any:  # noqa: ANN401
     """Squared inputs, off hover and scaled: what an effort term integrates."""
     controls = phase.controls
     thrust = controls[f"thrust{tag}"].quantity.symbol
