@@ -45,6 +45,7 @@ _MARGIN = 2e-3
 _INTERVAL = 0.15
 _PATIENCE = 4
 _STILL = 1e-9
+_CLEARANCE = 0.04
 
 
 class Repair:
@@ -248,7 +249,10 @@ class Repair:
         walls: dict[int, list[tuple[IntArray, FloatArray, FloatArray]]] = {
             row: [] for row in busy
         }
+        tried = dict.fromkeys(busy, 1)
         for (first, second), tries in active.items():
+            for row in {first, second} & walls.keys():
+                tried[row] = max(tried[row], tries)
             if first not in walls and second not in walls:
                 continue
             found = self._pair_walls(first, second, tries)
@@ -268,6 +272,7 @@ class Repair:
                     self.intervals,
                     gathered(walls[row]) if walls[row] else NO_WALLS,
                     self._sampled(row),
+                    _CLEARANCE * self.separation.distance * tried[row],
                 )
                 for row in busy
             ],

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
 Outcome = tuple[str, "Trajectory | None", str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
-_CLEARANCE = 0.02
 
 
 def stay_near(
@@ -58,6 +57,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     intervals: int,
     walls: Walls,
     present: FloatArray,
+    clearance: float,
 ) -> Outcome:
     """Fly one drone on its side of the walls.
 
@@ -66,6 +66,9 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     present
         Positions of the iterate before at ``NODES`` of each interval, shape (K, 7, 3)
         [m]: the way that is pushed behind the walls if no spline can follow.
+    clearance
+        How far behind them [m]; optimal control weighs its reference against effort
+        and falls a little short of it.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     found = follow_spline(aircraft, start, goal, reference, intervals, walls)
     if found is not None:
         return SPLINE, found.flight.trajectory(0), ""
-    pushed = _pushed(present, walls)
+    pushed = _pushed(present, walls, clearance)
     inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
     way = PiecewisePolynomial(
         np.linspace(0.0, reference.end, intervals + 1),
@@ -85,7 +88,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
-def _pushed(present: FloatArray, walls: Walls) -> FloatArray:
+def _pushed(present: FloatArray, walls: Walls, clearance: float) -> FloatArray:
     """Positions moved to the right side of every wall, a little farther."""
     pushed = present.copy()
     offset = walls.offset @ bernstein_basis(WALL_DEGREE, NODES).T
@@ -96,6 +99,6 @@ def _pushed(present: FloatArray, walls: Walls) -> FloatArray:
         at = pushed[interval]
         square = np.einsum("ij,ij->i", normal, normal)
         lack = offset[row] - np.einsum("ij,ij->i", normal, at)
-        lack = np.where(lack > 0.0, lack + _CLEARANCE, 0.0)
+        lack = np.where(lack > 0.0, lack + clearance, 0.0)
         pushed[interval] = at + (lack / np.maximum(square, 0.1))[:, None] * normal
     return pushed
