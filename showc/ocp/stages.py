@@ -19,7 +19,11 @@ from showc.ocp.nodes import collocation
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.ocp.problem import Problem, Quantity
+    from numpy.typing import NDArray
+
+    from showc.ocp.problem import HalfSpaces, Phase, Problem, Quantity
+
+    FloatArray = NDArray[np.float64]
 
 Symbol = Any
 TimeKind = Literal["given", "free", "movable"]
@@ -32,7 +36,7 @@ class Row:
     """What one constraint row of a stage is, for its bounds and for messages."""
 
     key: tuple[str, ...]
-    """Where its bounds stand: ("bounds", name), ("path", name), ("half", group, row)."""
+    """Where its bounds stand: ("bounds", name), ("path", name), ("half", group, r)."""
     scale: float
     """The row is the quantity over this."""
     at_start: bool = False
@@ -180,8 +184,8 @@ def build_stage(
         controls[name] = [scale * u[first + k] for k in range(length)]
         control_scales += [scale] * length
 
-    groups = {group.name: group.rows * len(group.states) for group in phase.half_spaces}
     nodes, weights = collocation("gauss", cost_points)
+    groups = {group.name: group.rows * len(group.states) for group in phase.half_spaces}
     signal_slice = slice(1, 1 + cost_points * len(signals))
     slices: dict[str, slice] = {}
     used = signal_slice.stop
@@ -192,87 +196,44 @@ def build_stage(
     width = {"given": q[0], "free": q[0] * x[-1], "movable": q[0] * u[-1]}[time]
     known = cascade.polynomials(starts, controls, width, points)
 
-    fixed_ends = _reach(cascade, known, u)
-    expressions: list[Symbol] = []
-    rows: list[Row] = []
-
-    def add(value: Symbol, row: Row) -> None:
-        expressions.append(value / row.scale)
-        rows.append(row)
-
-    for index, name in enumerate(state_names):
-        quantity, scale = phase.states[name].quantity, state_scales[index]
-        if not _bounded(quantity):
-            continue
-        reach, last = fixed_ends[name], len(known[name]) - 1
-        for k, value in enumerate(known[name][:-1]):
-            add(value, Row(("bounds", name), scale, k < reach, last - k < reach))
-    for name in control_names:
-        quantity = phase.controls[name].quantity
-        if _bounded(quantity):
-            for value in known[name]:
-                add(value, Row(("bounds", name), scale_of(quantity)))
+    reach = _reach(cascade, known, u)
+    rows = _limit_rows(phase, known, reach)
     if time == "movable":
-        add(u[-1], Row(("width",), 1.0))
+        rows.append((u[-1], Row(("width",), 1.0)))
         control_scales.append(1.0)
-    path_nodes = (0.0, *(float(s) for s in collocation("gauss", points)[0]), 1.0)
-    for constraint in phase.path_constraints:
-        made = Composition.of(constraint.symbol, cascade.members)
-        values = (
-            made.at(known, cascade.members, path_nodes)
-            if made.order is None
-            else made.coefficients(known, cascade.members)
-        )
-        for value in values:
-            add(value, Row(("path", constraint.name), scale_of(constraint)))
+    rows += _path_rows(cascade, known, points)
     for group in phase.half_spaces:
-        part, size = q[slices[group.name]], len(group.states)
-        degree = max(len(known[name]) for name in group.states) - 1
-        reach = min(fixed_ends[name] for name in group.states)
-        scale = max(state_scales[state_names.index(name)] for name in group.states)
-        for r in range(group.rows):
-            normal = [part[r * size + k] for k in range(size)]
-            for j in range(degree + 1):
-                value = sum(
-                    n * known[name][j]
-                    for n, name in zip(normal, group.states, strict=True)
-                )
-                key = ("half", group.name, str(r))
-                add(value, Row(key, scale, j < reach, degree - j < reach))
+        rows += _half_space_rows(phase, group, known, reach, q[slices[group.name]])
 
-    names = [problem.parameters[name][0] for name in problem.parameters]
+    names = [symbol for symbol, _ in problem.parameters.values()]
     p = casadi.vertcat(*names) if names else casadi.SX(0, 1)
-    running = Composition.of(cost.running, cascade.members)
-    shares = running.at(known, cascade.members, [float(s) for s in nodes])
-    total = casadi.SX(0)
-    for k, share in enumerate(shares):
-        value = casadi.SX(share)
-        for j, name in enumerate(signals):
-            given = q[signal_slice.start + k * len(signals) + j]
-            value = casadi.substitute(value, problem.parameters[name][0], given)
-        total += float(weights[k]) * width * value
+    total = width * _mean(
+        Composition.of(cost.running, cascade.members).at(
+            known, cascade.members, [float(s) for s in nodes]
+        ),
+        [problem.parameters[name][0] for name in signals],
+        q[signal_slice],
+        weights,
+    )
     if time == "movable":
         total += cost.time * width + width_weight * q[0] * (u[-1] - 1.0) ** 2
-    final = [phase.states[name].final for name in state_names]
-    values = [x[k] * state_scales[k] for k in range(len(state_names))]
-    ending = casadi.substitute(
-        cost.terminal, casadi.vertcat(*final), casadi.vertcat(*values)
-    )
+    ending = _ending(phase, cost, x)
     if time == "free":
         ending += cost.time * x[-1]
 
     following = [known[n][-1] / state_scales[k] for k, n in enumerate(state_names)]
     if time == "free":
         following.append(x[-1])
+    scaled = [value / row.scale for value, row in rows]
     flat = [value for n in (*state_names, *control_names) for value in known[n]]
     return Stage(
         casadi.Function(
             "stage",
             [x, u, q, p],
-            [casadi.vertcat(*following), casadi.vertcat(*expressions), total],
+            [casadi.vertcat(*following), casadi.vertcat(*scaled), total],
         ),
         casadi.Function("coefficients", [x, u, q, p], [casadi.vertcat(*flat)]),
-        tuple(rows),
+        tuple(row for _, row in rows),
         {n: len(known[n]) - 1 for n in (*state_names, *control_names)},
         state_names,
         tuple(state_scales),
@@ -284,6 +245,104 @@ def build_stage(
         tuple(float(s) for s in nodes),
         casadi.Function("ending", [x, p], [ending]),
     )
+
+
+def _mean(
+    shares: list[Symbol], varying: list[Symbol], given: Symbol, weights: FloatArray
+) -> Symbol:
+    """Weighted sum over the cost nodes, signals put in node by node."""
+    total = casadi.SX(0)
+    count = len(varying)
+    for k, share in enumerate(shares):
+        value = casadi.SX(share)
+        if count:
+            here = given[k * count : (k + 1) * count]
+            value = casadi.substitute(value, casadi.vertcat(*varying), here)
+        total += float(weights[k]) * value
+    return total
+
+
+def _ending(phase: Phase, cost: _Objective, x: Symbol) -> Symbol:
+    """Cost at the end as a function of the scaled states."""
+    states = phase.states.values()
+    values = [x[k] * scale_of(state.quantity) for k, state in enumerate(states)]
+    return casadi.substitute(
+        cost.terminal,
+        casadi.vertcat(*(state.final for state in states)),
+        casadi.vertcat(*values),
+    )
+
+
+_Rows = list[tuple[Symbol, Row]]
+"""Expressions and what they are."""
+
+
+def _limit_rows(
+    phase: Phase, known: Mapping[str, list[Symbol]], reach: Mapping[str, int]
+) -> _Rows:
+    """Coefficients of bounded states and controls.
+
+    A state's last coefficient is the first of the interval after, and has its row
+    there.
+    """
+    rows: _Rows = []
+    for name, state in phase.states.items():
+        if _bounded(state.quantity):
+            scale, last = scale_of(state.quantity), len(known[name]) - 1
+            rows += [
+                (
+                    value,
+                    Row(
+                        ("bounds", name), scale, k < reach[name], last - k < reach[name]
+                    ),
+                )
+                for k, value in enumerate(known[name][:-1])
+            ]
+    for name, control in phase.controls.items():
+        if _bounded(control.quantity):
+            row = Row(("bounds", name), scale_of(control.quantity))
+            rows += [(value, row) for value in known[name]]
+    return rows
+
+
+def _path_rows(
+    cascade: Cascade, known: Mapping[str, list[Symbol]], points: int
+) -> _Rows:
+    """Path constraints: on coefficients where polynomial, else at points."""
+    nodes = (0.0, *(float(s) for s in collocation("gauss", points)[0]), 1.0)
+    rows: _Rows = []
+    for constraint in cascade.phase.path_constraints:
+        made = Composition.of(constraint.symbol, cascade.members)
+        values = (
+            made.at(known, cascade.members, nodes)
+            if made.order is None
+            else made.coefficients(known, cascade.members)
+        )
+        row = Row(("path", constraint.name), scale_of(constraint))
+        rows += [(value, row) for value in values]
+    return rows
+
+
+def _half_space_rows(
+    phase: Phase,
+    group: HalfSpaces,
+    known: Mapping[str, list[Symbol]],
+    reach: Mapping[str, int],
+    normals: Symbol,
+) -> _Rows:
+    """Projections of coefficients on the normals of one group of half-spaces."""
+    size = len(group.states)
+    degree = max(len(known[name]) for name in group.states) - 1
+    fixed = min(reach[name] for name in group.states)
+    scale = max(scale_of(phase.states[name].quantity) for name in group.states)
+    rows: _Rows = []
+    for r in range(group.rows):
+        for j in range(degree + 1):
+            vector = casadi.vertcat(*(known[name][j] for name in group.states))
+            value = casadi.dot(normals[r * size : (r + 1) * size], vector)
+            key = ("half", group.name, str(r))
+            rows.append((value, Row(key, scale, j < fixed, degree - j < fixed)))
+    return rows
 
 
 def _bounded(quantity: Quantity) -> bool:

@@ -94,9 +94,8 @@ def follow(
         return Verdict("limit", reason).result(programs, duration)
     still = float(np.linalg.norm(goal - start)) < STILL
     if still and not half_spaces and (reference is None or reference.components == 1):
-        return Verdict("solved").result(
-            programs, duration, hover(aircraft, goal, duration)
-        )
+        flight = _pause(aircraft, start, goal, duration)
+        return Verdict("solved").result(programs, duration, flight)
     task = _Task(aircraft, start, goal, duration, reference, tuple(half_spaces))
     verdict = Verdict("infeasible")
     for widths, solver, guess in _ladder(task, start_from):
@@ -118,6 +117,19 @@ def follow(
             )
         verdict = Verdict("infeasible", message)
     return verdict.result(programs, duration)
+
+
+def _pause(
+    aircraft: Aircraft, start: FloatArray, goal: FloatArray, duration: float
+) -> Trajectory:
+    """Hover, from ``start`` exactly to ``goal`` exactly where rounding parts them."""
+    flight = hover(aircraft, goal, duration)
+    if np.array_equal(start, goal):
+        return flight
+    ends = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
+    return Trajectory(
+        PiecewisePolynomial(flight.state.breaks, ends[None]), flight.control
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
