@@ -124,6 +124,15 @@ class _Refinement:
             return solution
         best = solution
         base = self.options.solver
+        for name, scale in self._other_durations(guess):
+            self.note(
+                best, None, f"the solver failed; a duration of {scale:g} is tried"
+            )
+            self.scales[name] = scale
+            solution = self.attempt(mesh, guess)
+            if solution.result.usable:
+                return solution
+            del self.scales[name]
         for other, strategy in (
             (mesh, {"mu_strategy": "monotone"}),
             (plain_mesh(self.auditors, 20, 3), {"mu_strategy": "adaptive"}),
@@ -137,6 +146,19 @@ class _Refinement:
             if solution.result.usable:
                 return solution
         return best
+
+    def _other_durations(
+        self, guess: Guess | Solution | None
+    ) -> list[tuple[str, float]]:
+        """Orders of magnitude for a duration of which nothing is known."""
+        if guess is not None or len(self.problem.phases) > 1:
+            return []
+        phase = self.problem.phases[0]
+        low, high = self.table["duration", phase.name]
+        name = f"{phase.name}.duration"
+        if name in self.scales or np.isfinite(high):
+            return []
+        return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
 
     def note(
         self, solution: Solution, error: ErrorEstimate | None, action: str

@@ -169,7 +169,9 @@ class PhaseAuditor:
         swept = np.asarray(
             self.sweep.map(count)(
                 starts.T,
-                control.transpose(2, 0, 1).reshape(control.shape[2], -1),
+                control.transpose(2, 0, 1).reshape(
+                    control.shape[2], count * control.shape[1]
+                ),
                 breaks[:-1][None, :],
                 widths[None, :],
                 np.repeat(p[:, None], count, axis=1),

@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.ocp.audit import ranges
 from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.nodes import fitting_points
 from showc.ocp.options import (
     BOUNDARY_SHARE,
     INNER_DEGREE,
@@ -161,8 +162,14 @@ def _with_path_points(
         violation = float(audit.path[k])
         if violation <= tolerance or audit.path_active[k] > BOUNDARY_SHARE:
             continue
-        if violation < LITTLE_VIOLATION and len(points[k]) > 2:
+        dense = list(fitting_points(2 * mesh.points[k]))
+        little = violation < LITTLE_VIOLATION and len(points[k]) > 2
+        if little or len(points[k]) >= len(dense):
             margins[k] += 1.5 * violation
+            continue
+        if len(points[k]) > 3:
+            # The peak moves away from every single point: leave it no room.
+            points[k] = dense
             continue
         for place in audit.path_places[k]:
             points[k] = [s for s in points[k] if abs(s - place) > 0.03]

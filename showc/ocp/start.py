@@ -140,6 +140,7 @@ def _place_curves(
     breaks = breaks / breaks[-1] if breaks[-1] > 0.0 else breaks
     rows = [(name, place.state_row(i)) for i, name in enumerate(phase.states)]
     states = len(rows)
+    unit = built.discretisation.unknown_scale
     rows += [(name, place.control_row(j)) for j, name in enumerate(phase.controls)]
     for number, (name, row) in enumerate(rows):
         curve = curves.get(name)
@@ -152,6 +153,10 @@ def _place_curves(
             if curve is None:
                 pairs = zip(lower, upper, strict=True)
                 point[coefficients] = [middle(a, b) for a, b in pairs]
+                free = np.isinf(lower).all() and np.isinf(upper).all()
+                if free and built.discretisation.layout.integrals[index].size:
+                    # A root of the integral of a square has no finite slope at zero.
+                    point[coefficients] = 0.1 * unit[coefficients]
                 continue
             degree = coefficients.size - 1
             s = (

@@ -123,6 +123,7 @@ class Transcription:
         )
         built = self.discretisation
         vector = parameter_vector(built, values, changes, built.program.parameters)
+        self._guess_integrals(start, vector)
         scaled = {
             "p": vector,
             "lbx": limits.lower / built.unknown_scale,
@@ -167,6 +168,20 @@ class Transcription:
             objective=-objective if self.problem.maximises else objective,
             iterations=int(statistics["iter_count"]),
         )
+
+    def _guess_integrals(self, point: FloatArray, vector: FloatArray) -> None:
+        """Start integrals from their values along the guess, not from zero."""
+        built = self.discretisation
+        if not any(table.size for table in built.layout.integrals):
+            return
+        _, rows = built.program.values(point / built.unknown_scale, vector)
+        value = np.nan_to_num(np.asarray(rows).ravel())
+        for group in built.groups:
+            if group.kind == "integral":
+                number = int(group.name.split()[-1])
+                unknown = built.layout.integrals[group.phase][number]
+                # Roots and logarithms of an integral do not start at zero.
+                point[unknown] = -value[group.rows[0]] or 1.0
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
         if warm not in self._solvers:

@@ -235,3 +235,70 @@ def test_history_tells_every_mesh_and_reports_progress():
     assert "switch times placed" in seen[0].action
     assert seen[-1].action == "tolerance reached"
     assert seen[-1].error.dynamics <= 1e-6
+
+
+def test_unknown_constants_without_any_control():
+    problem = ocp.Problem("growth")
+    k = problem.static("k", 0.0, 5.0)
+    phase = problem.phase(duration=2.0)
+    x = phase.state("x", start=1.0, end=2.0)
+    phase.derivative(x, k * x)
+    problem.minimise(k**2)
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.statics["k"] == pytest.approx(np.log(2.0) / 2.0, rel=1e-7)
+
+
+def test_integrals_inside_functions_and_constraints():
+    problem = ocp.Problem("root of an integral")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=1.0)
+    u = phase.control("u")
+    phase.derivative(x, u)
+    problem.minimise(ca.sqrt(phase.integral(u**2)))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(1.0, rel=1e-6)
+
+
+def test_greatest_area_under_a_rope_of_given_length():
+    problem = ocp.Problem("Dido")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=0.0)
+    u = phase.control("u")
+    phase.derivative(x, u)
+    length = phase.integral(ca.sqrt(1.0 + u**2))
+    problem.constrain_boundary(length, 1.2, 1.2, name="length")
+    problem.maximise(phase.integral(x))
+    solution = ocp.solve(problem)
+    # A circular arc of angle 2a over the chord 1: a / sin a = 1.2.
+    a = 1.0
+    for _ in range(50):
+        a -= (a - 1.2 * np.sin(a)) / (1.0 - 1.2 * np.cos(a))
+    r = 0.6 / a
+    assert solution.objective == pytest.approx(
+        r**2 * (a - np.sin(a) * np.cos(a)), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("scheme", ["radau", "lobatto"])
+def test_the_other_points_give_the_same_answer(scheme):
+    options = ocp.Options(scheme=scheme)
+    solution = ocp.solve(ALL["robot_arm"].build(), options=options)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(9.140911745914961, rel=1e-6)
+
+
+@pytest.mark.parametrize(("way", "push"), [(3e-7, 1e-3), (300.0, 1.0), (4e8, 10.0)])
+def test_units_do_not_matter_and_durations_need_no_bounds(way, push):
+    problem = ocp.Problem("scales")
+    phase = problem.phase()
+    x = phase.state("x", start=0.0, end=way)
+    v = phase.state("v", start=0.0, end=0.0)
+    u = phase.control("u", -push, push)
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.duration)
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(2.0 * (way / push) ** 0.5, rel=1e-6)
