@@ -21,7 +21,7 @@ class SolveOptions:
     gap_limit: float = 0.5
     """Extra time, as a fraction, beyond which repair gives up for the shared
     straight-line profile."""
-    repair_rounds: int = 12
+    repair_rounds: int = 40
     """Rounds of half-spaces tried at one common time."""
 
     jobs: int | None = None

@@ -43,7 +43,7 @@ TOLERANCE = 1e-7
 """How much nearer than the separation a pair may come by rounding [m]."""
 _MARGIN = 2e-3
 _INTERVAL = 0.15
-_PATIENCE = 4
+_PATIENCE = 6
 _STILL = 1e-9
 _CLEARANCE = 0.04
 
@@ -307,7 +307,7 @@ class Repair:
             self._sampled(second),
             self.separation,
             share,
-            _MARGIN,
+            _MARGIN * min(tries, 25),
             tries - 1,
         )
 

@@ -33,6 +33,7 @@ NODES: FloatArray = 0.5 * (
 """Where positions are taken on each interval, as fractions of it, shape (7,)."""
 _REACH = 1.6
 _STALLED = 3
+_NEARLY = 0.8
 _BEHIND = 0.3
 
 
@@ -137,8 +138,8 @@ def _side(
 ) -> FloatArray:
     """Direction in which the first passes the second, unit, metric coordinates.
 
-    As they miss each other; head-on to the right; and where that has failed before,
-    above or below, then to the left.
+    As they miss each other; head-on to the right; and where that has failed before
+    and they are far from apart, above or below, then to the left.
     """
     size = float(np.linalg.norm(miss))
     pace = max(float(np.linalg.norm(motion)), 1e-12)
@@ -146,7 +147,7 @@ def _side(
     right = np.array([motion[1], -motion[0], 0.0])
     level = float(np.linalg.norm(right))
     right = np.array([1.0, 0.0, 0.0]) if level < 1e-6 * pace else right / level
-    if tries >= _STALLED and level > 0.5 * pace:
+    if tries >= _STALLED and level > 0.5 * pace and size < _NEARLY * wanted:
         above = np.array([0.0, 0.0, 1.0])
         above -= (motion @ above) / pace**2 * motion
         above /= np.linalg.norm(above)
