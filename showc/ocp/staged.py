@@ -10,15 +10,21 @@ other parameters, widths, signals, half-spaces and guesses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
-from scipy.sparse import linalg
 
+from showc.ocp.gaps import Gaps
 from showc.ocp.guarded import AVAILABLE, call_guarded
 from showc.ocp.solution import Result
+from showc.ocp.staged_solution import (
+    StagedGuess,
+    StagedOptions,
+    StagedSolution,
+    StagedSolver,
+)
 from showc.ocp.stages import Row, Stage, TimeKind, build_stage
 
 if TYPE_CHECKING:
@@ -30,74 +36,13 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-StagedSolver = Literal["fatrop", "ipopt"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StagedGuess:
-    """Where a solve starts."""
-
-    states: FloatArray
-    """Values at the K + 1 borders, shape (K + 1, states), problem's order and units."""
-    controls: FloatArray
-    """Coefficients of all controls, shape (K, inputs): control by control."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StagedSolution:
-    """What a staged solve gives."""
-
-    result: Result
-    message: str
-    """The constraint that is broken most, and where; empty when none is."""
-    widths: FloatArray
-    """Widths of the intervals, shape (K,)."""
-    nodes: FloatArray
-    """States at the borders, shape (K + 1, states)."""
-    inputs: FloatArray
-    """Coefficients of the controls, shape (K, inputs)."""
-    coefficients: Mapping[str, FloatArray]
-    """Bernstein coefficients (K, degree + 1) of every state and control."""
-    objective: float
-    iterations: int
-    violation: float
-    """Greatest scaled violation of a row, dynamics included."""
-
-    @property
-    def duration(self) -> float:
-        """Duration of the phase."""
-        return float(self.widths.sum())
-
-    @property
-    def guess(self) -> StagedGuess:
-        """The solution as a start for another solve on the same number of intervals."""
-        return StagedGuess(self.nodes, self.inputs)
-
-
-@dataclass(frozen=True, slots=True)
-class StagedOptions:
-    """How a staged program is built and solved."""
-
-    solver: StagedSolver = "fatrop"
-    tolerance: float = 1e-6
-    iterations: int = 200
-    seconds: float = 20.0
-    """Greatest CPU time of one solve by IPOPT [s]; a guard, not a means of control."""
-    barrier: float = 1e-2
-    """First barrier parameter."""
-    points: int = 4
-    """Gauss points of derivatives that are no polynomials."""
-    cost_points: int = 2
-    """Gauss points of running costs."""
-    inset: float = 1e-6
-    """How far inside their bounds rows are kept, scaled, so that what the solver's
-    tolerance leaves stays within."""
-    width_range: tuple[float, float] = (0.1, 3.0)
-    """Least and greatest ratio of a movable width to the one it starts from."""
-    width_weight: float = 1e-4
-    """Weight that keeps movable widths near those they start from."""
-    extra: Mapping[str, object] = field(default_factory=dict)
-    """Further options handed to the solver."""
+__all__ = [
+    "StagedGuess",
+    "StagedOptions",
+    "StagedSolution",
+    "StagedSolver",
+    "StagedTranscription",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,7 +164,7 @@ class StagedTranscription:
         self._table()
         self._solver: Any = None
         self._forked = False
-        self._jacobian: Any = None
+        self._gaps: Gaps | None = None
 
     def _table(self) -> None:
         """Index the bounds that rows refer to, as a function of the parameters."""
@@ -324,7 +269,11 @@ class StagedTranscription:
             "ubg": upper,
         }
         answer = self._call(solver, arguments)
-        unknowns, rows = self._close_gaps(answer.unknowns, answer.rows, arguments)
+        if self._gaps is None:
+            self._gaps = Gaps(self._program, self._equal)
+        unknowns, rows = self._gaps.closed(
+            answer.unknowns, answer.rows, arguments["p"], lower[self._equal]
+        )
         return self._unpack(
             replace(answer, unknowns=unknowns, rows=rows),
             fractions,
@@ -351,31 +300,6 @@ class StagedTranscription:
             statistics = {"success": False, "iter_count": self.options.iterations}
             return _Answer(arguments["x0"], rows, np.nan, statistics)
         return _Answer(*found)
-
-    def _close_gaps(
-        self, unknowns: FloatArray, rows: FloatArray, arguments: Mapping[str, Any]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Least change of all unknowns that closes what the solver left open.
-
-        A gap of 1e-7 rad between two intervals is metres after a minute; one
-        Gauss-Newton step on the equations brings it to rounding.
-        """
-        wanted = arguments["lbg"][self._equal]
-        for _ in range(2):
-            gap = rows[self._equal] - wanted
-            if not 1e-11 < np.abs(gap).max() < 1e-4:
-                break
-            if self._jacobian is None:
-                w, p = self._program["x"], self._program["p"]
-                g = self._program["g"][np.flatnonzero(self._equal).tolist()]
-                self._jacobian = casadi.Function("j", [w, p], [casadi.jacobian(g, w)])
-                self._rows_of = casadi.Function("g", [w, p], [self._program["g"]])
-            slopes = self._jacobian(unknowns, arguments["p"]).sparse()
-            normal = (slopes @ slopes.T).tocsc()
-            multipliers = linalg.spsolve(normal, gap)
-            unknowns = unknowns - slopes.T @ multipliers
-            rows = np.array(self._rows_of(unknowns, arguments["p"])).ravel()
-        return unknowns, rows
 
     def _values(self, parameters: Mapping[str, float]) -> FloatArray:
         unknown = set(parameters) - set(self.problem.parameters)
