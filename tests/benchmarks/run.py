@@ -115,14 +115,14 @@ def selected(chosen: argparse.Namespace) -> list[list[cases.Case]]:
     ]
 
 
-def sections(chosen: argparse.Namespace, runs: int) -> list[tuple[str, str]]:
+def sections(chosen: argparse.Namespace) -> list[tuple[str, str]]:
     """Sections about showc alone, each printed by a script of its own."""
     if chosen.only or (chosen.peers and "showc" not in chosen.peers):
         return []
     quick = ["--quick"] if chosen.quick else []
     found = []
     if "optima" in chosen.tables:
-        found += printed(REPORTED, "ocp_table.py", str(runs))
+        found += printed(REPORTED, "ocp_table.py", "1")
     if "quadrotor" in chosen.tables:
         found += printed(REPEATS, "repeats.py", *quick)
     if "fleet" in chosen.tables:
@@ -162,7 +162,7 @@ def main() -> int:
                 HOME.mkdir(parents=True, exist_ok=True)
                 stored = json.loads(STORE.read_text()) if STORE.exists() else {}
                 STORE.write_text(json.dumps({**stored, row.key: asdict(row)}, indent=1))
-    extra = sections(chosen, runs)
+    extra = sections(chosen)
     text = document.page(effort, *rows, extra, missing, reused=chosen.reuse or "")
     sys.stdout.write(text)
     if chosen.only or chosen.peers or len(chosen.tables) < len(TABLES):
