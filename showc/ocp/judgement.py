@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.scaling import of_path
 from showc.ocp.solution import ErrorEstimate
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from showc.ocp.audit import PhaseAudit, PhaseAuditor
     from showc.ocp.limits import Table
     from showc.ocp.problem import Problem
-    from showc.ocp.solution import Solution
+    from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.switches import Structure
 
     FloatArray = NDArray[np.float64]
@@ -76,8 +77,11 @@ def judge(
     audits = tuple(a.audit(solution, table) for a in auditors)
     size = max(abs(solution.objective), _SMALL_OBJECTIVE)
     lost = [
-        a.objective_dynamics + a.objective_control + p.bound_gaps.sum(axis=1)
-        for a, p in zip(audits, solution.phases, strict=True)
+        a.objective_dynamics
+        + a.objective_control
+        + p.bound_gaps.sum(axis=1)
+        + _margin_loss(auditor, p, table)
+        for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
     ]
     total = sum(float(part.sum()) for part in lost) / size
     weight, move = 1.0, 0.0
@@ -117,6 +121,21 @@ def judge(
         tuple(structures),
         move,
     )
+
+
+def _margin_loss(
+    auditor: PhaseAuditor, part: PhaseSolution, table: Table
+) -> FloatArray:
+    """Multipliers of path constraints times the margins they are tightened by."""
+    mesh = part.mesh
+    if not any(mesh.path_margins):
+        return np.zeros(mesh.intervals)
+    scale = np.array([of_path(*pair) for pair in auditor.path_bounds(table)])
+    force = np.abs(part.path_multipliers) @ scale
+    owner = np.repeat(np.arange(mesh.intervals), mesh.points)
+    mean = np.bincount(owner, weights=force) / np.asarray(mesh.points)
+    widths = np.diff(part.states.breaks)
+    return np.asarray(mean * widths * np.asarray(mesh.path_margins))
 
 
 def _was_mended(former: Judgement, solution: Solution) -> bool:
