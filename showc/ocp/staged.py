@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
+from showc.ocp.ends import is_fixed, within
 from showc.ocp.gaps import Gaps
-from showc.ocp.guarded import AVAILABLE, call_guarded
+from showc.ocp.guarded import call_guarded
 from showc.ocp.solution import Result
 from showc.ocp.staged_solution import (
     StagedGuess,
@@ -25,6 +26,7 @@ from showc.ocp.staged_solution import (
     StagedSolution,
     StagedSolver,
 )
+from showc.ocp.staged_solver import make_staged_solver
 from showc.ocp.stages import Row, Stage, TimeKind, build_stage
 
 if TYPE_CHECKING:
@@ -128,7 +130,7 @@ class StagedTranscription:
                 for index, name in enumerate(stage.state_names):
                     g.append(x[index])
                     rows.append(Row(("start", name), stage.state_scales[index]))
-                    equal.append(_is_fixed(states[index].start))
+                    equal.append(is_fixed(states[index].start))
             keep = [
                 r
                 for r, row in enumerate(stage.rows)
@@ -145,7 +147,7 @@ class StagedTranscription:
         for index, name in enumerate(stage.state_names):
             g.append(x[index])
             rows.append(Row(("end", name), stage.state_scales[index]))
-            equal.append(_is_fixed(states[index].end))
+            equal.append(is_fixed(states[index].end))
         if self.time == "free":
             g.append(x[-1])
             rows.append(Row(("duration",), 1.0))
@@ -181,7 +183,7 @@ class StagedTranscription:
         for name, state in phase.states.items():
             put(("bounds", name), state.quantity.lower, state.quantity.upper)
             put(("start", name), *state.start)
-            put(("end", name), *_within(state.end, state.quantity))
+            put(("end", name), *within(state.end, state.quantity))
         for name, control in phase.controls.items():
             put(("bounds", name), control.quantity.lower, control.quantity.upper)
         for constraint in phase.path_constraints:
@@ -326,43 +328,8 @@ class StagedTranscription:
 
     def _make_solver(self) -> Any:  # noqa: ANN401
         if self._solver is None:
-            options = self.options
-            # Where no child can be forked, IPOPT does the work.
-            self._forked = options.solver == "fatrop" and AVAILABLE
-            common: dict[str, Any] = {
-                "print_time": False,
-                "calc_lam_p": False,
-                "calc_multipliers": False,
-                "error_on_fail": False,
-                "show_eval_warnings": False,
-            }
-            if self._forked:
-                common |= {
-                    "structure_detection": "auto",
-                    "equality": self._equal.tolist(),
-                    "fatrop": {
-                        "print_level": 0,
-                        "tol": options.tolerance,
-                        "mu_init": options.barrier,
-                        "max_iter": options.iterations,
-                        **options.extra,
-                    },
-                }
-            else:
-                common["ipopt"] = {
-                    "print_level": 0,
-                    "sb": "yes",
-                    "tol": options.tolerance,
-                    "mu_init": options.barrier,
-                    "max_iter": options.iterations,
-                    "bound_relax_factor": 0.0,
-                    "nlp_scaling_method": "none",
-                    # A guard: its restoration phase has been seen not to end.
-                    "max_cpu_time": options.seconds,
-                    **options.extra,
-                }
-            self._solver = casadi.nlpsol(
-                "staged", "fatrop" if self._forked else "ipopt", self._program, common
+            self._solver, self._forked = make_staged_solver(
+                self._program, self._equal.tolist(), self.options
             )
         return self._solver
 
@@ -437,18 +404,3 @@ def _result(*, success: bool, violation: float) -> Result:
     if violation < 1e-6:
         return Result.ACCEPTABLE
     return Result.INFEASIBLE
-
-
-def _is_fixed(pair: tuple[Any, Any]) -> bool:
-    """Whether lower and upper bound are one value."""
-    return bool(casadi.is_equal(casadi.SX(pair[0]), casadi.SX(pair[1])))
-
-
-def _within(pair: tuple[Any, Any], quantity: Any) -> tuple[Any, Any]:  # noqa: ANN401
-    """End conditions, narrowed by the bounds that hold at every instant."""
-    if _is_fixed(pair):
-        return pair
-    return (
-        casadi.fmax(casadi.SX(pair[0]), casadi.SX(quantity.lower)),
-        casadi.fmin(casadi.SX(pair[1]), casadi.SX(quantity.upper)),
-    )
