@@ -264,18 +264,13 @@ class StagedTranscription:
         upper[free] -= self.options.inset
         start = self._pack(guess, float(widths.sum()))
         solver = self._make_solver()
-        arguments = {
-            "x0": start,
-            "p": np.concatenate([values, data.ravel()]),
-            "lbg": lower,
-            "ubg": upper,
-        }
+        given = np.concatenate([values, data.ravel()])
+        arguments = {"x0": start, "p": given, "lbg": lower, "ubg": upper}
         answer = self._call(solver, arguments)
         if self._gaps is None:
             self._gaps = Gaps(self._program, self._equal)
-        unknowns, rows = self._gaps.closed(
-            answer.unknowns, answer.rows, arguments["p"], lower[self._equal]
-        )
+        wanted = lower[self._equal]
+        unknowns, rows = self._gaps.closed(answer.unknowns, answer.rows, given, wanted)
         return self._unpack(
             replace(answer, unknowns=unknowns, rows=rows),
             fractions,
