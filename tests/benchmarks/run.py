@@ -28,6 +28,8 @@ from benchmarks.measure import Effort, Row, measure  # noqa: E402
 
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TABLES = ("optima", "quadrotor", "fleet")
+SCRIPT_LIMIT = 3600
+QUICK_FLEETS = ["100 grid-sphere", "6 swap", "12 swap"]
 REPORTED = "What showc says of its own error, on these problems and more"
 REPEATS = "One drone, yaw held, fixed time: built once, solved many times"
 STORE = HOME / "rows.json"
@@ -61,6 +63,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--tables", nargs="+", choices=TABLES, default=TABLES, help="all",
     )  # fmt: skip
+    parser.add_argument(
+        "--fleet", nargs="+", metavar="CASE", help="cases of fleet_table.py (all)"
+    )
     return parser.parse_args()
 
 
@@ -91,11 +96,19 @@ def printed(title: str, script: str, *options: str) -> list[tuple[str, str]]:
     if not path.exists():
         return []
     tell(f"{title} ...")
-    command = [sys.executable, str(path), *options]
-    run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
-    if run.returncode != 0:
-        return [(title, f"`{script}` failed with status {run.returncode}.")]
-    return [(title, run.stdout)]
+    try:
+        run = subprocess.run(
+            [sys.executable, str(path), *options],
+            stdout=subprocess.PIPE,
+            timeout=SCRIPT_LIMIT,
+            check=False,
+        )
+        text, fault = run.stdout, f"failed with status {run.returncode}"
+        fault = fault if run.returncode else ""
+    except subprocess.TimeoutExpired as late:
+        text, fault = late.stdout or b"", f"was stopped after {SCRIPT_LIMIT} s"
+    lines = [text.decode(), f"\n`{script}` {fault}." if fault else ""]
+    return [(title, "\n".join(filter(None, lines)))]
 
 
 def selected(chosen: argparse.Namespace) -> list[list[cases.Case]]:
@@ -120,13 +133,14 @@ def sections(chosen: argparse.Namespace) -> list[tuple[str, str]]:
     if chosen.only or (chosen.peers and "showc" not in chosen.peers):
         return []
     quick = ["--quick"] if chosen.quick else []
+    fleets = chosen.fleet or (QUICK_FLEETS if chosen.quick else [])
     found = []
     if "optima" in chosen.tables:
         found += printed(REPORTED, "ocp_table.py", "1")
     if "quadrotor" in chosen.tables:
         found += printed(REPEATS, "repeats.py", *quick)
     if "fleet" in chosen.tables:
-        found += printed("Fleets", "fleet_table.py", *quick)
+        found += printed("Fleets", "fleet_table.py", *fleets)
     return found
 
 
