@@ -1,9 +1,10 @@
 """Calling a solver that may never return, in a child that can be stopped.
 
 fatrop's search for a regularisation has been seen to go on for ever on a degenerate
-iterate, inside native code that no signal handler of Python reaches. The call
-therefore runs in a forked child with a limit on its processor time; the limit counts
-the child's own work, so a busy machine does not change the outcome.
+iterate, inside native code that no signal handler of Python reaches. The calls
+therefore run in a forked child with a limit on its processor time; the limit counts
+the child's own work, so a busy machine does not change the outcome. The child is kept
+for the next call and ends with its parent.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ import select
 import signal
 import sys
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -30,87 +31,128 @@ PATIENCE = 30.0
 """Wall time over processor time after which the child counts as stuck."""
 
 
-def call_guarded(
-    solver: Any,  # noqa: ANN401 - a CasADi function
-    arguments: Mapping[str, FloatArray],
-    sizes: tuple[int, int],
-    seconds: float,
-) -> tuple[FloatArray, FloatArray, float, dict[str, float]] | None:
-    """Call a CasADi solver in a child process.
+class Guarded:
+    """A CasADi solver behind a child process.
 
     Parameters
     ----------
     solver
         Function as made by ``casadi.nlpsol``.
-    arguments
-        Its numeric arguments.
-    sizes
+    names, sizes
+        Names and lengths of its arguments, in the order in which they are sent.
+    answer
         Numbers of unknowns and of constraint rows.
     seconds
-        Processor time granted [s].
-
-    Returns
-    -------
-    tuple or None
-        Unknowns, rows, objective, and ``success`` and ``iter_count``; ``None`` if the
-        child had to be stopped.
+        Processor time granted to one call [s].
     """
-    reading, writing = os.pipe()
-    with warnings.catch_warnings():
-        # The child runs native code and leaves by _exit; no lock of ours is held.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
-    if child == 0:
-        os.close(reading)
-        _answer(writing, solver, arguments, seconds)
-    os.close(writing)
-    wanted = 8 * (3 + sum(sizes))
-    received = _receive(reading, PATIENCE * (1.0 + seconds))
-    os.close(reading)
-    if len(received) != wanted:
-        os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    if len(received) != wanted:
-        return None
-    values = np.frombuffer(received, dtype=np.float64)
-    unknowns, rows = values[3 : 3 + sizes[0]], values[3 + sizes[0] :]
-    statistics = {"success": float(values[0]), "iter_count": float(values[1])}
-    return unknowns.copy(), rows.copy(), float(values[2]), statistics
+
+    def __init__(
+        self,
+        solver: Any,  # noqa: ANN401 - a CasADi function
+        names: Sequence[str],
+        sizes: Sequence[int],
+        answer: tuple[int, int],
+        seconds: float,
+    ) -> None:
+        self._solver = solver
+        self._names, self._sizes = tuple(names), tuple(sizes)
+        self._answer, self._seconds = answer, seconds
+        self._owner = self._child = 0
+        self._to = self._back = -1
+
+    def __call__(
+        self, arguments: Sequence[FloatArray]
+    ) -> tuple[FloatArray, FloatArray, float, dict[str, float]] | None:
+        """Solve once.
+
+        Returns
+        -------
+        tuple or None
+            Unknowns, rows, objective, and ``success`` and ``iter_count``; ``None`` if
+            the child had to be stopped.
+        """
+        if self._child == 0 or self._owner != os.getpid():
+            self._start()
+        wanted = 8 * (3 + sum(self._answer))
+        try:
+            _send(self._to, np.concatenate(arguments).astype(np.float64).tobytes())
+            received = _receive(self._back, wanted, PATIENCE * (1.0 + self._seconds))
+        except OSError:
+            received = b""
+        if len(received) != wanted:
+            self._stop()
+            return None
+        values = np.frombuffer(received, dtype=np.float64)
+        unknowns, rows = np.split(values[3:], [self._answer[0]])
+        statistics = {"success": float(values[0]), "iter_count": float(values[1])}
+        return unknowns.copy(), rows.copy(), float(values[2]), statistics
+
+    def _start(self) -> None:
+        from_parent, self._to = os.pipe()
+        self._back, to_parent = os.pipe()
+        with warnings.catch_warnings():
+            # The child runs native code and leaves by _exit; it needs no lock of ours.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = os.fork()
+        if child == 0:
+            os.close(self._to)
+            os.close(self._back)
+            self._serve(from_parent, to_parent)
+        os.close(from_parent)
+        os.close(to_parent)
+        self._child, self._owner = child, os.getpid()
+
+    def _stop(self) -> None:
+        os.close(self._to)
+        os.close(self._back)
+        os.kill(self._child, signal.SIGKILL)
+        os.waitpid(self._child, 0)
+        self._child = 0
+
+    def __del__(self) -> None:
+        # A process forked later has copies of our pipes, but the child is not its own.
+        if self._child and self._owner == os.getpid():
+            self._stop()
+
+    def _serve(self, reading: int, writing: int) -> NoReturn:
+        """Answer calls until the parent is gone."""
+        try:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            signal.signal(signal.SIGPROF, signal.SIG_DFL)
+            borders = np.cumsum(self._sizes)[:-1]
+            wanted = 8 * sum(self._sizes)
+            while len(received := _receive(reading, wanted, None)) == wanted:
+                values = np.frombuffer(received, dtype=np.float64)
+                parts = np.split(values, borders)
+                signal.setitimer(signal.ITIMER_PROF, self._seconds)
+                answer = self._solver(**dict(zip(self._names, parts, strict=True)))
+                statistics = self._solver.stats()
+                head = [
+                    float(statistics["success"]),
+                    float(statistics["iter_count"]),
+                    float(answer["f"]),
+                ]
+                found = [np.array(answer[name]).ravel() for name in ("x", "g")]
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
+                _send(writing, np.concatenate([head, *found]).tobytes())
+        finally:
+            os._exit(0)
 
 
-def _answer(
-    writing: int,
-    solver: Any,  # noqa: ANN401
-    arguments: Mapping[str, FloatArray],
-    seconds: float,
-) -> None:
-    """Solve, send the numbers, and leave; never returns."""
-    try:
-        signal.signal(signal.SIGPROF, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_PROF, seconds)
-        answer = solver(**arguments)
-        statistics = solver.stats()
-        head = [
-            float(statistics["success"]),
-            float(statistics["iter_count"]),
-            float(answer["f"]),
-        ]
-        payload = np.concatenate(
-            [head, np.array(answer["x"]).ravel(), np.array(answer["g"]).ravel()]
-        ).tobytes()
-        sent = 0
-        while sent < len(payload):
-            sent += os.write(writing, payload[sent:])
-    finally:
-        os._exit(0)
+def _send(writing: int, payload: bytes) -> None:
+    sent = 0
+    while sent < len(payload):
+        sent += os.write(writing, payload[sent : sent + (1 << 16)])
 
 
-def _receive(reading: int, patience: float) -> bytes:
-    """Read until the other end closes, or nothing comes for ``patience`` [s]."""
+def _receive(reading: int, wanted: int, patience: float | None) -> bytes:
+    """Read so many bytes, fewer if the other end closes or ``patience`` [s] ends."""
     parts: list[bytes] = []
-    while select.select([reading], [], [], patience)[0]:
-        part = os.read(reading, 1 << 16)
+    missing = wanted
+    while missing and select.select([reading], [], [], patience)[0]:
+        part = os.read(reading, min(missing, 1 << 16))
         if not part:
             break
         parts.append(part)
+        missing -= len(part)
     return b"".join(parts)

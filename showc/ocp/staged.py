@@ -18,7 +18,7 @@ import numpy as np
 
 from showc.ocp.ends import is_fixed, within
 from showc.ocp.gaps import Gaps
-from showc.ocp.guarded import call_guarded
+from showc.ocp.guarded import Guarded
 from showc.ocp.solution import Result
 from showc.ocp.staged_solution import (
     StagedGuess,
@@ -102,6 +102,8 @@ class StagedTranscription:
             width_weight=self.options.width_weight,
         )
         self._coefficients = self.stage.coefficients.map(intervals)
+        self._gaps: Gaps | None = None
+        self._guarded: Guarded | None = None
         self._assemble()
 
     def _assemble(self) -> None:
@@ -166,7 +168,6 @@ class StagedTranscription:
         self._table()
         self._solver: Any = None
         self._forked = False
-        self._gaps: Gaps | None = None
 
     def _table(self) -> None:
         """Index the bounds that rows refer to, as a function of the parameters."""
@@ -288,14 +289,19 @@ class StagedTranscription:
                 float(answer["f"]),
                 solver.stats(),
             )
+        names = ("x0", "p", "lbg", "ubg")
+        values = [arguments[name] for name in names]
         size = self.stage.states + self.stage.inputs
-        seconds = 0.5 + 4e-7 * size**2 * self.intervals * self.options.iterations
-        sizes = arguments["x0"].size, self._scale.size
-        found = call_guarded(solver, arguments, sizes, seconds)
+        sizes = values[0].size, self._scale.size
+        if self._guarded is None:
+            seconds = 0.5 + 4e-7 * size**2 * self.intervals * self.options.iterations
+            lengths = [value.size for value in values]
+            self._guarded = Guarded(solver, names, lengths, sizes, seconds)
+        found = self._guarded(values)
         if found is None:
             rows = np.full(sizes[1], np.nan)
             statistics = {"success": False, "iter_count": self.options.iterations}
-            return _Answer(arguments["x0"], rows, np.nan, statistics)
+            return _Answer(values[0], rows, np.nan, statistics)
         return _Answer(*found)
 
     def _values(self, parameters: Mapping[str, float]) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
 
 import casadi
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from showc.ocp.cascade import Cascade, Composition, elevate, value_at
-from showc.ocp.guarded import AVAILABLE, call_guarded
+from showc.ocp.guarded import AVAILABLE, Guarded
 from showc.ocp.problem import Problem
 from showc.ocp.solution import Result
 from showc.ocp.staged import StagedGuess, StagedOptions, StagedTranscription
@@ -113,15 +112,37 @@ def test_circles_are_refused_by_name():
         Cascade.of(phase)
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="no fork here")
-def test_a_solver_that_never_returns_is_stopped():
-    def endless(**_arguments):
-        while True:
-            pass
+class Endless:
+    """A solver that hangs on negative numbers."""
 
-    before = time.monotonic()
-    assert call_guarded(endless, {}, (1, 1), 0.2) is None
-    assert time.monotonic() - before < 20.0
-    with pytest.raises(ChildProcessError):
-        os.waitpid(-1, os.WNOHANG)
-    assert signal.getsignal(signal.SIGPROF) == signal.SIG_DFL
+    def __call__(self, x0):
+        while x0[0] < 0.0:
+            pass
+        return {"x": 2.0 * x0, "g": x0[:1], "f": 7.0}
+
+    @staticmethod
+    def stats():
+        return {"success": True, "iter_count": 3}
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="no fork here")
+def test_a_solver_that_never_returns_is_stopped_and_serves_again():
+    guarded = Guarded(Endless(), ["x0"], [2], (2, 1), 0.2)
+    for _ in range(2):
+        unknowns, rows, value, statistics = guarded([np.array([1.0, 2.0])])
+        assert unknowns.tolist() == [2.0, 4.0] and rows.tolist() == [1.0]
+        assert value == 7.0
+        assert statistics == {"success": 1.0, "iter_count": 3.0}
+        before = time.monotonic()
+        assert guarded([np.array([-1.0, 2.0])]) is None
+        assert time.monotonic() - before < 20.0
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="no fork here")
+def test_the_child_ends_with_its_guard():
+    guarded = Guarded(Endless(), ["x0"], [2], (2, 1), 0.2)
+    guarded([np.array([1.0, 2.0])])
+    child = guarded._child
+    del guarded
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
