@@ -18,7 +18,7 @@ show: $(VENV)/.installed
 	$(BIN)/showc verify output.mcap
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
