@@ -183,6 +183,12 @@ class _Solver:
                 best = repair
                 break
             failed = time
+            if self.separation.shape == "all-axes" and repair.pair is not None:
+                raise SolveError(
+                    f"{self.where}: {repair.trouble}; flights are not bent to keep all "
+                    "three axes apart: let 'any-axis' or 'sphere' hold, or choose "
+                    "another assignment"
+                )
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )

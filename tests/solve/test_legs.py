@@ -231,3 +231,12 @@ def test_the_number_of_jobs_changes_nothing():
         assert np.array_equal(a.control.coefficients, b.control.coefficients)
     assert alone.legs[0].certificate == crew.legs[0].certificate
     assert_flies(crew.legs[0], Separation(1.0))
+
+
+def test_all_axes_apart_is_refused_with_the_pair_and_what_to_do():
+    start = np.array([[0.0, 0.0, 10.0], [9.0, 3.0, 14.0]])
+    goal = start[::-1].copy()
+    with pytest.raises(SolveError, match=r"drones 1 and 2 .*any-axis"):
+        solve(
+            make_leg(start, goal, name="cross"), separation=Separation(1.0, "all-axes")
+        )
