@@ -41,7 +41,7 @@ class Options:
     """First mesh; by default ten intervals of four points in each phase."""
     meshes: int = 14
     """Greatest number of meshes."""
-    points: int = 2500
+    points: int = 1000
     """Greatest number of collocation points; refinement stops there."""
     scheme: Scheme = "gauss"
     """Collocation points."""
