@@ -66,7 +66,7 @@ def test_a_worker_that_dies_does_not_lose_the_work(tmp_path):
 
 
 def test_faults_of_a_task_come_through():
-    with workers(2, None) as crew, pytest.raises(ValueError, match="no [01]"):
+    with workers(2, None) as crew, pytest.raises(ValueError, match=r"no [01]"):
         crew.run(fail, [(0,), (1,)])
 
 
