@@ -111,7 +111,8 @@ def _arc_durations(
     if mesh.arc_count > 1:
         return np.full(mesh.arc_count, duration / mesh.arc_count)
     number = place.durations
-    return np.clip(np.array([duration]), limits.lower[number], limits.upper[number])
+    clipped = np.clip(duration, limits.lower[number], limits.upper[number])
+    return np.asarray(clipped, dtype=np.float64)
 
 
 def _default_duration(
