@@ -173,6 +173,9 @@ class _Solver:
 
     def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:
         """Fly the leg in the least time found."""
+        together = self._side_by_side(limiting, shared)
+        if together is not None:
+            return self._finish(together, limiting)
         gap = self.options.gap
         best: Repair | None = None
         failed = limiting.time
@@ -213,6 +216,14 @@ class _Solver:
             else:
                 failed = middle
         return self._finish(best, limiting)
+
+    def _side_by_side(self, limiting: Limiting, shared: Profile) -> Repair | None:
+        """Where all drones make the same move, nobody can come nearer: no slack."""
+        moves = self.leg.goal - self.leg.start
+        if np.abs(moves - moves[0]).max() > _STILL:
+            return None
+        repair = self._repair(whole_milliseconds(limiting.time), shared)
+        return repair if repair.run() else None
 
     def _next_gap(self, gap: float, repair: Repair) -> float:
         """Allow more time after a failure: much more where a crowd is tangled."""
