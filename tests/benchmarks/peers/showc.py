@@ -149,15 +149,8 @@ def _fleet(problem: Problem, settings: dict) -> Answer:
     pieces = []
     for first, last in pairwise(borders):
         parts = [
-            _piece(each.state, each.control, first, last)
-            for each in flight.trajectories
-        ]
-        # Drones may have polynomials of different degree: give all the same nodes.
-        most_states = max(len(part.state_times) for part in parts)
-        most_controls = max(len(part.control_times) for part in parts)
-        parts = [
-            _piece(each.state, each.control, first, last, most_states, most_controls)
-            for each in flight.trajectories
+            _piece(state, control, first, last)
+            for state, control in zip(states, controls, strict=True)
         ]
         pieces.append(
             Piece(
