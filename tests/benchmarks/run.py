@@ -140,7 +140,10 @@ def sections(chosen: argparse.Namespace) -> list[tuple[str, str]]:
     if "quadrotor" in chosen.tables:
         found += printed(REPEATS, "repeats.py", *quick)
     if "fleet" in chosen.tables:
-        found += printed("Fleets", "fleet_table.py", *fleets)
+        found += [
+            (title, f"{text}\n\nOnly {', '.join(fleets)} were run." if fleets else text)
+            for title, text in printed("Fleets", "fleet_table.py", *fleets)
+        ]
     return found
 
 
