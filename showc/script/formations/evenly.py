@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
 
 _ROUNDS, _FEW_ROUNDS, _MANY = 8, 3, 300
-_BLOCK = 4_000_000
+_BLOCK = 65_536
+"""Distances worked out at a time: two arrays of them stay in the cache."""
 
 
 def candidates_for(count: int) -> int:
@@ -80,12 +81,14 @@ def farthest_points(candidates: FloatArray, count: int) -> IntArray:
     chosen[0] = int(np.argmax(np.round(away, 9)))
     distance = np.full(len(candidates), np.inf)
     columns = [np.ascontiguousarray(column) for column in candidates.T]
+    square, step = np.empty(len(candidates)), np.empty(len(candidates))
     for index in range(1, count):
         last = chosen[index - 1]
-        square = np.zeros(len(candidates))
+        square.fill(0.0)
         for column in columns:
-            step = column - column[last]
-            square += step * step
+            np.subtract(column, column[last], out=step)
+            np.multiply(step, step, out=step)
+            np.add(square, step, out=square)
         np.minimum(distance, square, out=distance)
         chosen[index] = int(np.argmax(distance))
     return chosen
@@ -97,12 +100,17 @@ def _owners(candidates: FloatArray, points: FloatArray) -> IntArray:
     rows = max(_BLOCK // max(len(points), 1), 1)
     # Plain differences and no matrix product: ties fall the same way every time.
     small, few = candidates.astype(np.float32), points.astype(np.float32)
+    columns = [np.ascontiguousarray(column) for column in few.T]
+    squares = np.empty((rows, len(few)), dtype=np.float32)
+    steps = np.empty_like(squares)
     for start in range(0, len(candidates), rows):
         part = small[start : start + rows]
-        square = np.zeros((len(part), len(few)), dtype=np.float32)
-        for axis in range(small.shape[1]):
-            step = part[:, axis, None] - few[None, :, axis]
-            square += step * step
+        square, step = squares[: len(part)], steps[: len(part)]
+        square.fill(0.0)
+        for axis, column in enumerate(columns):
+            np.subtract(part[:, axis, None], column, out=step)
+            np.multiply(step, step, out=step)
+            np.add(square, step, out=square)
         owner[start : start + rows] = square.argmin(axis=1)
     return owner
 
