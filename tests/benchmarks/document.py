@@ -6,7 +6,7 @@ import platform
 from typing import TYPE_CHECKING
 
 from benchmarks.environment import PEERS
-from benchmarks.table import error, length, markdown, percent, ratio, seconds
+from benchmarks.table import MISSING, error, length, markdown, percent, ratio, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -59,10 +59,13 @@ torque equations); speed 5 m/s an axis, tilt 20°, rates 1.7 rad/s; (30, 20, 10)
 hover to hover, yaw free on the way. Six drones: on a 2 x 3 grid of 2 m with a common
 time and 1 m between each pair; crossed: the target grid turned by 180°. The limit of
 fine meshes is 6.6665 ± 0.001 s for one and for six drones; 7.4665 s is an estimated
-floor for the crossed ones (the longest way is 4 m more, at 5 m/s). Of showc: `drone`
-and `fleet` are what `showc compile` uses for one drone and for several (one process, no
-cache; its limit on the extra time set to 0.1 %), `core` is the general solver with its
-defaults. For `drone` and `fleet`, points are mesh intervals.
+floor for the crossed ones (the longest way is 4 m more, at 5 m/s).
+
+Of showc, `drone` and `fleet` are what `showc compile` uses for one drone and for
+several (one process, no cache, its limit on the extra time set to 0.1 %); `core` is the
+general solver, once on a mesh of the user's with controls linear on each interval, once
+with its defaults. For `drone` and `fleet`, points are mesh intervals. Ratios are to the
+fastest row of showc with a result.
 """
 
 
@@ -126,7 +129,7 @@ def summary(rows: Sequence[Row]) -> str:
         if own and total:
             lines.append(
                 f"{name}, {how}, reaches it on {_within(rows, name, 1e-6)} and takes "
-                f"{total / own:.2g} times the CPU time in the sum."
+                f"{ratio(total / own)[:-2]} times the CPU time in the sum."
             )
     return "\n".join(lines)
 
@@ -180,7 +183,9 @@ def flight_table(rows: Sequence[Row]) -> str:
     own: dict[str, float] = {}
     for row in rows:
         if row.peer == "showc" and row.cpu_seconds:
-            own.setdefault(row.problem, row.cpu_seconds)
+            own[row.problem] = min(
+                row.cpu_seconds, own.get(row.problem, row.cpu_seconds)
+            )
     lines = []
     for row in rows:
         name = " ".join(filter(None, (row.peer, row.label)))
@@ -196,7 +201,7 @@ def flight_table(rows: Sequence[Row]) -> str:
                 f"{figures['objective']:.4f}",
                 seconds(row.cpu_seconds),
                 ratio(row.cpu_seconds / base if base and row.cpu_seconds else None),
-                str(figures["solves"]),
+                str(figures["solves"] or MISSING),
                 str(figures["points"]),
                 percent(figures.get("bound_violation")),
                 length(figures.get("position_error")),

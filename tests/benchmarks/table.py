@@ -11,6 +11,10 @@ if TYPE_CHECKING:
 MISSING = "–"
 
 
+def _two_digits(value: float) -> str:
+    return f"{value:.2g}" if value < 99.5 else f"{float(f'{value:.2g}'):.0f}"
+
+
 def error(value: float | None) -> str:
     """Write a relative error with one digit, for example ``4e-07``."""
     if value is None:
@@ -19,7 +23,7 @@ def error(value: float | None) -> str:
         return "diverges"
     if value < 1e-14:
         return "0"
-    return f"{value:.0e}" if value < 1.0 else f"{value:.2g}"
+    return f"{value:.0e}" if value < 1.0 else _two_digits(value)
 
 
 def seconds(value: float | None) -> str:
@@ -40,7 +44,7 @@ def percent(value: float | None) -> str:
         return "0"
     if value < 0.001:
         return f"{value:.0e}"
-    return f"{100.0 * value:.2g} %"
+    return f"{_two_digits(100.0 * value)} %"
 
 
 def length(value: float | None) -> str:
@@ -51,7 +55,7 @@ def length(value: float | None) -> str:
         return "diverges"
     for factor, unit in ((1.0, "m"), (1e2, "cm"), (1e3, "mm")):
         if value * factor >= 0.995:
-            return f"{value * factor:.2g} {unit}"
+            return f"{_two_digits(value * factor)} {unit}"
     return f"{value * 1e3:.1g} mm"
 
 
@@ -59,7 +63,7 @@ def ratio(value: float | None) -> str:
     """Write how many times something is more."""
     if value is None:
         return MISSING
-    return f"{value:.2g} x" if value < 10.0 else f"{value:.0f} x"
+    return f"{_two_digits(value)} x"
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -40,7 +40,7 @@ def test_table_is_aligned_markdown():
     [
         (error(4.3e-7), "4e-07"),
         (error(None), "–"),
-        (error(139.4), "1.4e+02"),
+        (error(139.4), "140"),
         (error(float("inf")), "diverges"),
         (seconds(0.1234), "0.123"),
         (seconds(12.34), "12.3"),
@@ -52,7 +52,9 @@ def test_table_is_aligned_markdown():
         (length(0.0123), "1.2 cm"),
         (length(91.2), "91 m"),
         (ratio(4.96), "5 x"),
-        (ratio(212.3), "212 x"),
+        (ratio(212.3), "210 x"),
+        (percent(1.049), "100 %"),
+        (length(145.3), "150 m"),
     ],
 )
 def test_numbers_are_written_for_people(written, wanted):

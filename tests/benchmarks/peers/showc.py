@@ -1,8 +1,8 @@
-"""showc itself, in three ways.
+"""showc itself, in four ways.
 
 ``core``: the general optimal control core through its public API, with its defaults.
-``drone``: the least time of one drone. ``fleet``: a leg of several drones as
-``compile`` solves it, in one process and without the cache.
+``mesh``: the core on a fixed mesh. ``drone``: the least time of one drone. ``fleet``:
+a leg of several drones as ``compile`` solves it, in one process, without the cache.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def version() -> str:
     return showc.__version__
 
 
-def build(problem: Problem) -> ocp.Problem:
-    """State the problem through the API."""
+def build(problem: Problem, degree: int | None = None) -> ocp.Problem:
+    """State the problem through the API; ``degree`` of the controls, if not free."""
     low, high = problem.duration
     stated = ocp.Problem(problem.name)
     phase = stated.phase(duration=low if low == high else (low, high))
@@ -46,7 +46,9 @@ def build(problem: Problem) -> ocp.Problem:
         phase.state(s.name, s.lower, s.upper, start=s.start, end=s.end)
         for s in problem.states
     ]
-    controls = [phase.control(c.name, c.lower, c.upper) for c in problem.controls]
+    controls = [
+        phase.control(c.name, c.lower, c.upper, degree=degree) for c in problem.controls
+    ]
     rates = problem.rates(states, controls, casadi)
     for state, rate in zip(states, rates, strict=True):
         phase.derivative(state, rate)
@@ -69,9 +71,32 @@ def solve(problem: Problem, settings: dict) -> Answer:
     way = settings.get("way", "core")
     if way == "drone":
         return _one_drone(problem)
+    if way == "mesh":
+        return _fixed_mesh(problem)
     if way == "fleet":
         return _fleet(problem, settings)
     return answer(ocp.solve(build(problem)))
+
+
+def _fixed_mesh(problem: Problem) -> Answer:
+    """Solve once, controls linear on intervals that are short near both ends."""
+    parts = ((0.0, 0.3, 25), (0.3, 0.7, 6), (0.7, 1.0, 25))
+    breaks = np.unique(np.concatenate([np.linspace(*part) for part in parts]))
+    points = [3] * (breaks.size - 1)
+    built = ocp.Transcription(
+        build(problem, degree=1),
+        ocp.Mesh((ocp.PhaseMesh.from_breaks(breaks, points),)),
+        scales={"phase.duration": problem.duration_guess},
+        options=ocp.SolverOptions(
+            tolerance=1e-6,
+            extra={"mu_strategy": "monotone", "mu_linear_decrease_factor": 0.1},
+        ),
+    )
+    guess = ocp.Guess(
+        curves={c.name: c.guess for c in problem.controls if c.guess},
+        durations={"phase": problem.duration_guess},
+    )
+    return replace(answer(built.solve(guess=guess)), solves=1)
 
 
 def aircraft() -> Aircraft:
