@@ -56,7 +56,6 @@ def command(
       showc check --format sarif --output findings.sarif shows/grid.yaml
     """
     from showc.cli.console import colour_wanted
-    from showc.pipeline.artifact import write_file
     from showc.script import Severity, load_show
     from showc.script.diagnostic import select_diagnostics
     from showc.script.render import render
@@ -72,6 +71,8 @@ def command(
     colour = style == "text" and output is None and colour_wanted(sys.stdout)
     text = render(found, sources, style, colour=colour)
     if output is not None:
+        from showc.pipeline.artifact import write_file
+
         write_file(output, text.encode())
     elif style != "text":
         click.echo(text.rstrip("\n"))

@@ -68,14 +68,14 @@ class PlainProgress:
 
 
 class BarProgress:
-    """A bar a stage on a terminal."""
+    """One bar on a terminal: that of the present stage."""
 
     def __init__(self, bars: Bars) -> None:
         self._bars = bars
         self._task: TaskID | None = None
 
     def stage(self, title: str, total: int | None = None) -> None:
-        """Finish the bar before, begin a new one."""
+        """Put a new bar in the place of the one before."""
         self.finish()
         self._task = self._bars.add_task(title, total=total)
 
@@ -85,18 +85,14 @@ class BarProgress:
             self._bars.advance(self._task, steps)
 
     def note(self, text: str) -> None:
-        """Print above the bars."""
+        """Print above the bar."""
         self._bars.console.print(f"  {text}", highlight=False, markup=False)
 
     def finish(self) -> None:
-        """Fill the present bar."""
+        """Take the bar away; what was done shows in the result."""
         if self._task is not None:
-            task = self._bars.tasks[-1]
-            self._bars.update(
-                self._task,
-                total=task.total if task.total is not None else 1,
-                completed=task.total if task.total is not None else 1,
-            )
+            self._bars.remove_task(self._task)
+            self._task = None
 
 
 @contextmanager
@@ -126,7 +122,8 @@ def progress(*, quiet: bool) -> Iterator[Progress]:
             MofNCompleteColumn(),
             TimeRemainingColumn(),
         )
-        with Progress(*columns, console=Console(stderr=True)) as bars:
+        console = Console(stderr=True)
+        with Progress(*columns, console=console, transient=True) as bars:
             watcher = BarProgress(bars)
             yield watcher
             watcher.finish()

@@ -95,7 +95,6 @@ def compile_script(
         raise RejectedScriptError(result)
     itinerary = build_itinerary(result.show)
     flight = solve_itinerary(itinerary, options.solve, watcher)
-    watcher.stage("missions")
     missions = mission_files(
         flight, start=options.start, autopilot=options.autopilot, progress=watcher
     )
@@ -108,7 +107,6 @@ def compile_script(
     manifest = build_manifest(
         flight, token=missions.fleet_token, missions=described, files=missions.files
     )
-    watcher.stage("log")
 
     def write(stream: BinaryIO) -> None:
         write_log(
