@@ -6,6 +6,7 @@ says so, leaves a file to report, and ends with 70 (sysexits' EX_SOFTWARE).
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from pathlib import Path
@@ -23,7 +24,10 @@ REPORT = Path("showc-crash.txt")
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and end the process with its exit code."""
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    # The process is over: a last search for cycles would free nothing anyone needs.
+    gc.freeze()
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

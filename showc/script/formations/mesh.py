@@ -53,19 +53,18 @@ SECTION = Section(
 
 
 def _trimesh() -> Any:  # noqa: ANN401 - a module without types
-    """Import trimesh without scipy.
+    """Import trimesh without scipy and lxml.
 
-    It imports all of scipy if it can, which takes longer than everything a check of a
-    script does, and needs none of it to read a model.
+    It imports both if it can, which takes longer than everything a check of a
+    script does, and needs neither to read a model.
     """
-    blocked = "scipy" not in sys.modules
-    if blocked:
-        sys.modules["scipy"] = None  # type: ignore[assignment]
+    blocked = [name for name in ("scipy", "lxml") if name not in sys.modules]
+    sys.modules.update(dict.fromkeys(blocked))  # type: ignore[arg-type]
     try:
         import trimesh  # noqa: PLC0415 - takes time
     finally:
-        if blocked:
-            del sys.modules["scipy"]
+        for name in blocked:
+            del sys.modules[name]
     return trimesh
 
 
