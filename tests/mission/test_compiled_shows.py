@@ -185,12 +185,18 @@ def test_fences_and_rally_points_come_back_from_mavsdks_vehicle(fleet, link):
 
 def test_all_missions_go_to_a_whole_fleet_at_once(fleet):
     """Our own uploader, to as many vehicles as there are drones."""
+    vehicles = [
+        Vehicle(0, drone, autopilot=KEEPS_EVERYTHING)
+        for drone in range(1, fleet.drones + 1)
+    ]
+    # Bound first, so that none of a hundred takes the port that is then found free.
+    for vehicle in vehicles:
+        vehicle.socket.bind(("127.0.0.1", 0))
     port = free_port()
     with ExitStack() as stack:
-        vehicles = [
-            stack.enter_context(Vehicle(port, drone, autopilot=KEEPS_EVERYTHING))
-            for drone in range(1, fleet.drones + 1)
-        ]
+        for vehicle in vehicles:
+            vehicle.station = ("127.0.0.1", port)
+            stack.enter_context(vehicle)
         report = upload_missions(
             fleet.waypoints[0].parents[1],
             connections=[f"udpin:127.0.0.1:{port}"],
