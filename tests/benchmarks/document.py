@@ -30,11 +30,11 @@ Each peer runs in a virtual environment of its own, made on demand under
 
 ## How it is measured
 
-- **CPU time** is that of the process from the start of stating the problem to the end
-  of the last solve: imports are left out, building and compiling are in. It is the
-  median of the number of runs that the tables show: at most {runs}; no further one is
-  started once a row has used {budget:g} s, and none gets more than {limit:g} s. Read
-  the ratios: the seconds are those of one machine{reused}.
+- **CPU time** is that of the process and its children from the start of stating the
+  problem to the end of the last solve: imports are left out, building and compiling are
+  in. It is the median of the number of runs that the tables show: at most {runs}; no
+  further one is started once a row has used {budget:g} s, and none gets more than
+  {limit:g} s. Read the ratios: the seconds are those of one machine{reused}.
 - **Objective error** is relative to the known optimum. The problems and where their
   optima come from are in `tests/benchmarks/problems.yaml`; every peer gets the same
   problem, the same first guess (showc: its own) and its one default setting below.

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -21,6 +20,7 @@ from benchmarks.audit import limit_threads
 limit_threads()
 
 import numpy as np  # noqa: E402
+from benchmarks.clock import cpu_time  # noqa: E402
 from benchmarks.peers.showc import aircraft  # noqa: E402
 from benchmarks.quadrotor import SHIFT  # noqa: E402
 from benchmarks.table import length, markdown  # noqa: E402
@@ -43,9 +43,9 @@ def rows(repeats: int) -> list[tuple[str, ...]]:
             times, worst, solved = [], 0.0, 0
             for _ in range(repeats + 1):
                 goal = np.array(SHIFT) + generator.uniform(-1.0, 1.0, 3)
-                begin = time.process_time()
+                begin = cpu_time()
                 result = follow(craft, start, goal, factor * least, accuracy=accuracy)
-                times.append(time.process_time() - begin)
+                times.append(cpu_time() - begin)
                 solved += result.solved
                 worst = max(worst, result.position_error)
             lines.append(

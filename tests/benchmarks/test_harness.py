@@ -1,7 +1,10 @@
 """The benchmark harness: tables, translated problems, and the audit itself."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from math import cos, exp, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from benchmarks.audit import (
     reintegrate,
     report,
 )
+from benchmarks.clock import cpu_time
 from benchmarks.document import page
 from benchmarks.environment import PEERS
 from benchmarks.measure import Effort, Row
@@ -264,6 +268,22 @@ def test_every_case_names_a_known_solver():
     keys = [case.key for case in everything]
     assert len(keys) == len(set(keys))
     assert len(cases.classic()) == len(PROBLEMS) * len(names)
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux only")
+def test_the_clock_counts_children_at_work():
+    burn = "import time\nwhile time.process_time() < 0.2: pass\nprint(1, flush=True)"
+    before = cpu_time()
+    code = burn + "\ninput()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as child:
+        child.stdout.readline()
+        alive = cpu_time() - before
+        child.communicate(b"\n")
+    ended = cpu_time() - before
+    assert 0.19 < alive <= ended + 0.02
+    assert ended < 1.5
 
 
 def test_a_fault_in_a_peer_is_its_own():

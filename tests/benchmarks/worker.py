@@ -1,8 +1,8 @@
 """Solve one problem with one peer, in the peer's own environment.
 
 Reads a case as JSON from standard input, writes one line of JSON to standard output.
-CPU time is that of this process from the start of building the problem to the end of
-the last solve; imports come before, the audit of the answer after.
+CPU time is that of this process and its children from the start of building the
+problem to the end of the last solve; imports come before, the audit of the answer after.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import importlib
 import json
 import os
 import sys
-import time
 import traceback
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.audit import limit_threads, report
+from benchmarks.clock import cpu_time
 from benchmarks.problem import Problem
 
 
@@ -26,9 +26,9 @@ def work(case: dict) -> dict[str, object]:
     """Solve one case and report on it."""
     problem = Problem.from_dict(case["problem"])
     peer = importlib.import_module(f"benchmarks.peers.{case['module']}")
-    begin = time.process_time()
+    begin = cpu_time()
     answer = peer.solve(problem, case["settings"])
-    seconds = time.process_time() - begin
+    seconds = cpu_time() - begin
     return {
         "problem": problem.name,
         "peer": case["module"],
