@@ -191,7 +191,7 @@ class Repair:
             if number == self.rounds or self.separation.shape == "all-axes":
                 return False
             self.progress.note(
-                f"{self.name}: {len(found)} pairs still too near in {self.duration:.3f} s"
+                f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
             )
             pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
             for pair in pairs:
