@@ -28,6 +28,13 @@ from benchmarks.measure import Effort, Row, measure  # noqa: E402
 
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TABLES = ("optima", "quadrotor", "fleet")
+FLEETS = """\
+Whole transitions under separation, from scratch. Read the wall-clock time: the
+processor time beside it leaves out solver processes that are still alive. `ruckig`: the
+shared straight-line profile under the same limits on velocity, level acceleration and
+jerk (drones beyond a limit of the full dynamics, and the worst use of one); `law`:
+T = max(1.5 d / v, sqrt(6 d / a)) for the longest way.
+"""
 SCRIPT_LIMIT = 3600
 QUICK_FLEETS = ["100 grid-sphere", "6 swap", "12 swap"]
 REPORTED = "What showc says of its own error, on these problems and more"
@@ -141,7 +148,12 @@ def sections(chosen: argparse.Namespace) -> list[tuple[str, str]]:
         found += printed(REPEATS, "repeats.py", *quick)
     if "fleet" in chosen.tables:
         found += [
-            (title, f"{text}\n\nOnly {', '.join(fleets)} were run." if fleets else text)
+            (
+                title,
+                f"{FLEETS}\n{text}\n\nOnly {', '.join(fleets)} were run."
+                if fleets
+                else f"{FLEETS}\n{text}",
+            )
             for title, text in printed("Fleets", "fleet_table.py", *fleets)
         ]
     return found

@@ -2,7 +2,7 @@
 
 Reads a case as JSON from standard input, writes one line of JSON to standard output.
 CPU time is that of this process and its children from the start of building the
-problem to the end of the last solve; imports come before, the audit of the answer after.
+problem to the end of the last solve; imports come before, the audit comes after.
 """
 
 from __future__ import annotations
