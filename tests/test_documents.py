@@ -78,9 +78,20 @@ def test_bash_can_read_every_shell_block():
 
 
 @pytest.mark.slow
-def test_python_examples_run(tmp_path, cache):
+@pytest.mark.parametrize(
+    "document",
+    [
+        document
+        for document in DOCUMENTS
+        if any(block["kind"] == "python" for block in blocks(document))
+    ],
+    ids=lambda document: document.name,
+)
+def test_python_examples_run(document, tmp_path, cache, compiled):
     shutil.copytree(ROOT / "shows", tmp_path / "shows")
-    document = ROOT / "showc" / "docs" / "api.md"
+    log = compiled("grid")
+    shutil.copy(log, tmp_path / "output.mcap")
+    shutil.copytree(log.with_suffix(""), tmp_path / "output")
     code = "".join(
         block["text"] for block in blocks(document) if block["kind"] == "python"
     )
