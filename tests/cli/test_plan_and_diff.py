@@ -1,0 +1,57 @@
+"""What a compile would solve is said beforehand; what differs, afterwards."""
+
+import json
+
+import pytest
+from conftest import ROOT
+
+CHAPTERS = ROOT / "shows" / "chapters.yaml"
+
+
+def plan(run_showc, script):
+    run = run_showc("plan", script, "--json")
+    assert run.code == 0, run.err
+    return json.loads(run.out)
+
+
+@pytest.mark.slow
+def test_an_unchanged_show_solves_nothing_and_times_lie_within_the_bounds(
+    run_showc, compiled
+):
+    manifest = compiled("chapters").with_suffix("") / "manifest.json"
+    flown = json.loads(manifest.read_text())["segments"]
+    outlook = plan(run_showc, CHAPTERS)
+    assert outlook["pending"] == 0
+    for leg, segment in zip(outlook["legs"], flown, strict=True):
+        assert leg["name"] == segment["name"]
+        assert leg["lower"] - 1e-9 <= segment["duration"]
+    exit_code = run_showc("plan", CHAPTERS, "--detailed-exitcode").code
+    assert exit_code == 0
+
+
+@pytest.mark.slow
+def test_one_changed_formation_solves_its_two_neighbours(run_showc, compiled, tmp_path):
+    compiled("chapters")
+    before = plan(run_showc, CHAPTERS)
+    text = CHAPTERS.read_text()
+    assert text.count("height: 18 m") == 1
+    script = tmp_path / "chapters.yaml"
+    script.write_text(text.replace("height: 18 m", "height: 17.5 m"))
+    after = plan(run_showc, script)
+    pending = [leg["name"] for leg in after["legs"] if leg["solve"]]
+    assert before["pending"] == 0
+    assert len(pending) == 2, pending
+    assert run_showc("plan", script, "--detailed-exitcode").code == 3
+
+
+@pytest.mark.slow
+def test_diff_says_what_differs(run_showc, compiled):
+    grid, swap = compiled("grid"), compiled("swap")
+    same = run_showc("diff", grid, grid)
+    assert (same.code, same.out) == (0, "both fly the same\n")
+    other = run_showc("diff", grid, swap, "--json")
+    found = json.loads(other.out)
+    assert other.code == 1 and found["same"] is False
+    assert {"what": "name", "before": "Grid shift", "after": "Antipodal swap"} in found[
+        "differences"
+    ]
