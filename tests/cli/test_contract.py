@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from conftest import ROOT
@@ -130,7 +129,9 @@ def test_an_interrupted_compile_leaves_the_former_files(run_showc, compiled, tmp
          "--no-cache"],
         stderr=subprocess.PIPE, env=os.environ, start_new_session=True, text=True,
     )  # fmt: skip
-    time.sleep(2.0)
+    for line in process.stderr:
+        if "lower bounds" in line:  # in the midst of the first leg
+            break
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
