@@ -25,7 +25,7 @@ MAY_IMPORT = {
     "light": FOUNDATION | {"vehicle", "script", "plan", "flight"},
     "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light"},
     "mission": FOUNDATION | {"vehicle", "script", "plan", "flight", "light", "log"},
-    "view": FOUNDATION | {"vehicle", "flight", "log"},
+    "view": FOUNDATION | {"vehicle", "flight", "log", "ocp"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "solve", "light", "log", "mission"},
     "verify": {"errors", "_version", "log.showc_pb2"},

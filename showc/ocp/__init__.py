@@ -6,13 +6,14 @@ own with :class:`Transcription`, or let :func:`solve` find the mesh.
 
 from showc.ocp.adaptive import solve
 from showc.ocp.guess import Guess
+from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord, Step
 from showc.ocp.limits import Overrides
+from showc.ocp.margins import Margin, margins
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.options import Options
 from showc.ocp.problem import HalfSpaces, Phase, Problem
 from showc.ocp.solution import (
     ErrorEstimate,
-    MeshRecord,
     Multipliers,
     PhaseSolution,
     Result,
@@ -22,9 +23,12 @@ from showc.ocp.solver import SolverMissingError, SolverOptions
 from showc.ocp.transcription import Transcription
 
 __all__ = [
+    "Decision",
     "ErrorEstimate",
     "Guess",
     "HalfSpaces",
+    "IntervalRecord",
+    "Margin",
     "Mesh",
     "MeshRecord",
     "Multipliers",
@@ -32,12 +36,15 @@ __all__ = [
     "Overrides",
     "Phase",
     "PhaseMesh",
+    "PhaseRecord",
     "PhaseSolution",
     "Problem",
     "Result",
     "Solution",
     "SolverMissingError",
     "SolverOptions",
+    "Step",
     "Transcription",
+    "margins",
     "solve",
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit import PhaseAuditor, ranges
+from showc.ocp.history import MeshRecord, phase_record
 from showc.ocp.judgement import Judgement, is_worse, judge
 from showc.ocp.limits import Overrides, Statement
 from showc.ocp.options import CAUTION, ROUGH, SWITCH_TRIALS, Options
@@ -18,7 +19,7 @@ from showc.ocp.proposal import (
     refined,
     with_ends,
 )
-from showc.ocp.solution import ErrorEstimate, MeshRecord, Result, Solution
+from showc.ocp.solution import Result, Solution
 from showc.ocp.transcription import Transcription
 
 if TYPE_CHECKING:
@@ -161,17 +162,32 @@ class _Refinement:
         return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
 
     def note(
-        self, solution: Solution, error: ErrorEstimate | None, action: str
+        self, solution: Solution, judged: Judgement | None, action: str | Proposal
     ) -> None:
-        """Write one line of the history."""
+        """Write one line of the history.
+
+        ``judged``: the judgement of ``solution``, if it was audited; ``action``: the
+        proposal that follows, or a sentence.
+        """
+        words = action if isinstance(action, str) else action.words
+        phases = tuple(
+            phase_record(
+                part,
+                None if judged is None else judged.audits[i],
+                None if judged is None else judged.shares[i].tolist(),
+                None if isinstance(action, str) else action.decisions[i],
+            )
+            for i, part in enumerate(solution.phases)
+        )
         record = MeshRecord(
             solution.mesh.interval_count,
             solution.mesh.point_count,
             solution.objective,
             solution.iterations,
             solution.result,
-            error,
-            action,
+            None if judged is None else judged.error,
+            words,
+            phases,
         )
         self.records.append(record)
         if self.options.progress is not None:
@@ -343,7 +359,7 @@ def solve(
                 break
         if proposal.mesh.point_count > chosen.points:
             break
-        work.note(current.solution, current.error, proposal.words)
+        work.note(current.solution, current, proposal)
         fresh = work.take(proposal, current)
         if fresh is None and proposal.places_switches:
             refused += [s for s in proposal.structures if s is not None]
@@ -356,7 +372,7 @@ def solve(
             best = current
     best = min(best, current, key=lambda passed: passed.merit)
     done = best.greatest <= chosen.tolerance
-    work.note(best.solution, best.error, "tolerance reached" if done else "stopped")
+    work.note(best.solution, best, "tolerance reached" if done else "stopped")
     return _finished(work, best, done=done)
 
 

@@ -57,6 +57,8 @@ class PhaseAudit:
     """Greatest violation of a path constraint over its scale, shape (K,)."""
     path_places: tuple[tuple[float, ...], ...]
     """Fractions of each interval with a local maximum of a violation."""
+    path_names: tuple[str, ...]
+    """Path constraint that is violated most on each interval; empty if none is."""
     path_active: FloatArray
     """Share of each interval on which a path constraint is about at its bound."""
     worst_path: str
@@ -187,7 +189,7 @@ class PhaseAuditor:
         dynamics = np.abs(deviation / reference).max(axis=(1, 2))
         costate_end = self._interpolated(phase, (1.0,), phase.costates)
         residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
-        path, path_places, active, worst = self._path(phase, p, table)
+        path, path_places, path_names, active, worst = self._path(phase, p, table)
         shooting, end = 0.0, starts[-1]
         if shoot:
             shooting, end = self._shoot(phase, control, p, reference)
@@ -197,6 +199,7 @@ class PhaseAuditor:
             self._gap(phase, p, table),
             path,
             path_places,
+            path_names,
             active,
             worst,
             shooting,
@@ -326,11 +329,13 @@ class PhaseAuditor:
 
     def _path(
         self, phase: PhaseSolution, p: FloatArray, table: Table
-    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...], FloatArray, str]:
+    ) -> tuple[
+        FloatArray, tuple[tuple[float, ...], ...], tuple[str, ...], FloatArray, str
+    ]:
         count = phase.states.intervals
         constraints = self.phase.path_constraints
         if not constraints:
-            return np.zeros(count), ((),) * count, np.zeros(count), ""
+            return np.zeros(count), ((),) * count, ("",) * count, np.zeros(count), ""
         places = np.array(_SAMPLES)
         x = _flat(_values(phase.states.coefficients, places))
         u = _flat(_values(phase.controls.coefficients, places))
@@ -360,7 +365,12 @@ class PhaseAuditor:
             )
         greatest = np.maximum(top.max(axis=1), 0.0)
         near = top > -np.maximum(greatest, 1e-4)[:, None]
-        return greatest, tuple(found), near.mean(axis=1), worst
+        most = np.argmax(violation.max(axis=2), axis=0)
+        names = tuple(
+            constraints[int(c)].name if over > 0.0 else ""
+            for c, over in zip(most, greatest, strict=True)
+        )
+        return greatest, tuple(found), names, near.mean(axis=1), worst
 
 
 def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:

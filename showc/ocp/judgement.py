@@ -37,6 +37,8 @@ class Judgement:
     error: ErrorEstimate
     indicators: tuple[FloatArray, ...]
     """Error over tolerance of each interval, phase by phase."""
+    shares: tuple[FloatArray, ...]
+    """Share of each interval in the objective's relative error, phase by phase."""
     must_cut: tuple[NDArray[np.bool_], ...]
     """Intervals whose error is that of a control of given degree, phase by phase."""
     structures: tuple[Structure | None, ...]
@@ -117,6 +119,7 @@ def judge(
         audits,
         error,
         tuple(indicators),
+        tuple(weight * part / size for part in lost),
         must_cut,
         tuple(structures),
         move,

@@ -10,10 +10,10 @@ from showc.ocp.solver import SolverOptions
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.refine import Rule
-    from showc.ocp.solution import MeshRecord
 
 INNER_DEGREE = 3
 """Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit import ranges
+from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.nodes import fitting_points
 from showc.ocp.options import (
@@ -17,8 +18,8 @@ from showc.ocp.options import (
     LITTLE_VIOLATION,
     ROUGH,
 )
-from showc.ocp.refine import arc_mesh, refine
-from showc.ocp.switches import detect
+from showc.ocp.refine import arc_mesh, refine, summary
+from showc.ocp.switches import border_reasons, detect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from showc.ocp.limits import Table
     from showc.ocp.options import Options
     from showc.ocp.problem import Problem
+    from showc.ocp.solution import PhaseSolution
     from showc.ocp.switches import Structure
 
     FloatArray = NDArray[np.float64]
@@ -43,6 +45,8 @@ class Proposal:
     arcs: tuple[FloatArray, ...]
     """First guess of the arcs' durations, phase by phase."""
     structures: tuple[Structure | None, ...]
+    decisions: tuple[tuple[Decision, ...], ...]
+    """What is done to each interval of the mesh before, and why, phase by phase."""
     words: str
     """What was done, and why."""
     places_switches: bool = False
@@ -86,6 +90,7 @@ def place_switches(
     meshes: list[PhaseMesh] = []
     arcs: list[FloatArray] = []
     structures: list[Structure | None] = []
+    decisions: list[tuple[Decision, ...]] = []
     placed = 0
     for auditor, part, known in zip(
         auditors, judgement.solution.phases, judgement.structures, strict=True
@@ -99,6 +104,7 @@ def place_switches(
             meshes.append(part.mesh)
             arcs.append(part.arc_durations)
             structures.append(known)
+            decisions.append((Decision(),) * part.mesh.intervals)
             continue
         free = [
             (j, name, inner_degree(auditor, j))
@@ -109,6 +115,7 @@ def place_switches(
         meshes.append(mesh)
         arcs.append(durations)
         structures.append(structure)
+        decisions.append(_borders(part, structure))
         placed += count
     if not placed:
         return None
@@ -116,19 +123,36 @@ def place_switches(
         Mesh(tuple(meshes)),
         tuple(arcs),
         tuple(structures),
+        tuple(decisions),
         f"{placed} switch times placed",
         places_switches=True,
+    )
+
+
+def _borders(part: PhaseSolution, structure: Structure) -> tuple[Decision, ...]:
+    """Say for each interval which borders of arcs were placed in it."""
+    breaks = part.states.breaks
+    found: list[list[str]] = [[] for _ in range(part.mesh.intervals)]
+    reasons = border_reasons(structure, part.control_names)
+    for time, reason in zip(structure.times, reasons, strict=True):
+        k = int(np.searchsorted(breaks, time, side="right")) - 1
+        found[min(max(k, 0), len(found) - 1)].append(f"{reason} at {time:.6g}")
+    return tuple(
+        Decision(Step.SWITCH, "; ".join(words)) if words else Decision()
+        for words in found
     )
 
 
 def refined(judgement: Judgement, options: Options) -> Proposal:
     """Mesh with the intervals refined whose errors are too great."""
     meshes: list[PhaseMesh] = []
+    decisions: list[tuple[Decision, ...]] = []
     words = []
     for i, part in enumerate(judgement.solution.phases):
         audit = judgement.audits[i]
-        mesh, action = refine(
-            _with_path_points(part.mesh, audit, options.tolerance),
+        constrained, earlier = _with_path_points(part.mesh, audit, options.tolerance)
+        mesh, chosen = refine(
+            constrained,
             part,
             judgement.indicators[i],
             rule=options.rule,
@@ -137,19 +161,23 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
         )
         if audit.path.max() > options.tolerance:
             words.append("path constraints added where they were violated")
-        words.append(action)
+        words.append(summary(chosen))
+        decisions.append(
+            tuple(new.after(old) for new, old in zip(chosen, earlier, strict=True))
+        )
         meshes.append(mesh)
     return Proposal(
         Mesh(tuple(meshes)),
         tuple(part.arc_durations for part in judgement.solution.phases),
         judgement.structures,
+        tuple(decisions),
         "; ".join(words),
     )
 
 
 def _with_path_points(
     mesh: PhaseMesh, audit: PhaseAudit, tolerance: float
-) -> PhaseMesh:
+) -> tuple[PhaseMesh, list[Decision]]:
     """Let path constraints hold where they are violated between the nodes too.
 
     A new place replaces old ones next to it. Where places have been added before
@@ -158,14 +186,24 @@ def _with_path_points(
     """
     points = [list(places) for places in mesh.path_points]
     margins = list(mesh.path_margins)
+    decisions = [Decision()] * mesh.intervals
     for k in range(mesh.intervals):
         violation = float(audit.path[k])
-        if violation <= tolerance or audit.path_active[k] > BOUNDARY_SHARE:
+        if violation <= tolerance:
+            continue
+        name = audit.path_names[k]
+        found = f"{name!r} violated by {violation:.1e} of its scale between the points"
+        decisions[k] = Decision(Step.CONSTRAINED, f"{found}: held there too", name)
+        if audit.path_active[k] > BOUNDARY_SHARE:
+            words = f"{found}, where it is active all along"
+            decisions[k] = Decision(Step.KEPT, words, name)
             continue
         dense = list(fitting_points(2 * mesh.points[k]))
         little = violation < LITTLE_VIOLATION and len(points[k]) > 2
         if little or len(points[k]) >= len(dense):
             margins[k] += 1.5 * violation
+            words = f"{found}: tightened by {margins[k]:.1e}"
+            decisions[k] = Decision(Step.CONSTRAINED, words, name)
             continue
         if len(points[k]) > 3:
             # The peak moves away from every single point: leave it no room.
@@ -174,11 +212,12 @@ def _with_path_points(
         for place in audit.path_places[k]:
             points[k] = [s for s in points[k] if abs(s - place) > 0.03]
             points[k].append(float(np.clip(place, 0.0, 1.0)))
-    return replace(
+    changed = replace(
         mesh,
         path_points=tuple(tuple(sorted(p)) for p in points),
         path_margins=tuple(margins),
     )
+    return changed, decisions
 
 
 def with_ends(problem: Problem, mesh: Mesh) -> Mesh:

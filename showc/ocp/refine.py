@@ -24,11 +24,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.polynomial import legendre
 
+from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import PhaseMesh
 from showc.ocp.nodes import bernstein_values
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from showc.ocp.solution import PhaseSolution
@@ -166,7 +169,7 @@ def refine(
     rule: Rule = "decay",
     scale: FloatArray,
     must_cut: NDArray[np.bool_],
-) -> tuple[PhaseMesh, str]:
+) -> tuple[PhaseMesh, tuple[Decision, ...]]:
     """Change the intervals by their ``indicator`` (error over tolerance).
 
     ``must_cut`` marks intervals where a higher degree cannot help, because it is the
@@ -175,14 +178,13 @@ def refine(
     Returns
     -------
     tuple
-        The new mesh and a sentence on what was done.
+        The new mesh, and for each interval of the old one what was done and why.
     """
     out: list[Cell] = []
-    cut = raised = 0
+    decisions: list[Decision] = []
     control_scale = np.maximum(
         np.abs(phase.controls.coefficients).max(axis=(0, 1)), 1e-9
     )
-    joined = 0
     fine = -1
     for k, cell in enumerate(cells_of(mesh)):
         if not indicator[k] > 1.0:
@@ -191,16 +193,19 @@ def refine(
             if alike and small and _one_polynomial(phase, k, scale):
                 points = max(cell.points, out[-1].points)
                 out[-1] = replace(out[-1], right=cell.right, points=points)
-                joined += 1
+                words = "one polynomial represents both to well below the tolerance"
+                decisions.append(Decision(Step.MERGED, words))
             else:
                 out.append(cell)
+                decisions.append(Decision())
                 fine = k
             continue
         coefficients = phase.states.coefficients[k]
         if rule == "curvature":
             worst = int(np.argmax(np.ptp(coefficients, axis=0) / scale))
-            smooth = curvature_ratio(coefficients[:, worst] / scale[worst]) < 2.0
-            rate = 0.5
+            ratio = curvature_ratio(coefficients[:, worst] / scale[worst])
+            smooth, rate = ratio < 2.0, 0.5
+            found = f"greatest over mean curvature {ratio:.1f}"
         else:
             rate = decay_rate(coefficients[: cell.points + 1], scale)
             if phase.controls.degree >= 2:
@@ -209,12 +214,20 @@ def refine(
                     0.25 + decay_rate(phase.controls.coefficients[k], control_scale),
                 )
             smooth = rate > 0.6
-        smooth = smooth and not must_cut[k]
+            found = f"coefficients fall by {rate:.1f} decades a degree"
+        if must_cut[k]:
+            smooth, found = (
+                False,
+                "the control's degree is given, and it is it that errs",
+            )
+        found = f"error {indicator[k]:.2g} times what is allowed; {found}"
         needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
         needed = max(needed, 2)
         if smooth and cell.points + min(needed, 4) <= MOST_POINTS and needed <= 8:
             out.append(replace(cell, points=cell.points + min(needed, 4)))
-            raised += 1
+            decisions.append(
+                Decision(Step.RAISED, f"{found}: degree raised by {min(needed, 4)}")
+            )
             continue
         pieces = 2 if indicator[k] < 30.0 else 3 if indicator[k] < 1e4 else 4
         inner = cut_places(coefficients, scale, pieces)
@@ -233,9 +246,17 @@ def refine(
                     kept,
                 )
             )
-        cut += 1
-    words = f"cut {cut} intervals, raised the degree on {raised}, merged {joined}"
-    return mesh_of(out), words
+        decisions.append(Decision(Step.CUT, f"{found}: cut in {pieces}"))
+    return mesh_of(out), tuple(decisions)
+
+
+def summary(decisions: Sequence[Decision]) -> str:
+    """Say in a line what was done to the intervals of a phase."""
+    steps = [decision.step for decision in decisions]
+    return (
+        f"cut {steps.count(Step.CUT)} intervals, raised the degree on "
+        f"{steps.count(Step.RAISED)}, merged {steps.count(Step.MERGED)}"
+    )
 
 
 def _alike(cell: Cell, former: Cell) -> bool:

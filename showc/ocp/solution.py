@@ -11,6 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.nodes import Scheme
     from showc.trajectory import PiecewisePolynomial
@@ -114,20 +115,6 @@ class ErrorEstimate:
     """Estimated relative error of the objective."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeshRecord:
-    """One pass of the refinement."""
-
-    intervals: int
-    points: int
-    objective: float
-    iterations: int
-    result: Result
-    error: ErrorEstimate | None
-    action: str
-    """What the refinement did next, and why."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Result of one solve, or of a refined sequence of solves."""
@@ -144,6 +131,8 @@ class Solution:
     parameters: dict[str, float] = field(default_factory=dict)
     error: ErrorEstimate | None = None
     history: tuple[MeshRecord, ...] = ()
+    """Every mesh that was solved on the way, with what was done to each of its
+    intervals and why; empty for a solve on a mesh of the caller's own."""
 
     @property
     def duration(self) -> float:

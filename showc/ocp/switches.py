@@ -10,7 +10,7 @@ active state bounds, so that singular arcs and boundary arcs are covered as well
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -55,6 +55,32 @@ class Structure:
         return self.classes.shape == other.classes.shape and bool(
             np.array_equal(self.classes, other.classes)
         )
+
+
+_WORDS = {-1: "its lower bound", 0: "no bound", 1: "its upper bound"}
+
+
+def border_reasons(structure: Structure, names: Sequence[str]) -> list[str]:
+    """Say for each border of two arcs what happens there.
+
+    Parameters
+    ----------
+    structure
+        The arcs.
+    names
+        Of the controls, in the order of the structure's columns.
+    """
+    reasons = []
+    for before, after in pairwise(structure.classes):
+        changed = [
+            f"{name} goes from {_WORDS[int(a)]} to {_WORDS[int(b)]}"
+            for name, a, b in zip(names, before, after, strict=True)
+            if a != b
+        ]
+        reasons.append(
+            ", ".join(changed) or "a state or path constraint binds or frees"
+        )
+    return reasons
 
 
 @dataclass(slots=True)

@@ -18,6 +18,7 @@ from showc.ocp.refine import (
     decay_rate,
     mesh_of,
     refine,
+    summary,
 )
 from showc.ocp.solution import PhaseSolution
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
@@ -51,19 +52,23 @@ def apply(part, indicator, **options):
 
 def test_smooth_intervals_get_a_higher_degree_and_kinks_are_cut():
     smooth = solution_of(np.exp, [0.0, 1.0, 2.0], 6)
-    mesh, words = apply(smooth, [50.0, 0.5])
+    mesh, decisions = apply(smooth, [50.0, 0.5])
     assert mesh.points[0] > 6 and mesh.points[1] == 6 and mesh.intervals == 2
-    assert "raised the degree on 1" in words
+    assert [d.step for d in decisions] == [ocp.Step.RAISED, ocp.Step.KEPT]
+    assert "decades a degree" in decisions[0].reason and not decisions[1].reason
+    assert "raised the degree on 1" in summary(decisions)
     kinked = solution_of(lambda t: np.abs(t - 0.5), [0.0, 1.0, 2.0], 6)
-    mesh, words = apply(kinked, [50.0, 0.5])
+    mesh, decisions = apply(kinked, [50.0, 0.5])
     assert mesh.intervals > 2
-    assert "cut 1 intervals" in words
+    assert decisions[0].step is ocp.Step.CUT
+    assert "cut 1 intervals" in summary(decisions)
 
 
 def test_a_given_control_degree_forces_a_cut():
     smooth = solution_of(np.exp, [0.0, 1.0, 2.0], 6)
-    mesh, _ = apply(smooth, [50.0, 0.5], must_cut=np.array([True, False]))
+    mesh, decisions = apply(smooth, [50.0, 0.5], must_cut=np.array([True, False]))
     assert mesh.intervals > 2
+    assert "degree is given" in decisions[0].reason
 
 
 def test_the_curvature_rule_cuts_peaks_and_raises_the_rest():
@@ -75,7 +80,9 @@ def test_the_curvature_rule_cuts_peaks_and_raises_the_rest():
 
 def test_needless_intervals_are_merged_and_needed_ones_kept():
     line = solution_of(lambda t: 2.0 * t, [0.0, 1.0, 2.0, 3.0], 4)
-    assert apply(line, [1e-6, 1e-6, 1e-6])[0].intervals == 2
+    merged, decisions = apply(line, [1e-6, 1e-6, 1e-6])
+    assert merged.intervals == 2
+    assert sum(d.step is ocp.Step.MERGED for d in decisions) == 1
     kink = solution_of(lambda t: np.abs(t - 1.0), [0.0, 1.0, 2.0], 4)
     assert apply(kink, [1e-6, 1e-6])[0].intervals == 2
     assert apply(line, [1e-6, 0.5, 1e-6])[0].intervals == 3
