@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.autopilot import GREATEST_DELAY, LEAST_DELAY
 from showc.verify.decode import parse
+from showc.verify.legs import joined
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
 
@@ -108,7 +109,9 @@ class _Fleet:
     def __init__(self, missions: Sequence[MissionLegs], begin: float) -> None:
         most = max(mission.release.size for mission in missions)
         shape = len(missions), most
-        self.missions = missions
+        self.flights, first = joined(missions)
+        # Row of each timed leg in the table of all legs.
+        self.row = np.zeros(shape, dtype=np.int64)
         self.release = np.full(shape, np.inf)
         self.duration = np.zeros(shape)
         self.begin = np.zeros((*shape, 3))
@@ -117,6 +120,7 @@ class _Fleet:
         for drone, mission in enumerate(missions):
             timed = np.flatnonzero(np.isfinite(mission.release))
             legs = np.arange(timed.size)
+            self.row[drone, legs] = first[drone] + timed
             self.release[drone, legs] = mission.release[timed] - begin
             self.duration[drone, legs] = mission.profiles.duration[timed]
             self.begin[drone, legs] = mission.places[timed]
@@ -127,7 +131,7 @@ class _Fleet:
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
-        drones = np.arange(len(self.missions))
+        drones = np.arange(self.last.size)
         result = np.full((times.size, drones.size, 3), np.nan)
         leg = (times[:, None, None] >= self.release).sum(axis=2) - 1
         known = (leg >= 0) & (times[:, None] <= self.last)
@@ -136,14 +140,8 @@ class _Fleet:
         since = since - 0.5 * (LEAST_DELAY + GREATEST_DELAY)
         part = (since >= self.duration[drones, chosen]).astype(np.float64)
         moving = known & (since > 0.0) & (part == 0.0)
-        for drone in np.flatnonzero(moving.any(axis=0)).tolist():
-            mission = self.missions[drone]
-            timed = np.flatnonzero(np.isfinite(mission.release))
-            rows = moving[:, drone]
-            share, _ = mission.profiles.fraction(
-                timed[chosen[rows, drone]], since[rows, drone]
-            )
-            part[rows, drone] = share
+        rows = self.row[drones, chosen][moving]
+        part[moving], _ = self.flights.fraction(rows, since[moving])
         begin, end = self.begin[drones, chosen], self.end[drones, chosen]
         place = begin + part[..., None] * (end - begin)
         result[known] = place[known]

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from showc.verify.waypoints import Item
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 DELAY, SPEED = 93, 178
 """MAV_CMD of the items that hold, and that set a speed."""
@@ -170,6 +171,17 @@ def fly_rows(
         releases = _releases(mission.waits, own.duration)
         fleet.append(MissionLegs(mission.places, releases, own))
     return fleet
+
+
+def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
+    """All legs of all drones in one table, and where each drone's begin."""
+    counts = [mission.release.size for mission in missions]
+    parts = [mission.profiles for mission in missions]
+    names = ("length", "speed", "edges", "constant", "cosine", "start")
+    table = Profiles(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    )
+    return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
 
 def _show_frame(site: Site, places: FloatArray) -> FloatArray:

@@ -20,6 +20,9 @@ The equations form a cascade, so its implicit stages need a fixed-point iteratio
 the body rates alone; angles, velocity and position follow by quadrature. A second run
 with each step halved estimates the error of the integration itself, which is added to
 the deviation that is reported.
+
+Arrays of values have the shape (stages, components, drones, steps): a component of one
+stage lies in one piece, and integrals over the stages are products of matrices.
 """
 
 from __future__ import annotations
@@ -46,8 +49,8 @@ if TYPE_CHECKING:
 STAGES = 5
 """Gauss points on each step."""
 
-_BATCH = 40_000
-"""Steps integrated at once; bounds the memory."""
+_BATCH = 2_000
+"""Mesh intervals integrated at once: few enough to stay in the processor's cache."""
 
 _LARGEST_SPLIT = 64
 """Steps in each mesh interval at which the integration gives up halving."""
@@ -152,8 +155,9 @@ def replay(segment: Segment, vehicle: Vehicle) -> Replay:
     # A flight that runs away to infinity is reported as such, not as a warning.
     with np.errstate(all="ignore"):
         for table in segment.tables:
+            pieces = _Pieces.of(table, vehicle)
             for rows in _batches(table):
-                result = _worse(result, _replay_rows(table, rows, vehicle))
+                result = _worse(result, _replay_rows(pieces, rows, vehicle))
     if result is None:
         raise ValueError("a segment without drones")
     return result
@@ -188,16 +192,37 @@ def _batches(table: PieceTable) -> Iterator[IntArray]:
         begin = end
 
 
-def _replay_rows(table: PieceTable, rows: IntArray, vehicle: Vehicle) -> Replay:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pieces:
+    """Polynomials of a table in the order in which they are evaluated."""
+
+    table: PieceTable
+    state: FloatArray
+    """Bernstein coefficients, shape (rows, degree + 1, 12)."""
+    control: FloatArray
+    """Bernstein coefficients, shape (rows, degree + 1, 4)."""
+    cut: NDArray[np.bool_]
+    """Rows of which a control may ask the rotors for more than they give, (rows,)."""
+
+    @classmethod
+    def of(cls, table: PieceTable, vehicle: Vehicle) -> _Pieces:
+        """Look where the hull of the coefficients leaves what the rotors can do."""
+        share = np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2
+        speeds = table.control @ share.T
+        inside = np.all((speeds >= 0.0) & (speeds <= 1.0), axis=(1, 2))
+        return cls(table, table.state, table.control, ~inside)
+
+
+def _replay_rows(pieces: _Pieces, rows: IntArray, vehicle: Vehicle) -> Replay:
     """Halve the steps until two runs agree, then compare the finer one."""
     split = 1
-    coarse = _Run(table, rows, vehicle, split)
+    coarse = _Run(pieces, rows, vehicle, split)
     while True:
-        fine = _Run(table, rows, vehicle, 2 * split)
-        change = np.abs(coarse.ends - fine.ends[:, 2 - 1 :: 2])
+        fine = _Run(pieces, rows, vehicle, 2 * split)
+        change = np.abs(coarse.ends - fine.ends[:, :, 2 - 1 :: 2])
         # An infinite or undefined state must not pass for agreement.
-        error = np.where(np.isfinite(change), change, np.inf).max(axis=1)
-        worst = float(error[:, :3].max())
+        error = np.where(np.isfinite(change), change, np.inf).max(axis=2)
+        worst = float(error[:3].max())
         if worst <= _WANTED_ERROR or 4 * split > _LARGEST_SPLIT:
             return fine.compare(error)
         split, coarse = 2 * split, fine
@@ -210,34 +235,40 @@ class _Run:
     """
 
     def __init__(
-        self, table: PieceTable, rows: IntArray, vehicle: Vehicle, split: int
+        self, pieces: _Pieces, rows: IntArray, vehicle: Vehicle, split: int
     ) -> None:
+        table = pieces.table
+        self.pieces, self.split = pieces, split
         self.drones = table.drones[rows]
         counts = np.diff(table.first)[rows]
         index = np.arange(counts.max())
-        valid = index < counts[:, None]
-        piece = table.first[rows][:, None] + np.minimum(index, counts[:, None] - 1)
-        width = np.where(valid, (table.end - table.start)[piece], 0.0) / split
+        self.valid = index < counts[:, None]
+        self.piece = table.first[rows][:, None] + np.minimum(index, counts[:, None] - 1)
+        whole = (table.end - table.start)[self.piece]
+        self.width = np.repeat(np.where(self.valid, whole, 0.0) / split, split, axis=1)
         points, weights, partial = gauss(STAGES)
-        fraction = (np.arange(split)[:, None] + points) / split
-        shape = (rows.size, counts.max() * split)
-        # Values at the stages: (drones, steps, stages, components).
-        self.logged = _evaluate(table.state, piece, fraction).reshape(
-            *shape, STAGES, -1
-        )
-        self.logged_ends = _evaluate(
-            table.state, piece, (np.arange(split)[:, None] + 1.0) / split
-        ).reshape(*shape, -1)
-        control = _evaluate(table.control, piece, fraction).reshape(*shape, STAGES, -1)
-        control, self.clipped = flyable(vehicle, control)
-        self.width = np.repeat(width, split, axis=1)
-        self.flown = np.repeat(valid, split, axis=1)
-        begin = np.repeat(table.start[piece], split, axis=1) + self.width * np.tile(
-            np.arange(split), counts.max()
-        )
-        self.begin = begin
-        first = table.state[table.first[rows], 0]
+        self.fraction = np.arange(split)[:, None] + points
+        control = self._logged(pieces.control, self.fraction)
+        self.clipped = 0.0
+        if pieces.cut[self.piece].any():
+            last, self.clipped = flyable(vehicle, np.moveaxis(control, 1, -1))
+            control = np.moveaxis(last, -1, 1)
+        first = table.state[table.first[rows], 0].T
         self._integrate(first, control, vehicle, weights, partial)
+
+    def _logged(self, coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
+        """Evaluate the log at ``fraction`` (split, points), counted in steps.
+
+        ``coefficients`` has the shape (rows, degree + 1, components), the result
+        (points, components, drones, steps).
+        """
+        weights = basis(coefficients.shape[1] - 1, fraction / self.split)
+        chosen = coefficients[self.piece].transpose(2, 3, 0, 1)
+        # (split, points, degree + 1) x (degree + 1, components, drones, intervals)
+        values = np.tensordot(weights, chosen, axes=(2, 0))
+        return np.moveaxis(values, 0, -1).reshape(
+            *values.shape[1:4], self.piece.shape[1] * self.split
+        )
 
     def _integrate(
         self,
@@ -252,24 +283,25 @@ class _Run:
         def advance(
             start: FloatArray, slope: FloatArray
         ) -> tuple[FloatArray, FloatArray]:
-            """Values at stages and at step ends of what begins at ``start``."""
-            gain = width[..., None] * np.matmul(weights, slope)
-            ends = start[:, None] + np.cumsum(gain, axis=1)
-            begins = np.concatenate([start[:, None], ends[:, :-1]], axis=1)
-            inner = np.matmul(partial, slope)
-            inner *= width[..., None, None]
-            inner += begins[:, :, None]
+            """Values at stages and at step ends of what begins at ``start`` (c, n)."""
+            slope = slope * width
+            ends = np.cumsum(np.tensordot(weights, slope, axes=1), axis=-1)
+            ends += start[..., None]
+            inner = np.tensordot(partial, slope, axes=1)
+            inner[..., 1:] += ends[..., :-1]
+            inner[..., 0] += start
             return inner, ends
 
-        rates, rate_ends = self._rates(first[:, 9:], control, vehicle, advance)
-        angles, angle_ends = advance(first[:, 6:9], rates)
-        push = control[..., :1] / vehicle.mass * _thrust_direction(angles)
-        push[..., 2] -= vehicle.gravity
-        velocity, velocity_ends = advance(first[:, 3:6], push)
-        position, position_ends = advance(first[:, :3], velocity)
-        self.stages = np.concatenate([position, velocity, angles, rates], axis=-1)
+        rates, rate_ends = self._rates(first[9:], control, vehicle, advance)
+        angles, angle_ends = advance(first[6:9], rates)
+        push = _thrust_direction(angles)
+        push *= control[:, :1] / vehicle.mass
+        push[:, 2] -= vehicle.gravity
+        velocity, velocity_ends = advance(first[3:6], push)
+        position, position_ends = advance(first[:3], velocity)
+        self.position, self.angles = position, angles
         self.ends = np.concatenate(
-            [position_ends, velocity_ends, angle_ends, rate_ends], axis=-1
+            [position_ends, velocity_ends, angle_ends, rate_ends]
         )
 
     def _rates(
@@ -281,13 +313,15 @@ class _Run:
     ) -> tuple[FloatArray, FloatArray]:
         ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
         factor = vehicle.torque_factor
-        torque = control[..., 1:] * np.array([factor / ix, factor / iy, 1.0 / iz])
-        coupling = np.array([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
-        rates = self.logged[..., 9:]
+        over = np.array([factor / ix, factor / iy, 1.0 / iz])
+        torque = control[:, 1:] * over[:, None, None]
+        coupling = ((iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz)
+        rates = self._logged(self.pieces.state[:, :, 9:], self.fraction)
         ends = first
         for _ in range(_ROUNDS):
-            p, q, r = rates[..., 0], rates[..., 1], rates[..., 2]
-            slope = torque + coupling * np.stack([q * r, p * r, p * q], axis=-1)
+            slope = torque.copy()
+            for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1))):
+                slope[:, axis] += coupling[axis] * rates[:, one] * rates[:, other]
             before, (rates, ends) = rates, advance(first, slope)
             change = float(np.max(np.abs(rates - before), initial=0.0))
             if change <= 1e-13 or not np.isfinite(change):
@@ -300,57 +334,57 @@ class _Run:
         Parameters
         ----------
         error
-            Estimated error of the integration, shape (drones, 12).
+            Estimated error of the integration, shape (12, drones).
         """
-        own = error[:, None, None]
-        inner = np.abs(self.stages - self.logged) + own
-        outer = np.abs(self.ends - self.logged_ends) + error[:, None]
-        points, _, _ = gauss(STAGES)
-        time = np.concatenate(
-            [
-                self.begin[..., None] + self.width[..., None] * points,
-                (self.begin + self.width)[..., None],
-            ],
-            axis=-1,
-        )
-        gap = np.concatenate([inner, outer[:, :, None]], axis=2)
-        gap = np.where(np.isfinite(gap), gap, np.inf)
-        # Steps of no length only fill the array up; nothing is flown in them.
-        gap[~self.flown] = 0.0
-        position = np.sqrt(np.sum(gap[..., :3] ** 2, axis=-1))
-        attitude = gap[..., 6:9].max(axis=-1)
+        state = self.pieces.state
+        end = np.arange(1.0, self.split + 1.0)[:, None]
+        found = []
+        for part, flown in ((slice(0, 3), self.position), (slice(6, 9), self.angles)):
+            at_stages = self._logged(state[:, :, part], self.fraction)
+            at_ends = self._logged(state[:, :, part], end)
+            gap = np.concatenate(
+                [flown - at_stages, self.ends[None, part] - at_ends], axis=0
+            )
+            np.abs(gap, out=gap)
+            gap += error[part, :, None]
+            found.append(gap)
+        position = np.sqrt(np.einsum("pcns,pcns->pns", found[0], found[0]))
+        attitude = found[1].max(axis=1)
         return Replay(
-            self._greatest(position, time),
-            self._greatest(attitude, time),
-            float(error[:, :3].max()),
+            self._greatest(position),
+            self._greatest(attitude),
+            float(error[:3].max()),
             self.clipped,
         )
 
-    def _greatest(self, gap: FloatArray, time: FloatArray) -> Deviation:
-        index = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    def _greatest(self, gap: FloatArray) -> Deviation:
+        """Greatest of the gaps (stages and end, drones, steps) that are flown."""
+        gap = np.where(np.isfinite(gap), gap, np.inf)
+        # Steps of no length only fill the array up; nothing is flown in them.
+        gap = np.where(np.repeat(self.valid, self.split, axis=1), gap, 0.0)
+        place, drone, step = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        points, _, _ = gauss(STAGES)
+        share = np.append(points, 1.0)[place] + step % self.split
+        piece = self.piece[drone, step // self.split]
+        start, end = self.pieces.table.start[piece], self.pieces.table.end[piece]
         return Deviation(
-            float(gap[index]), int(self.drones[index[0]]), float(time[index])
+            float(gap[place, drone, step]),
+            int(self.drones[drone]),
+            float(start + share / self.split * (end - start)),
         )
 
 
-def _evaluate(
-    coefficients: FloatArray, piece: IntArray, fraction: FloatArray
-) -> FloatArray:
-    """Values of pieces (n, K) at fractions (...): (n, K, fractions, components)."""
-    weights = basis(coefficients.shape[1] - 1, fraction.ravel())
-    return np.asarray(np.matmul(weights, coefficients[piece]))
-
-
 def _thrust_direction(angles: FloatArray) -> FloatArray:
-    """Body z axis in the show frame for roll, pitch, yaw (..., 3)."""
+    """Body z axis in the show frame for roll, pitch, yaw (stages, 3, n, steps)."""
     sine, cosine = np.sin(angles), np.cos(angles)
-    s_roll, s_pitch, s_yaw = sine[..., 0], sine[..., 1], sine[..., 2]
-    c_roll, c_pitch, c_yaw = cosine[..., 0], cosine[..., 1], cosine[..., 2]
+    s_roll, s_pitch, s_yaw = sine[:, 0], sine[:, 1], sine[:, 2]
+    c_roll, c_pitch, c_yaw = cosine[:, 0], cosine[:, 1], cosine[:, 2]
+    level = c_roll * s_pitch
     return np.stack(
         [
-            c_roll * s_pitch * c_yaw + s_roll * s_yaw,
-            c_roll * s_pitch * s_yaw - s_roll * c_yaw,
+            level * c_yaw + s_roll * s_yaw,
+            level * s_yaw - s_roll * c_yaw,
             c_roll * c_pitch,
         ],
-        axis=-1,
+        axis=1,
     )

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import GREATEST_DELAY, LEAST_DELAY, Profiles
+from showc.verify.autopilot import GREATEST_DELAY, LEAST_DELAY
+from showc.verify.legs import joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log import showc_pb2 as pb
+    from showc.verify.autopilot import Profiles
     from showc.verify.legs import MissionLegs
 
     FloatArray = NDArray[np.float64]
@@ -85,7 +87,7 @@ def nearest_timed(
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    flights, first_leg = _joined(missions)
+    flights, first_leg = joined(missions)
     releases = _on_one_day(missions)
     for drone, (mission, release) in enumerate(zip(missions, releases, strict=True)):
         timed = np.flatnonzero(np.isfinite(release))
@@ -126,17 +128,6 @@ def nearest_untimed(
             row = int(value.argmin())
             best = Nearest((int(a[row]), int(b[row])), 0.0, float(value[row]))
     return best
-
-
-def _joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
-    """All legs of all drones in one table, and where each drone's begin."""
-    counts = [mission.release.size for mission in missions]
-    parts = [mission.profiles for mission in missions]
-    names = ("length", "speed", "edges", "constant", "cosine", "start")
-    table = Profiles(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    )
-    return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
 
 def _on_one_day(missions: Sequence[MissionLegs]) -> list[FloatArray]:
