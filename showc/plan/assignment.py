@@ -32,6 +32,9 @@ WORTHWHILE = 0.97
 BOTTLENECK_SLACK = 1.02
 """How far above the least possible longest move the second assignment may go."""
 
+BOTTLENECK_RESOLUTION = 1e-3
+"""How closely the least possible longest move is found, as a fraction."""
+
 BOTTLENECK_LIMIT = 2500
 """Drones above which the search for a shorter longest move costs more than it gives."""
 
@@ -126,8 +129,8 @@ def _shorter_longest(
     """Take an assignment with a shorter longest move where that is safe."""
     length = np.linalg.norm(goals[None, :, :] - start[:, None, :], axis=-1)
     longest = float(length[np.arange(start.shape[0]), plain.places].max())
-    least = _bottleneck(length)
-    if least > WORTHWHILE * longest:
+    least = _bottleneck(length, WORTHWHILE * longest)
+    if least is None:
         return plain
     cost = _squared_distances(start, goals, separation)
     cost[length > BOTTLENECK_SLACK * least] = 1e3 * float(cost.max()) + 1.0
@@ -143,20 +146,43 @@ def _shorter_longest(
     )
 
 
-def _bottleneck(length: FloatArray) -> float:
-    """Least possible longest move [m], by bisection over perfect matchings."""
+def _bottleneck(length: FloatArray, limit: float) -> float | None:
+    """Least possible longest move [m], by bisection over perfect matchings.
+
+    Parameters
+    ----------
+    length
+        Of every drone's move to every place, shape (n, n) [m].
+    limit
+        Longest move that is of interest [m].
+
+    Returns
+    -------
+    float or None
+        With all moves at most this long everyone still gets a place; at most
+        ``BOTTLENECK_RESOLUTION`` of itself above the least for which that is so.
+        None if no assignment keeps ``limit``.
+    """
+    # Every drone needs a place that near, and every place a drone.
+    low = max(float(length.min(axis=0).max()), float(length.min(axis=1).max()))
+    if low > limit or not _can_match(length <= limit):
+        return None
+    high = limit
+    if _can_match(length <= low):
+        return low
+    while high - low > BOTTLENECK_RESOLUTION * high:
+        middle = 0.5 * (low + high)
+        if _can_match(length <= middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _can_match(allowed: NDArray[np.bool_]) -> bool:
+    """Whether every row can have a column of its own among those ``allowed``."""
     from scipy.sparse import csr_matrix  # noqa: PLC0415 - slow to import
     from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415
 
-    candidates = np.unique(length)
-    floor = max(length.min(axis=0).max(), length.min(axis=1).max())
-    low, high = int(np.searchsorted(candidates, floor)), candidates.size - 1
-    while low < high:
-        middle = (low + high) // 2
-        allowed = csr_matrix(length <= candidates[middle])
-        matching = maximum_bipartite_matching(allowed, perm_type="column")
-        if np.all(matching >= 0):
-            high = middle
-        else:
-            low = middle + 1
-    return float(candidates[low])
+    matching = maximum_bipartite_matching(csr_matrix(allowed), perm_type="column")
+    return bool(np.all(matching >= 0))
