@@ -5,6 +5,7 @@ own with :class:`Transcription`, or let :func:`solve` find the mesh.
 """
 
 from showc.ocp.adaptive import solve
+from showc.ocp.graded import GradedOptions, solve_graded
 from showc.ocp.guess import Guess
 from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord, Step
 from showc.ocp.limits import Overrides
@@ -25,6 +26,7 @@ from showc.ocp.transcription import Transcription
 __all__ = [
     "Decision",
     "ErrorEstimate",
+    "GradedOptions",
     "Guess",
     "HalfSpaces",
     "IntervalRecord",
@@ -47,4 +49,5 @@ __all__ = [
     "Transcription",
     "margins",
     "solve",
+    "solve_graded",
 ]

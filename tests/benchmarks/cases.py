@@ -63,6 +63,7 @@ def flights() -> list[Case]:
     adaptive = {"mesh": [16, 3], "tolerance": 1e-3}
     return [
         Case(one, "showc", {"way": "drone"}, "drone"),
+        Case(one, "showc", {"way": "graded"}, "core, graded meshes"),
         Case(one, "showc", {"way": "mesh"}, "core, 53 x 3, linear controls"),
         Case(one, "showc", {"way": "core"}, "core"),
         Case(one, "yapss", {"mesh": [10, 6]}, "10 x 6"),

@@ -1,6 +1,7 @@
-"""showc itself, in four ways.
+"""showc itself, in five ways.
 
 ``core``: the general optimal control core through its public API, with its defaults.
+``graded``: the core's ``solve_graded`` with its defaults, controls linear on intervals.
 ``mesh``: the core on a fixed mesh. ``drone``: the least time of one drone. ``fleet``:
 a leg of several drones as ``compile`` solves it, in one process, without the cache.
 """
@@ -73,6 +74,8 @@ def solve(problem: Problem, settings: dict) -> Answer:
         return _one_drone(problem)
     if way == "mesh":
         return _fixed_mesh(problem)
+    if way == "graded":
+        return answer(ocp.solve_graded(build(problem)))
     if way == "fleet":
         return _fleet(problem, settings)
     return answer(ocp.solve(build(problem)))
