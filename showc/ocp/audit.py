@@ -74,6 +74,8 @@ class PhaseAuditor:
 
     def __init__(self, problem: Problem, phase: Phase, index: int) -> None:
         self.problem, self.phase, self.index = problem, phase, index
+        self.least_range: FloatArray | float = 0.0
+        """Range from which on errors of a state are relative to its own range."""
         x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
         u = casadi.vertcat(
             casadi.SX(0, 1), *[c.quantity.symbol for c in phase.controls.values()]
@@ -185,7 +187,7 @@ class PhaseAuditor:
         deviation = np.nan_to_num(
             step_states.transpose(1, 2, 0) - polynomial, nan=1e9, posinf=1e9, neginf=1e9
         )
-        reference = ranges(phase.states)
+        reference = np.maximum(ranges(phase.states), self.least_range)
         dynamics = np.abs(deviation / reference).max(axis=(1, 2))
         costate_end = self._interpolated(phase, (1.0,), phase.costates)
         residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
