@@ -27,12 +27,15 @@ ROWS = 256
 def crossing_pairs(stage: Stage, separation: Separation, required: float) -> Pairs:
     """Pairs of a stage's drones whose lines come nearer than ``required`` [m].
 
+    Lines go on beyond their ends by the overshoot.
+
     Returns
     -------
     tuple of ndarray
         Positions in the stage, first below second, each of shape (m,).
     """
     count = stage.drones.size
+    farthest = stage.farthest
     found_a, found_b = [], []
     for top in range(0, count, ROWS):
         a, b = np.meshgrid(
@@ -42,8 +45,8 @@ def crossing_pairs(stage: Stage, separation: Separation, required: float) -> Pai
         a, b = a[wanted], b[wanted]
         near = (
             part_distance(
-                (stage.begin[a], stage.end[a]),
-                (stage.begin[b], stage.end[b]),
+                (stage.begin[a], farthest[a]),
+                (stage.begin[b], farthest[b]),
                 separation,
             )
             < required

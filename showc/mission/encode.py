@@ -92,7 +92,7 @@ class Encoder:
             writers[drone].takeoff(
                 home,
                 int(takeoff.stored.height[row]),
-                float(takeoff.profile.duration[row]),
+                float(takeoff.profile.duration[row] + takeoff.delay[row]),
             )
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
@@ -102,7 +102,7 @@ class Encoder:
             writer = writers[drone]
             writer.speeds(staging, row)
             writer.waypoint(staging.stored, row)
-            writer.clock += float(staging.profile.duration[row])
+            writer.clock += float(staging.profile.duration[row] + staging.delay[row])
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
@@ -198,7 +198,8 @@ class _Writer:
         self.waypoint(stage.stored, row)
         if moment == "end":
             self.items.extend(lights)
-        self.clock = release + float(stage.profile.duration[row])
+        # A leg is over, for the autopilot, when the drone has followed it.
+        self.clock = release + float(stage.profile.duration[row] + stage.delay[row])
 
     def waypoint(self, stored: GlobalPoints, row: int) -> None:
         """One straight leg."""

@@ -24,7 +24,7 @@ from showc.mission.separation import (
     closest_encounter,
 )
 from showc.mission.stagger import staggered
-from showc.mission.timing import Timing
+from showc.mission.timing import EXACT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from showc.flight import LegFlight
     from showc.mission.stage import Stage, StageBuilder
+    from showc.mission.timing import Timing
     from showc.plan.itinerary import Leg
     from showc.vehicle import Separation
 
@@ -67,7 +68,7 @@ class Surroundings:
     separation: Separation
     """What every pair keeps."""
     timing: Timing
-    """How late legs are."""
+    """How surely legs are flown on time."""
 
     @property
     def required(self) -> float:
@@ -93,14 +94,20 @@ def stage_motion(
     begin[stage.drones], end[stage.drones] = stage.begin, stage.end
     rank = np.full(count, len(stage.profile), dtype=np.int64)
     rank[stage.drones] = np.arange(stage.drones.size)
+    delay = stage.delay
+    overshoot = stage.overshoot if timing.overshoots else np.zeros(delay.size)
     return Motion(
         begin,
         end,
         with_rest(stage.profile).select(rank),
         start + np.append(stage.wait, 0.0)[rank],
-        np.full(count, timing.low),
-        np.full(count, timing.high),
-        (start + timing.low, start + stage.duration + timing.high),
+        np.append(delay, 0.0)[rank] - timing.spread,
+        np.append(delay, 0.0)[rank] + timing.spread,
+        np.append(overshoot, 0.0)[rank],
+        (
+            start - timing.spread,
+            start + stage.finish + timing.spread,
+        ),
     )
 
 
@@ -178,7 +185,7 @@ def _slower(
     """Straight lines with more time, or one after the other, quickest first."""
     found: list[tuple[float, str, float | FloatArray]] = []
     exact = closest_encounter(
-        stage_motion(first, around.positions, Timing(around.timing.delay, 0.0)),
+        stage_motion(first, around.positions, EXACT),
         around.separation,
         enough=around.required,
     )
@@ -221,8 +228,8 @@ def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportErro
     return ExportError(
         f"{leg.name}: drones {best.drone_a + 1} and {best.drone_b + 1} come as near as "
         f"{best.distance:.2f} m at {best.time:.1f} s of the leg on the flights that "
-        f"the autopilot would make (start delays {around.timing.low:.2f} to "
-        f"{around.timing.high:.2f} s); wanted {around.separation.distance:g} m. "
+        f"the autopilot would make (each delay up to {around.timing.spread:.2f} s more "
+        f"or less than its leg's); wanted {around.separation.distance:g} m. "
         "Straight legs, more time, staggered releases, bends and layers of height were "
         "tried. Give "
         "the formations more room, or fly the show with `showc stream`"

@@ -15,6 +15,12 @@ FIRMWARE = "ArduCopter 4.6"
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
+LAND_SLOW_HEIGHT = 10.0
+"""Below this ArduCopter lands slowly [m]."""
+
+LAND_SLOW_SPEED = 0.5
+"""How slowly [m/s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
@@ -84,6 +90,8 @@ def parameter_file(parameters: Parameters) -> bytes:
         "WPNAV_ACCEL": parameters.acceleration,
         "WPNAV_ACCEL_Z": parameters.acceleration_vertical,
         "LAND_SPEED_HIGH": parameters.descent_speed,
+        "LAND_SPEED": LAND_SLOW_SPEED,
+        "LAND_ALT_LOW": LAND_SLOW_HEIGHT,
     }
     plain = {
         "WPNAV_JERK": parameters.jerk,
@@ -92,6 +100,9 @@ def parameter_file(parameters: Parameters) -> bytes:
         "ATC_INPUT_TC": parameters.input_time_constant,
         "ATC_ACCEL_R_MAX": 100.0 * parameters.angular_acceleration,
         "ATC_ACCEL_P_MAX": 100.0 * parameters.angular_acceleration,
+        # Limits of the rates would lower the jerk.
+        "ATC_RATE_R_MAX": 0.0,
+        "ATC_RATE_P_MAX": 0.0,
         "WP_YAW_BEHAVIOR": 0.0,
     }
     values = {name: round(100.0 * value) for name, value in centi.items()} | plain

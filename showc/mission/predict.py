@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.mission.encoding import stage_motion
+from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import closest_encounter
-from showc.mission.timeline import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.timing import (
     ARRIVAL_SPREAD,
+    CLOCK_LAG,
     CLOCKED,
     SPIN_UP,
     TAKEOFF_SPREAD,
@@ -40,7 +41,11 @@ SAMPLES = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedFlight:
-    """Positions over mission time, every delay in the middle of its interval."""
+    """Positions over mission time, every delay in the middle of its interval.
+
+    So is the lag of the vehicles' clocks: timed legs begin late by half of it and by
+    the leg's own delay.
+    """
 
     timeline: Timeline
     """What is flown when."""
@@ -60,14 +65,15 @@ class PredictedFlight:
         t = np.asarray(times, dtype=np.float64)[:, None]
         line = self.timeline
         place = np.broadcast_to(line.pads, (t.shape[0], *line.pads.shape)).copy()
-        climb = SPIN_UP + line.takeoff.profile.duration
         _advance(place, line.takeoff, t - SPIN_UP)
         follow = np.zeros(line.pads.shape[0])
-        follow[line.takeoff.drones] = climb
-        _advance(place, line.staging, t - follow[line.staging.drones] - CLOCKED.delay)
+        follow[line.takeoff.drones] = (
+            SPIN_UP + line.takeoff.profile.duration + line.takeoff.delay
+        )
+        _advance(place, line.staging, t - follow[line.staging.drones])
         for scheduled in line.legs:
             for release, stage in scheduled.flown:
-                _advance(place, stage, t - release - CLOCKED.delay)
+                _advance(place, stage, t - release - 0.5 * CLOCK_LAG)
         height = line.land.begin[:, 2] - line.land.end[:, 2]
         below = np.clip(t - line.land_start, 0.0, None)
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -80,7 +86,7 @@ class PredictedFlight:
 
 def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
     """Move the stage's drones in ``place`` (n, drones, 3) along, ``elapsed`` (n, m)."""
-    part = stage.profile.fraction(elapsed - stage.wait)[..., None]
+    part = stage.profile.fraction(elapsed - stage.wait - stage.delay)[..., None]
     place[:, stage.drones] += part * (stage.end - stage.begin)
 
 
@@ -114,14 +120,22 @@ def prediction_summary(
         "start": None if start is None else start.isoformat(),
         "latest_mission_start": _latest(timeline),
         "duration": round(timeline.duration, 3),
-        "delay": CLOCKED.delay,
+        "delay": round(_typical_delay(timeline), 3),
         "delay_spread": CLOCKED.spread,
+        "clock_lag": CLOCK_LAG,
         "required_separation": separation.distance,
         "launch": _encounter(timeline.launch_closest),
         "legs": legs,
         "land": _encounter(timeline.land_closest),
         "land_start": round(timeline.land_start, 3),
     }
+
+
+def _typical_delay(timeline: Timeline) -> float:
+    """Median of what timed legs are late by, half the clocks' lag included [s]."""
+    delays = [stage.delay for leg in timeline.legs for stage in leg.encoding.stages]
+    every = np.concatenate(delays) if delays else np.zeros(1)
+    return float(np.median(every)) + 0.5 * CLOCK_LAG
 
 
 def _latest(timeline: Timeline) -> float | None:
@@ -154,6 +168,7 @@ def _leg_entry(
         "optimal_start": round(scheduled.planned_start, 3),
         "optimal_duration": round(scheduled.planned_duration, 3),
         "drones": [int(drone) + 1 for drone in scheduled.leg.drones],
+        "delays": [round(float(value), 3) for value in _delays(scheduled)],
         "arrivals": [round(float(value), 3) for value in arrival_times(scheduled)],
         "position_difference": [round(float(value), 3) for value in position],
         "arrival_difference": [round(float(value), 3) for value in arrival],
@@ -169,11 +184,19 @@ def _leg_entry(
     return entry
 
 
+def _delays(scheduled: ScheduledLeg) -> FloatArray:
+    """Delay (n,) [s] of each drone's last straight leg, 0 for one that rests."""
+    found = np.zeros(scheduled.leg.drones.size)
+    for _, stage in scheduled.flown:
+        found[np.searchsorted(scheduled.leg.drones, stage.drones)] = stage.delay
+    return found
+
+
 def arrival_times(scheduled: ScheduledLeg) -> FloatArray:
     """Mission time [s] at which each drone of a leg is within 0.3 m of its end.
 
-    With the middle delay, shape (n,) in the order of the leg's drones; the first
-    release for a drone that does not move.
+    With all delays in the middle, shape (n,) in the order of the leg's drones; the
+    first release for a drone that does not move.
     """
     drones = scheduled.leg.drones
     found = np.full(drones.size, scheduled.releases[0])
@@ -186,7 +209,7 @@ def arrival_times(scheduled: ScheduledLeg) -> FloatArray:
             short = stage.profile.fraction(middle) < wanted
             low, high = np.where(short, middle, low), np.where(short, high, middle)
         place = np.searchsorted(drones, stage.drones)
-        found[place] = release + stage.wait + CLOCKED.delay + high
+        found[place] = release + stage.wait + stage.delay + 0.5 * CLOCK_LAG + high
     return found
 
 
@@ -199,9 +222,9 @@ def _difference(
     drone has arrived when it is within 0.3 m of its goal for good.
     """
     drones = scheduled.leg.drones
-    span = max(
-        scheduled.finish - scheduled.releases[0] + CLOCKED.delay, solved.duration
-    )
+    late = 0.5 * CLOCK_LAG
+    last = scheduled.releases[-1] - scheduled.releases[0]
+    span = max(last + scheduled.encoding.stages[-1].finish + late, solved.duration)
     times = np.linspace(0.0, span, SAMPLES)
     wanted = np.stack(
         [part.state.select([0, 1, 2])(times) for part in solved.trajectories], axis=1
@@ -214,7 +237,7 @@ def _difference(
         _advance(
             place,
             stage,
-            times[:, None] - (release - scheduled.releases[0]) - CLOCKED.delay,
+            times[:, None] - (release - scheduled.releases[0]) - late,
         )
     flown = place[:, drones]
     difference = np.linalg.norm(flown - wanted, axis=2).max(axis=0)
@@ -248,7 +271,7 @@ def _unclocked(
     worst: Closest | None = None
     place = positions.copy()
     for release, stage in scheduled.flown:
-        timing = Timing(CLOCKED.delay, CLOCKED.spread + spread)
+        timing = Timing(CLOCKED.spread + spread)
         found = closest_encounter(
             stage_motion(stage, place, timing, release), separation
         )

@@ -2,7 +2,8 @@
 
 A drone's delay is only known to lie in an interval. Progress along a leg is monotone
 in time minus delay, so over the times [a, b] and the delays [l, h] the drone is
-exactly on the part of its straight leg between its nominal places at a - h and b - l.
+exactly on the part of its straight leg between its nominal places at a - h and b - l;
+the latter goes on beyond the end by the overshoot, until the drone has settled.
 The distance of two such parts bounds the distance of the pair from below, and at a
 single time it is the least distance that any two delays give. From there it changes no
 faster than the pair's greatest relative speed. Branch and bound over time makes both
@@ -15,6 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from showc.mission.following import SETTLING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,8 +60,17 @@ class Motion:
     be anywhere at any time."""
     delay_high: FloatArray
     """Greatest delay, shape (n,) [s]."""
+    overshoot: FloatArray
+    """How far beyond its end each one may be, shape (n,) [m]: the foremost place goes
+    on by it in the measure of the leg covered."""
     window: tuple[float, float]
     """First and last instant looked at, mission time [s]."""
+
+    @property
+    def stretch(self) -> FloatArray:
+        """Way to the foremost end over length of the leg, shape (n,), at least 1."""
+        length = self.profile.length
+        return np.asarray(1.0 + self.overshoot / np.where(length > 0.0, length, np.inf))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +98,11 @@ def closest_encounter(
         return None
     best = _nearest_at_rest(motion, separation, moving)
     everywhere = np.nextafter(best.distance, np.inf)
+    farthest = motion.begin + motion.stretch[:, None] * (motion.end - motion.begin)
     found_a, found_b, swept = [], [], []
     for a, b in _pairs(moving):
         bound = part_distance(
-            (motion.begin[a], motion.end[a]), (motion.begin[b], motion.end[b]),
+            (motion.begin[a], farthest[a]), (motion.begin[b], farthest[b]),
             separation,
         )  # fmt: skip
         near = bound < everywhere
@@ -233,9 +246,16 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
     late, early = since - motion.delay_high[drone], since - motion.delay_low[drone]
     begin = motion.begin[drone]
     along = motion.end[drone] - begin
-    first, last, back, front = (
+    # By the start of the piece, so that nothing nearer is missed later in it.
+    moving = late < profile.duration + SETTLING
+    stretch = np.where(moving, motion.stretch[drone], 1.0)
+    first, back = (
         begin + profile.fraction(time)[:, None] * along
-        for time in (late, early + width, late + 0.5 * width, early + 0.5 * width)
+        for time in (late, late + 0.5 * width)
+    )
+    last, front = (
+        begin + (stretch * profile.fraction(time))[:, None] * along
+        for time in (early + width, early + 0.5 * width)
     )
     # The speed rises, stays and falls: least at an end, greatest next to the middle.
     peak = np.clip(0.5 * profile.duration, late, early + width)
@@ -246,7 +266,7 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
         front,
         along / np.where(profile.length > 0.0, profile.length, 1.0)[:, None],
         np.minimum(profile.velocity(late), profile.velocity(early + width)),
-        profile.velocity(peak),
+        stretch * profile.velocity(peak),
     )
 
 

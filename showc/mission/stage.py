@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.mission import law
+from showc.mission.following import leg_delay, leg_overshoot
 from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
 
 if TYPE_CHECKING:
@@ -60,6 +61,29 @@ class Stage:
     def duration(self) -> float:
         """Time from the release to the last arrival [s]."""
         return float((self.wait + self.profile.duration).max(initial=0.0))
+
+    @property
+    def delay(self) -> FloatArray:
+        """How late each one follows its leg, shape (n,) [s]."""
+        return leg_delay(self.level, self.profile.duration)
+
+    @property
+    def finish(self) -> float:
+        """Time from the release until the last drone has followed its leg [s]."""
+        late = self.wait + self.profile.duration + self.delay
+        return float(late.max(initial=0.0))
+
+    @property
+    def overshoot(self) -> FloatArray:
+        """How far each one may fly beyond its end, shape (n,) [m]."""
+        return leg_overshoot(self.level, self.profile.speed)
+
+    @property
+    def farthest(self) -> FloatArray:
+        """Ends with the overshoot, shape (n, 3), show frame [m]."""
+        length = np.where(self.profile.length > 0.0, self.profile.length, 1.0)
+        along = self.end - self.begin
+        return np.asarray(self.end + (self.overshoot / length)[:, None] * along)
 
     def waiting(self, wait: FloatArray) -> Stage:
         """Return the same legs, leaving ``wait`` (n,) [s] after the release."""

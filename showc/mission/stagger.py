@@ -53,7 +53,7 @@ def staggered(
     separation, required
         The metric, and the least distance in it [m].
     timing
-        Delay of every leg.
+        How surely every leg is flown on time.
 
     Returns
     -------
@@ -101,16 +101,20 @@ def _pair_motion(
     """
     both = np.concatenate(pairs)
     start = np.repeat([0.0, later], pairs[0].size)
+    delay, overshoot = stage.delay[both], stage.overshoot[both]
     return Motion(
         stage.begin[both],
         stage.end[both],
         stage.profile.select(both),
         start,
-        np.full(both.size, timing.low),
-        np.full(both.size, timing.high),
+        delay - timing.spread,
+        delay + timing.spread,
+        overshoot if timing.overshoots else np.zeros(both.size),
         (
-            min(later, 0.0) + timing.low,
-            max(later, 0.0) + float(stage.profile.duration.max()) + timing.high,
+            min(later, 0.0) + float(delay.min()) - timing.spread,
+            max(later, 0.0)
+            + float((stage.profile.duration + stage.delay).max())
+            + timing.spread,
         ),
     )
 

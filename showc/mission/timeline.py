@@ -15,8 +15,10 @@ import numpy as np
 
 from showc.errors import ExportError
 from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
+from showc.mission.following import SETTLING
+from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import Closest, Motion, closest_encounter
-from showc.mission.timing import CLOCKED, SPIN_UP, Timing
+from showc.mission.timing import ANYTIME, CLOCK_LAG, CLOCKED, SPIN_UP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,15 +32,6 @@ if TYPE_CHECKING:
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
-
-ANYTIME = Timing(0.0, np.inf)
-"""Nothing is known about when the leg is flown."""
-
-LAND_SLOW_HEIGHT = 10.0
-"""Below this ArduCopter lands slowly [m]."""
-
-LAND_SLOW_SPEED = 0.5
-"""How slowly [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,8 +90,8 @@ class Timeline:
     @property
     def staged(self) -> float:
         """Mission time at which the slowest drone has climbed [s]."""
-        climb = SPIN_UP + self.takeoff.duration + self.staging.duration
-        return climb + 2.0 * CLOCKED.high
+        climb = SPIN_UP + self.takeoff.finish + self.staging.finish
+        return climb + 2.0 * CLOCKED.spread
 
 
 def build_timeline(
@@ -148,8 +141,8 @@ class _Layout:
         positions = pads.copy()
         positions[takeoff.drones] = takeoff.end
         positions[staging.drones] = staging.end
-        climbed = SPIN_UP + takeoff.duration + staging.duration
-        self._reached(climbed + CLOCKED.delay, climbed + 2.0 * CLOCKED.high)
+        climbed = SPIN_UP + takeoff.finish + staging.finish
+        self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
         legs = []
         for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
             if item.leg.kind == "hold":
@@ -232,8 +225,8 @@ class _Layout:
         for stage in stages:
             release = float(ceil(self.free - 1e-6))
             releases.append(release)
-            nominal = release + stage.duration
-            self._reached(nominal + CLOCKED.delay, nominal + CLOCKED.high)
+            likely = release + stage.finish + 0.5 * CLOCK_LAG
+            self._reached(likely, likely + CLOCKED.spread + 0.5 * CLOCK_LAG)
             positions[stage.drones] = stage.end
         kept = tuple(
             found
@@ -252,7 +245,8 @@ class _Layout:
     def _reached(self, likely: float, latest: float) -> None:
         """Note an arrival: the next release waits for the slack."""
         self.arrival = likely
-        self.free = latest + self.show.mission.slack
+        # Drones settle before others fly, however little slack the show gives.
+        self.free = latest + max(self.show.mission.slack, SETTLING)
 
 
 def _at_rest(motion: Motion) -> Motion:

@@ -1,4 +1,4 @@
-"""When an autopilot starts its leg after the clock says so, and how surely."""
+"""When an autopilot flies its leg after the clock says so, and how surely."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Delay of the flown leg behind the nominal one, as an interval [s]."""
+    """What is not known about when and how far a drone flies its leg."""
 
-    delay: float = 0.35
-    """Middle of the interval: how far ArduCopter flies behind its own leg law."""
     spread: float = 0.20
-    """Half its width."""
-
-    @property
-    def low(self) -> float:
-        """Least delay [s]."""
-        return self.delay - self.spread
-
-    @property
-    def high(self) -> float:
-        """Greatest delay [s]."""
-        return self.delay + self.spread
+    """Half the width of the interval in which each drone's delay lies, about the delay
+    of its leg [s]; infinite: the leg may be anywhere at any time."""
+    overshoots: bool = True
+    """Whether drones may be beyond the end of their leg by its overshoot."""
 
 
 CLOCKED = Timing()
 """Legs released by the vehicle's UTC clock, as measured on ArduCopter 4.6."""
+
+EXACT = Timing(0.0, overshoots=False)
+"""Every leg is flown as the law says, late by its delay."""
+
+ANYTIME = Timing(float("inf"), overshoots=False)
+"""Nothing is known about when the leg is flown."""
+
+CLOCK_LAG = 0.17
+"""The vehicles' clocks are late by up to this, all alike [s]: simulated receivers cut
+their time to 0.2 s, real ones report it when it has passed."""
 
 SPIN_UP = 2.5
 """Time on the ground between the start of a mission and lift-off [s]."""

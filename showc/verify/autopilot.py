@@ -26,8 +26,14 @@ GRAVITY = 9.80665
 METRES_PER_DEGREE = 111318.845
 """Length of a degree in ArduPilot's flat earth [m]."""
 
-LEAST_DELAY, GREATEST_DELAY = 0.15, 0.55
-"""How far the vehicle flies behind the law [s]."""
+SPREAD = 0.20
+"""How much more or less than the delay of its leg a drone may be late [s]."""
+
+SETTLING = 1.5
+"""For how long after its leg a drone may be beyond its end [s]."""
+
+CLOCK_LAG = 0.17
+"""By how much the vehicles' clocks may be late, all alike [s]."""
 
 _HALVINGS = 80
 
@@ -83,6 +89,10 @@ class Profiles:
     """c1 of each phase, shape (n, 15) [m/s³]."""
     start: FloatArray
     """Distance, speed, acceleration at each phase's begin, shape (n, 15, 3)."""
+    delay: FloatArray
+    """How late a drone follows the leg, shape (n,) [s]."""
+    overshoot: FloatArray
+    """How far a drone may fly beyond its end, shape (n,) [m]."""
 
     @property
     def duration(self) -> FloatArray:
@@ -91,14 +101,14 @@ class Profiles:
 
     def part(self, begin: int, end: int) -> Profiles:
         """Return the legs from ``begin`` up to ``end``."""
-        return Profiles(
-            self.length[begin:end],
-            self.speed[begin:end],
-            self.edges[begin:end],
-            self.constant[begin:end],
-            self.cosine[begin:end],
-            self.start[begin:end],
-        )
+        names = self.__dataclass_fields__
+        return Profiles(*(getattr(self, name)[begin:end] for name in names))
+
+    @property
+    def excess(self) -> FloatArray:
+        """Foremost place over the end of each leg, shape (n,), at least 1."""
+        length = np.where(self.length > 0.0, self.length, np.inf)
+        return np.asarray(1.0 + self.overshoot / length)
 
     def fraction(
         self, leg: NDArray[np.int64], time: ArrayLike
@@ -149,7 +159,12 @@ def profiles(
         inside = middle * _ramp_time(_ramp(middle, push, law)) <= length
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     speed = np.where(fits, speed, low)
-    return _assembled(length, speed, _ramp(speed, push, law))
+    edges, constant, cosine, start = _assembled(length, speed, _ramp(speed, push, law))
+    # Fitted to measured flights: level legs lag by up to 0.44 s, the more the longer
+    # they last, upright ones by 0.15 s; the overshoot is 90 and 45 ms of cruise.
+    lag = 0.15 + flat**2 * (0.29 - 0.47 * np.exp(-0.5 * edges[:, -1]))
+    beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
+    return Profiles(length, speed, edges, constant, cosine, start, lag, beyond)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:
@@ -174,8 +189,10 @@ def _ramp_time(ramp: FloatArray) -> FloatArray:
     return np.asarray(4.0 * ramp[1] + 2.0 * ramp[2] + ramp[3])
 
 
-def _assembled(length: FloatArray, speed: FloatArray, ramp: FloatArray) -> Profiles:
-    """Put the phases of whole legs together."""
+def _assembled(
+    length: FloatArray, speed: FloatArray, ramp: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Put the phases of whole legs together: edges, c0, c1, and states at begin."""
     jerk, rise, hold, push = ramp
     moving = length > 0.0
     cruise = np.maximum(
@@ -201,7 +218,7 @@ def _assembled(length: FloatArray, speed: FloatArray, ramp: FloatArray) -> Profi
         start[:, phase] = state
         tau = spans[:, phase]
         state = _advanced(state, constant[:, phase], cosine[:, phase], tau, tau)
-    return Profiles(length, speed, edges, constant, cosine, start)
+    return edges, constant, cosine, start
 
 
 def _advanced(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
-from showc.verify.autopilot import GREATEST_DELAY, LEAST_DELAY
+from showc.verify.autopilot import CLOCK_LAG, SPREAD
 from showc.verify.decode import parse
 from showc.verify.legs import joined
 from showc.verify.report import Check, Place
@@ -104,7 +104,7 @@ def check_drawn(
 
 
 class _Fleet:
-    """Places of all drones over mission time, each delay in the middle of its range."""
+    """Places of all drones over mission time, all delays in the middle of theirs."""
 
     def __init__(self, missions: Sequence[MissionLegs], begin: float) -> None:
         most = max(mission.release.size for mission in missions)
@@ -114,6 +114,7 @@ class _Fleet:
         self.row = np.zeros(shape, dtype=np.int64)
         self.release = np.full(shape, np.inf)
         self.duration = np.zeros(shape)
+        self.late = np.zeros(shape)
         self.begin = np.zeros((*shape, 3))
         self.end = np.zeros((*shape, 3))
         self.last = np.full(len(missions), -np.inf)
@@ -123,11 +124,12 @@ class _Fleet:
             self.row[drone, legs] = first[drone] + timed
             self.release[drone, legs] = mission.release[timed] - begin
             self.duration[drone, legs] = mission.profiles.duration[timed]
+            self.late[drone, legs] = mission.profiles.delay[timed] + 0.5 * CLOCK_LAG
             self.begin[drone, legs] = mission.places[timed]
             self.end[drone, legs] = mission.places[timed + 1]
             if timed.size:
                 arrived = self.release[drone, legs] + self.duration[drone, legs]
-                self.last[drone] = arrived.max() + GREATEST_DELAY
+                self.last[drone] = (arrived + self.late[drone, legs]).max() + SPREAD
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
@@ -137,7 +139,7 @@ class _Fleet:
         known = (leg >= 0) & (times[:, None] <= self.last)
         chosen = np.maximum(leg, 0)
         since = times[:, None] - self.release[drones, chosen]
-        since = since - 0.5 * (LEAST_DELAY + GREATEST_DELAY)
+        since = since - self.late[drones, chosen]
         part = (since >= self.duration[drones, chosen]).astype(np.float64)
         moving = known & (since > 0.0) & (part == 0.0)
         rows = self.row[drones, chosen][moving]

@@ -168,7 +168,7 @@ def fly_rows(
     fleet = []
     for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
         own = flights.part(begin, end)
-        releases = _releases(mission.waits, own.duration)
+        releases = _releases(mission.waits, own)
         fleet.append(MissionLegs(mission.places, releases, own))
     return fleet
 
@@ -177,9 +177,11 @@ def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
     """All legs of all drones in one table, and where each drone's begin."""
     counts = [mission.release.size for mission in missions]
     parts = [mission.profiles for mission in missions]
-    names = ("length", "speed", "edges", "constant", "cosine", "start")
     table = Profiles(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in Profiles.__dataclass_fields__
+        )
     )
     return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
@@ -222,10 +224,10 @@ def _fly(walk: _Walk, last: Item, item: Item, home: Item, site: Site) -> None:
     walk.limits.append((walk.speeds[LEVEL], vertical))
 
 
-def _releases(waits: Sequence[tuple[str, float]], durations: FloatArray) -> FloatArray:
+def _releases(waits: Sequence[tuple[str, float]], flights: Profiles) -> FloatArray:
     """When each leg is released; NaN for those that follow another at once."""
     clock, day = 0.0, 0.0
-    releases = np.full(durations.size, np.nan)
+    releases = np.full(flights.length.size, np.nan)
     for leg, (kind, amount) in enumerate(waits):
         if kind == "clock":
             moment = amount + day
@@ -238,5 +240,6 @@ def _releases(waits: Sequence[tuple[str, float]], durations: FloatArray) -> Floa
             clock += amount
             if kind == "pause":
                 releases[leg] = clock
-        clock += float(durations[leg])
+        # A leg is over, for the autopilot, when the drone has followed it.
+        clock += float(flights.duration[leg] + flights.delay[leg])
     return releases

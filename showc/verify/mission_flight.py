@@ -13,11 +13,11 @@ from showc.verify.legs import MissionRows, fly_rows, read_parameters, read_rows
 from showc.verify.predicted import (
     RESOLUTION,
     Nearest,
-    OverlappingLegsError,
     nearest_timed,
     nearest_untimed,
 )
 from showc.verify.report import Check, Place, Verdict
+from showc.verify.stretches import OverlappingLegsError
 from showc.verify.waypoints import MissionFormatError, parse
 
 if TYPE_CHECKING:

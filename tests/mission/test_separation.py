@@ -1,5 +1,7 @@
 """Proved distances against brute force over time and delays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -18,7 +20,7 @@ from showc.vehicle import Separation
 PARAMETERS = Parameters()
 
 
-def motion(begin, end, *, low=0.15, high=0.55, speed=5.0):
+def motion(begin, end, *, low=0.15, high=0.55, speed=5.0, overshoot=0.0):
     begin, end = np.asarray(begin, dtype=float), np.asarray(end, dtype=float)
     count = len(begin)
     limits = leg_limits(end - begin, PARAMETERS, np.full(count, speed))
@@ -30,6 +32,7 @@ def motion(begin, end, *, low=0.15, high=0.55, speed=5.0):
         np.zeros(count),
         np.full(count, low),
         np.full(count, high),
+        np.full(count, overshoot),
         (low, float(leg.duration.max()) + high),
     )
 
@@ -39,6 +42,9 @@ def sampled(moved, metric, delays=9, instants=400):
     times = np.linspace(*moved.window, instants)
     late = np.linspace(moved.delay_low[0], moved.delay_high[0], delays)
     part = moved.profile.fraction(times[:, None, None] - late[:, None])
+    # Each one anywhere between the law and the law carried on by the overshoot.
+    beyond = np.stack([np.ones_like(moved.stretch), moved.stretch])
+    part = (part[:, :, None] * beyond).reshape(times.size, -1, beyond.shape[1])
     along = moved.end - moved.begin
     place = moved.begin + part[..., None] * along
     best = np.inf
@@ -66,10 +72,15 @@ places = st.lists(
 
 
 @settings(max_examples=40, deadline=None)
-@given(places, places, st.sampled_from(["sphere", "ellipsoid"]))
-def test_the_proved_distance_is_the_true_one(begin, end, shape):
+@given(
+    places,
+    places,
+    st.sampled_from(["sphere", "ellipsoid"]),
+    st.sampled_from([0.0, 0.45]),
+)
+def test_the_proved_distance_is_the_true_one(begin, end, shape, overshoot):
     assume(begin != end)
-    moved = motion(begin, end)
+    moved = motion(begin, end, overshoot=overshoot)
     separation = Separation(1.0, shape, 2.0 if shape == "ellipsoid" else 1.0)
     found = closest_encounter(moved, separation)
     brute = sampled(moved, METRICS[shape])
@@ -118,6 +129,28 @@ def test_a_planted_encounter_between_coarse_samples_is_found():
     assert found.time == pytest.approx(sum(moved.window) / 2, abs=0.01)
 
 
+def test_drones_that_end_towards_each_other_may_both_go_too_far():
+    begin, end = [[-9, 0, 9], [9, 0, 9]], [[-1, 0, 9], [1, 0, 9]]
+    still = closest_encounter(motion(begin, end), Separation(1.0))
+    far = closest_encounter(motion(begin, end, overshoot=0.3), Separation(1.0))
+    assert still is not None
+    assert far is not None
+    assert still.distance == pytest.approx(2.0, abs=TOLERANCE + 1e-6)
+    assert far.distance == pytest.approx(1.4, abs=TOLERANCE + 1e-6)
+
+
+def test_drones_that_have_settled_are_at_their_ends():
+    # The first one has long been at its end when the second one passes beyond it.
+    moved = motion([[0, 0, 9], [-40, 1.2, 9]], [[3, 0, 9], [40, 1.2, 9]], overshoot=0.5)
+    beside = replace(moved, end=moved.end + [[0, 0.5, 0], [0, 0, 0]])
+    found = closest_encounter(moved, Separation(1.0))
+    assert found is not None
+    assert found.distance == pytest.approx(1.2, abs=TOLERANCE + 1e-6)
+    nearer = closest_encounter(beside, Separation(1.0))
+    assert nearer is not None
+    assert nearer.distance == pytest.approx(0.7, abs=TOLERANCE + 1e-3)
+
+
 def test_unknown_timing_means_the_whole_lines():
     moved = motion([[0, 0, 0], [2, -5, 3]], [[0, 0, 9], [2, 5, 3]])
     moved = Motion(
@@ -127,6 +160,7 @@ def test_unknown_timing_means_the_whole_lines():
         moved.start,
         np.full(2, -np.inf),
         np.full(2, np.inf),
+        np.zeros(2),
         (0.0, 1.0),
     )
     found = closest_encounter(moved, Separation(1.0))
