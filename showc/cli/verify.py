@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,12 @@ import click
 @click.argument(
     "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
 )
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    help="Processes to prove in.  [default: one for each core]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option(
     "--no-missions",
@@ -20,7 +27,9 @@ import click
     help="Leave the mission files and the manifest beside the log out.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
-def command(log: Path, as_json: bool, no_missions: bool, quiet: bool) -> int:
+def command(
+    log: Path, jobs: int | None, as_json: bool, no_missions: bool, quiet: bool
+) -> int:
     """Prove a compiled show again, from its bytes alone.
 
     Shares no code with the compiler: reads every byte of the log, integrates the
@@ -34,11 +43,16 @@ def command(log: Path, as_json: bool, no_missions: bool, quiet: bool) -> int:
       showc verify output.mcap
       showc verify output.mcap --json | jq .passed
     """
+    # One thread each: the processes share the cores already.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     from showc.cli.console import colour_wanted, progress
     from showc.verify import render_text, verify_log
 
     with progress(quiet=quiet or as_json) as watcher:
-        verification = verify_log(log, missions=not no_missions, progress=watcher)
+        verification = verify_log(
+            log, missions=not no_missions, jobs=jobs, progress=watcher
+        )
     if as_json:
         click.echo(json.dumps(verification.to_json(), indent=1))
     else:

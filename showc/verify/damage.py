@@ -40,3 +40,7 @@ class Damage(Exception):  # noqa: N818 - it becomes a DamagedLogError at the bor
         super().__init__(text)
         self.offset = offset
         self.text = text
+
+    def __reduce__(self) -> tuple[type[Damage], tuple[int, str]]:
+        """Make a copy from the arguments; found elsewhere, it is raised here."""
+        return Damage, (self.offset, self.text)

@@ -91,8 +91,17 @@ class LogFile:
         ]
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
 
-    def read(self, channels: set[int]) -> Iterator[tuple[bytes, Messages, int]]:
+    def read(
+        self, channels: set[int], share: int = 0, shares: int = 1
+    ) -> Iterator[tuple[bytes, Messages, int]]:
         """Go through the messages of some channels again, chunk by chunk.
+
+        Parameters
+        ----------
+        channels
+            Numbers of the channels.
+        share, shares
+            Which of so many equal shares of the chunks, in the file's order.
 
         Yields
         ------
@@ -105,10 +114,13 @@ class LogFile:
         """
         wanted = np.zeros(1 << 16, dtype=bool)
         wanted[list(channels)] = True
-        for chunk in self._chunks:
-            keep = wanted[chunk.messages.channel]
-            if not keep.any():
-                continue
+        kept = [
+            (chunk, keep)
+            for chunk in self._chunks
+            if (keep := wanted[chunk.messages.channel]).any()
+        ]
+        first, last = (len(kept) * at // shares for at in (share, share + 1))
+        for chunk, keep in kept[first:last]:
             data = inflate(self._view, chunk.head)
             release(self._view)
             m = chunk.messages

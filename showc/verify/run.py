@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from showc.verify.certificates import check_certificates
 from showc.verify.choreography import check_choreography
+from showc.verify.crew import run_all
 from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.decode import read_show
 from showc.verify.limits import TOLERANCE, Extreme, extremes
 from showc.verify.mcap import open_log
 from showc.verify.missions import check_attachments, check_missions
-from showc.verify.physics import Deviation, replay
+from showc.verify.physics import Deviation, Replay, replay
 from showc.verify.report import Check, Place, Verification
-from showc.verify.samples import GRIDS, check_samples
+from showc.verify.samples import (
+    GRIDS,
+    check_other_samples,
+    fleet_parts,
+    join_samples,
+)
 from showc.verify.schemas import check_schemas
-from showc.verify.separation import RESOLUTION, closest_encounter
+from showc.verify.separation import (
+    RESOLUTION,
+    Encounter,
+    closest_of,
+    encounter_parts,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import NDArray
 
+    from showc.log import showc_pb2 as pb
     from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow, Segment
 
@@ -56,7 +72,11 @@ class _Silent:
 
 
 def verify_log(
-    path: Path | str, *, missions: bool = True, progress: Progress | None = None
+    path: Path | str,
+    *,
+    missions: bool = True,
+    jobs: int | None = 1,
+    progress: Progress | None = None,
 ) -> Verification:
     """Prove a compiled show again, from its bytes alone.
 
@@ -66,6 +86,10 @@ def verify_log(
         The log, ``output.mcap``; beside it the folder ``output``.
     missions
         Whether to check the files in that folder too.
+    jobs
+        Processes to share the work; None: one for each core. The copies are made by
+        ``fork``: a caller with threads of its own had better leave it at 1. What is
+        found does not depend on it.
     progress
         Is told of the course of the work.
 
@@ -88,14 +112,16 @@ def verify_log(
     try:
         # What overflows is infinite or undefined, and no check passes with that.
         with np.errstate(all="ignore"):
-            return _verify(log, watch, missions=missions)
+            return _verify(log, watch, missions=missions, jobs=jobs)
     except Damage as damage:
         raise DamagedLogError(
             str(path), damage.text, damage.offset, log.good_until(damage.offset)
         ) from damage
 
 
-def _verify(log: LogFile, watch: Progress, *, missions: bool) -> Verification:
+def _verify(
+    log: LogFile, watch: Progress, *, missions: bool, jobs: int | None
+) -> Verification:
     show = read_show(log)
     metadata = _metadata(log)
     checks = [
@@ -104,18 +130,25 @@ def _verify(log: LogFile, watch: Progress, *, missions: bool) -> Verification:
         _agreement(show, metadata),
         *check_attachments(log, metadata),
     ]
-    checks += _segments(show, watch)
-    watch.stage("separation of every pair")
-    checks.append(_separation(show))
-    watch.stage("choreography")
-    checks += check_choreography(show)
-    watch.stage("samples")
-    checks += check_samples(log, show, _grids(metadata))
-    watch.stage("lower bounds on the time")
-    checks += check_certificates(show)
+    grids = _grids(metadata)
+    # In the order in which damage is reported if there is more than one.
+    work: dict[str, Sequence[Callable[[], Any]]] = {
+        "segments": [partial(_examined, one, show.rules) for one in show.segments],
+        "separation": encounter_parts(show),
+        "choreography": [partial(check_choreography, show)],
+        "samples": fleet_parts(log, show, grids),
+        "others": [partial(check_other_samples, log, show, grids)],
+        "certificates": [partial(check_certificates, show)],
+        "missions": [partial(check_missions, log, show)] if missions else [],
+    }
+    found = _done(work, jobs, watch)
+    checks += _segments(show, found["segments"])
+    checks.append(_separation(show, closest_of(found["separation"])))
+    checks += found["choreography"][0]
+    checks += join_samples(log, show, found["samples"], found["others"][0])
+    checks += found["certificates"][0]
     if missions:
-        watch.stage("missions")
-        checks += check_missions(log, show)
+        checks += found["missions"][0]
     else:
         checks.append(
             Check("missions", "mission files", "skipped", notes=("as asked",))
@@ -123,6 +156,18 @@ def _verify(log: LogFile, watch: Progress, *, missions: bool) -> Verification:
     return Verification(
         str(log.path), show.rules.name, show.drones, show.duration, tuple(checks)
     )
+
+
+def _done(
+    work: dict[str, Sequence[Callable[[], Any]]], jobs: int | None, watch: Progress
+) -> dict[str, list[Any]]:
+    """Do all parts of the work; what they found, under the same names."""
+    parts = [part for some in work.values() for part in some]
+    watch.stage(
+        "physics, limits, separation, choreography, samples, missions", len(parts)
+    )
+    results = iter(run_all(parts, jobs, watch.advance))
+    return {name: list(islice(results, len(some))) for name, some in work.items()}
 
 
 def _metadata(log: LogFile) -> dict[str, str]:
@@ -212,26 +257,30 @@ def _at(segment: Segment, deviation: Deviation | Extreme) -> Place:
     )
 
 
-def _segments(show: LoggedShow, watch: Progress) -> list[Check]:
-    """Physics and limits, segment by segment."""
-    watch.stage("physics and limits", len(show.segments))
+def _examined(segment: Segment, rules: pb.Rules) -> tuple[Replay, list[Extreme]]:
+    """Physics and limits of one segment."""
+    return replay(segment, rules.vehicle), extremes(segment, rules)
+
+
+def _segments(
+    show: LoggedShow, found: Sequence[tuple[Replay, list[Extreme]]]
+) -> list[Check]:
+    """Physics and limits: the worst of all segments."""
     position: tuple[float, Place] = (-1.0, Place())
     attitude: tuple[float, Place] = (-1.0, Place())
     error, clipped = 0.0, 0.0
     tightest: dict[str, tuple[Extreme, Segment]] = {}
-    for segment in show.segments:
-        flown = replay(segment, show.rules.vehicle)
+    for segment, (flown, tight) in zip(show.segments, found, strict=True):
         if flown.position.value > position[0]:
             position = flown.position.value, _at(segment, flown.position)
         if flown.attitude.value > attitude[0]:
             attitude = flown.attitude.value, _at(segment, flown.attitude)
         error = max(error, flown.integration_error)
         clipped = max(clipped, flown.clipped)
-        for extreme in extremes(segment, show.rules):
+        for extreme in tight:
             key = extreme.bound.quantity
             if key not in tightest or extreme.margin < tightest[key][0].margin:
                 tightest[key] = extreme, segment
-        watch.advance()
     notes = [f"flown again with an integration error of {error:.1e} m"]
     if clipped > 0.0:
         notes.append(f"controls exceed the rotors by {clipped:.1e} and were cut")
@@ -279,10 +328,9 @@ def _limit(extreme: Extreme, segment: Segment) -> Check:
     )
 
 
-def _separation(show: LoggedShow) -> Check:
+def _separation(show: LoggedShow, encounter: Encounter | None) -> Check:
     name = "separation of every pair at every instant"
     wanted = show.rules.separation.distance
-    encounter = closest_encounter(show)
     if encounter is None:
         return Check("separation", name, "skipped", notes=("there is only one drone",))
     a, b = encounter.pair
@@ -300,7 +348,7 @@ def _separation(show: LoggedShow) -> Check:
         "m",
         Place(
             pair=(a + 1, b + 1),
-            segment=", ".join(one.message.name for one in encounter.segments),
+            segment=", ".join(encounter.segments),
             time=encounter.time,
         ),
         (note,),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -31,6 +32,8 @@ from showc.verify.sample import (
 from showc.verify.wire import columns
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from showc.verify.logfile import LogFile
@@ -64,12 +67,15 @@ _QUANTITIES = {
 """Which of ``GRIDS`` each field of a sample has."""
 
 
+SHARES = 8
+"""Parts of the file whose samples can be compared side by side."""
+
 _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
 
 
 @dataclass(slots=True)
-class _Compared:
+class Compared:
     """The worst sample of one kind, as error over what is allowed."""
 
     value: float = 0.0
@@ -77,7 +83,15 @@ class _Compared:
     samples: int = 0
     bad: int = 0
 
+    def join(self, other: Compared) -> None:
+        """Add what was found in other samples of the kind."""
+        self.samples += other.samples
+        self.bad += other.bad
+        if other.value > self.value:
+            self.value, self.where = other.value, other.where
+
     def check(self, name: str, *notes: str) -> Check:
+        """Turn into a check."""
         found = (f"{self.samples:,} numbers compared", *notes)
         if self.bad:
             found += (f"{self.bad:,} of them are off",)
@@ -105,24 +119,59 @@ def check_samples(log: LogFile, show: LoggedShow, grids: FloatArray) -> list[Che
     grids
         Rounding step of each of ``GRIDS``, shape (6,) (SI units).
     """
+    fleet = [part() for part in fleet_parts(log, show, grids)]
+    return join_samples(log, show, fleet, check_other_samples(log, show, grids))
+
+
+def fleet_parts(
+    log: LogFile, show: LoggedShow, grids: FloatArray
+) -> list[Callable[[], Compared]]:
+    """Comparisons of the fleet's samples, each of a part of the file."""
+    channel = _topics(log).get(FLEET)
+    if channel is None:
+        return []
     comparison = _Comparison(log, show, grids)
-    topics = {channel.topic: number for number, channel in log.channels.items()}
-    if FLEET not in topics:
-        return [Check(GROUP, "samples", "fail", notes=(f"there is no {FLEET}",))]
-    checks = [
-        _times(log, show, topics[FLEET]),
-        comparison.fleet(topics[FLEET]),
-    ]
+    return [partial(comparison.fleet, channel, share) for share in range(SHARES)]
+
+
+def check_other_samples(
+    log: LogFile, show: LoggedShow, grids: FloatArray
+) -> list[Check]:
+    """Hold the samples of single drones and their frames against the polynomials."""
+    topics = _topics(log)
+    comparison = _Comparison(log, show, grids)
     single = {
         number: int(match[1]) - 1
         for topic, number in topics.items()
         if (match := DRONE_STATE.fullmatch(topic))
     }
-    if single:
+    checks = []
+    if single and FLEET in topics:
         checks.append(comparison.single(single, topics[FLEET]))
     if TRANSFORMS in topics:
         checks.append(comparison.transforms(topics[TRANSFORMS]))
     return checks
+
+
+def join_samples(
+    log: LogFile, show: LoggedShow, fleet: list[Compared], others: list[Check]
+) -> list[Check]:
+    """All checks of samples, from what the parts found."""
+    channel = _topics(log).get(FLEET)
+    if channel is None:
+        return [Check(GROUP, "samples", "fail", notes=(f"there is no {FLEET}",))]
+    worst = Compared()
+    for part in fleet:
+        worst.join(part)
+    return [
+        _times(log, show, channel),
+        worst.check("fleet samples equal to the polynomials"),
+        *others,
+    ]
+
+
+def _topics(log: LogFile) -> dict[str, int]:
+    return {channel.topic: number for number, channel in log.channels.items()}
 
 
 def _times(log: LogFile, show: LoggedShow, channel: int) -> Check:
@@ -155,11 +204,11 @@ class _Comparison:
         """Show time of time stamps [s]."""
         return np.asarray((times - self.show.epoch) * 1e-9)
 
-    def fleet(self, channel: int) -> Check:
-        """Check the messages of the whole fleet."""
-        worst = _Compared()
+    def fleet(self, channel: int, share: int) -> Compared:
+        """Compare the messages of the whole fleet in one share of the file."""
+        worst = Compared()
         layout: np.dtype[np.void] | None = None
-        for data, m, offset in self.log.read({channel}):
+        for data, m, offset in self.log.read({channel}, share, SHARES):
             clouds = []
             for start, size in zip(m.payload.tolist(), m.size.tolist(), strict=True):
                 cloud = parse(PointCloud, data[start : start + size], offset)
@@ -176,11 +225,11 @@ class _Comparison:
                 drones,
                 "point",
             )
-        return worst.check("fleet samples equal to the polynomials")
+        return worst
 
     def single(self, channels: dict[int, int], fleet: int) -> Check:
         """Check the messages of single drones, which must be as many as the fleet's."""
-        worst = _Compared()
+        worst = Compared()
         expected = self.log.times(fleet)
         for channel, drone in channels.items():
             times = self.log.times(channel)
@@ -218,7 +267,7 @@ class _Comparison:
 
     def transforms(self, channel: int) -> Check:
         """Check the frames of the drones."""
-        worst = _Compared()
+        worst = Compared()
         for data, m, offset in self.log.read({channel}):
             for start, size, time in zip(
                 m.payload.tolist(), m.size.tolist(), m.log_time, strict=True
@@ -244,7 +293,7 @@ class _Comparison:
 
     def _compare(
         self,
-        worst: _Compared,
+        worst: Compared,
         values: FloatArray,
         times: FloatArray,
         drones: IntArray,

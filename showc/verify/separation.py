@@ -11,7 +11,8 @@ show is enclosed, and no pair comes nearer at any instant, sampled or not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,14 +21,14 @@ from scipy.spatial import cKDTree
 
 from showc.log import showc_pb2 as pb
 from showc.verify.bernstein import halves, square_sum
-from showc.verify.tracks import Tracks, tracks
+from showc.verify.tracks import Stretch, Tracks, cut
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow, Segment
+    from showc.verify.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -53,8 +54,8 @@ class Encounter:
     """The pair that reaches it, counting from 0."""
     time: float
     """Show time at which it does [s]."""
-    segments: tuple[Segment, ...]
-    """What is under way then."""
+    segments: tuple[str, ...]
+    """Names of what is under way then."""
     pairs_halved: int
     """Pairs on slices that needed their polynomials, for the record."""
 
@@ -104,21 +105,40 @@ def closest_encounter(show: LoggedShow) -> Encounter | None:
     Encounter or None
         ``upper - lower`` is at most 1 um; None if there are fewer than two drones.
     """
+    return closest_of([part() for part in encounter_parts(show)])
+
+
+def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter]]:
+    """Return searches for the closest encounter, each over a part of the show."""
     if show.drones < 2:
+        return []
+    wanted = show.rules.separation
+    return [
+        partial(_searched, stretch, measure, wanted.distance)
+        for measure in measures(wanted)
+        for stretch in cut(show)
+    ]
+
+
+def closest_of(found: Sequence[Encounter]) -> Encounter | None:
+    """Return the closest of what the parts found, the first among equals."""
+    if not found:
         return None
-    found: Encounter | None = None
-    for measure in measures(show.rules.separation):
-        search = _Search(measure, show.rules.separation.distance)
-        for positions, segments in tracks(show):
-            search.stretch(positions, segments)
-        encounter = search.result()
-        if found is None or encounter.upper < found.upper:
-            found = encounter
-    return found
+    closest = min(found, key=lambda encounter: encounter.upper)
+    return replace(
+        closest, pairs_halved=sum(encounter.pairs_halved for encounter in found)
+    )
+
+
+def _searched(stretch: Stretch, measure: Measure, wanted: float) -> Encounter:
+    search = _Search(measure, wanted)
+    search.stretch(stretch.tracks())
+    names = tuple(segment.message.name for segment in stretch.segments)
+    return search.result(names)
 
 
 class _Search:
-    """Branch and bound over all stretches with one measure."""
+    """Branch and bound over one stretch with one measure."""
 
     def __init__(self, measure: Measure, wanted: float) -> None:
         self.measure = measure
@@ -126,21 +146,21 @@ class _Search:
         self.best = np.inf
         self.pair = (0, 1)
         self.time = 0.0
-        self.segments: tuple[Segment, ...] = ()
         self.halved = 0
 
-    def result(self) -> Encounter:
+    def result(self, segments: tuple[str, ...]) -> Encounter:
+        """Say what was found, while ``segments`` are under way."""
         return Encounter(
             max(self.best - RESOLUTION, 0.0),
             self.best,
             self.pair,
             self.time,
-            self.segments,
+            segments,
             self.halved,
         )
 
-    def stretch(self, all_axes: Tracks, segments: tuple[Segment, ...]) -> None:
-        """Search one stretch of the show."""
+    def stretch(self, all_axes: Tracks) -> None:
+        """Search the stretch."""
         axes = list(self.measure.axes)
         scaled = all_axes.position[:, :, axes] * np.array(self.measure.scale)
         positions = Tracks(
@@ -151,7 +171,6 @@ class _Search:
             all_axes.ends,
             np.ascontiguousarray(scaled),
         )
-        before = self.best
         self._instant(positions)
         batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         size = 0
@@ -167,8 +186,6 @@ class _Search:
                 batch, size = [], 0
         if batch:
             self._decide(positions, batch)
-        if self.best < before:
-            self.segments = segments
 
     def _take(
         self, distance: FloatArray, first: IntArray, second: IntArray, time: FloatArray

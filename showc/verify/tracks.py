@@ -11,8 +11,6 @@ import numpy as np
 from showc.verify.bernstein import elevate, part
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from showc.verify.show import LoggedShow, Segment
@@ -98,24 +96,41 @@ def stretches(show: LoggedShow) -> Stretches:
     return Stretches(edges, flying)
 
 
-def tracks(show: LoggedShow) -> Iterator[tuple[Tracks, tuple[Segment, ...]]]:
-    """Go through the show from stretch to stretch.
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A stretch of the show, and where everybody waits who does not fly in it."""
+
+    show: LoggedShow
+    begin: float
+    """Show time [s]."""
+    end: float
+    """Show time [s]."""
+    segments: tuple[Segment, ...]
+    """What is under way."""
+    places: FloatArray
+    """Of those that fly in none of the segments, shape (drones, 3) [m]."""
+
+    def tracks(self) -> Tracks:
+        """Positions of all drones."""
+        return _stretch(self.show, self.places, self.begin, self.end, self.segments)
+
+
+def cut(show: LoggedShow) -> list[Stretch]:
+    """Cut the show into stretches, in the order of time.
 
     A drone that takes part in no segment of a stretch stands where its last segment
     ended, or, before its first, where that will start: on its pad.
-
-    Yields
-    ------
-    Tracks, tuple of Segment
-        Positions of all drones, and the segments under way.
     """
     place = _first_places(show)
     edges, flying = stretches(show)
+    found = []
     for low, high, segments in zip(edges[:-1], edges[1:], flying, strict=True):
-        yield _stretch(show, place, float(low), float(high), segments), segments
+        found.append(Stretch(show, float(low), float(high), segments, place))
+        place = place.copy()
         for segment in segments:
             if segment.end <= high + 1e-8:
                 place[segment.drones] = segment.ends()[1][:, :3]
+    return found
 
 
 def _first_places(show: LoggedShow) -> FloatArray:
