@@ -4,15 +4,17 @@ Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of yo
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
 """
 
-from showc.ocp.adaptive import solve
+from showc.ocp.coupling import Imposed
 from showc.ocp.graded import GradedOptions, solve_graded
 from showc.ocp.guess import Guess
 from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord, Step
+from showc.ocp.lazily import solve
 from showc.ocp.limits import Overrides
 from showc.ocp.margins import Margin, margins
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.options import Options
-from showc.ocp.problem import HalfSpaces, Phase, Problem
+from showc.ocp.problem import Phase, Problem
+from showc.ocp.quantity import HalfSpaces
 from showc.ocp.solution import (
     ErrorEstimate,
     Multipliers,
@@ -29,6 +31,7 @@ __all__ = [
     "GradedOptions",
     "Guess",
     "HalfSpaces",
+    "Imposed",
     "IntervalRecord",
     "Margin",
     "Mesh",

@@ -84,6 +84,7 @@ class _Refinement:
             scheme=self.options.scheme,
             scales=self.scales,
             options=solver or self.options.solver,
+            couplings=self.options.couplings,
         )
         solution = transcription.solve(
             parameters=self.parameters,

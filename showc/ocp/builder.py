@@ -15,8 +15,11 @@ from showc.ocp.nlp import Block, Kernel, assemble
 from showc.ocp.triplets import Triplets
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    from showc.ocp.coupling import Imposed
     from showc.ocp.mesh import Mesh
     from showc.ocp.nlp import Program
     from showc.ocp.nodes import Scheme
@@ -31,8 +34,8 @@ class Rows:
     """A group of constraint rows and what they mean, for messages and bounds."""
 
     kind: str
-    """``dynamics``, ``path``, ``boundary``, ``link``, ``duration``, ``integral``
-    or ``half-space``."""
+    """``dynamics``, ``path``, ``boundary``, ``link``, ``duration``, ``integral``,
+    ``half-space`` or ``coupling``."""
     name: str
     phase: int
     rows: IntArray
@@ -68,6 +71,8 @@ class Discretisation:
     parameter_names: tuple[str, ...]
     half_space_offsets: dict[str, tuple[int, int, int]]
     """For each group of half-spaces: first parameter, rows, states."""
+    coupling_margins: dict[tuple[int, str], float]
+    """By phase and name: by how much an imposed coupling is tightened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,9 +91,15 @@ class Builder:
     """Collects rows and blocks while the phases are walked through."""
 
     def __init__(
-        self, problem: Problem, mesh: Mesh, scheme: Scheme, scales: Scales
+        self,
+        problem: Problem,
+        mesh: Mesh,
+        scheme: Scheme,
+        scales: Scales,
+        couplings: Sequence[Imposed] = (),
     ) -> None:
         self.problem, self.mesh, self.scheme = problem, mesh, scheme
+        self.couplings = couplings
         self.scales = scales
         self.direct = self._integrals_are_direct()
         self.layout = lay_out(problem, mesh, integral_unknowns=not self.direct)
@@ -234,4 +245,5 @@ class Builder:
             row_scale,
             tuple(self.problem.parameters),
             self.half_space_offsets,
+            {(entry.phase, entry.name): entry.margin for entry in self.couplings},
         )

@@ -21,15 +21,22 @@ from showc.ocp.end_rows import add_boundary
 from showc.ocp.phase_rows import add_phase
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from showc.ocp.coupling import Imposed
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.problem import Problem
 
 
 def discretise(
-    problem: Problem, mesh: Mesh, scheme: Scheme, scales: Scales
+    problem: Problem,
+    mesh: Mesh,
+    scheme: Scheme,
+    scales: Scales,
+    couplings: Sequence[Imposed] = (),
 ) -> Discretisation:
-    """Write ``problem`` on ``mesh`` as a program.
+    """Write ``problem`` on ``mesh`` as a program, with the ``couplings`` imposed.
 
     Raises
     ------
@@ -42,7 +49,7 @@ def discretise(
             f"mesh for {len(mesh.phases)} phases, problem {problem.name!r} has "
             f"{len(problem.phases)}"
         )
-    builder = Builder(problem, mesh, scheme, scales)
+    builder = Builder(problem, mesh, scheme, scales, couplings)
     for index in range(len(problem.phases)):
         add_phase(builder, index)
     add_boundary(builder)

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from showc.ocp.builder import Discretisation
     from showc.ocp.layout import PhaseLayout
     from showc.ocp.mesh import Mesh
-    from showc.ocp.problem import Phase, Problem, Quantity
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.quantity import Quantity
 
     FloatArray = NDArray[np.float64]
 
@@ -88,6 +89,9 @@ class Statement:
             for constraint in phase.path_constraints:
                 key = ("path", phase.name, constraint.name)
                 put(key, constraint.lower, constraint.upper)
+            for coupling in phase.couplings:
+                key = ("coupling", phase.name, coupling.name)
+                put(key, coupling.lower, coupling.upper)
         self._function = casadi.Function(
             "bounds",
             [casadi.vertcat(casadi.SX(0, 1), *symbols)],
@@ -348,7 +352,11 @@ def _row_bounds(
             lower[group.rows] = bounds[0] + margin
             upper[group.rows] = bounds[1] - margin
             continue
-        if group.kind == "boundary":
+        if group.kind == "coupling":
+            bounds = table["coupling", phase, group.name]
+            tighter = discretisation.coupling_margins[group.phase, group.name]
+            bounds = bounds[0] + tighter, bounds[1] - tighter
+        elif group.kind == "boundary":
             bounds = table["boundary", group.name]
         elif group.kind == "duration":
             given = overrides.durations.get(phase)

@@ -10,6 +10,7 @@ from showc.ocp.solver import SolverOptions
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from showc.ocp.coupling import Imposed
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
@@ -51,6 +52,9 @@ class Options:
     """Whether switch times may become unknowns."""
     scales: Mapping[str, float] = field(default_factory=dict)
     """Typical magnitudes by name, where bounds do not tell them."""
+    couplings: tuple[Imposed, ...] = ()
+    """Couplings that are imposed from the start; :func:`showc.ocp.solve` adds what
+    its audits find violated."""
     solver: SolverOptions = field(default_factory=SolverOptions)
     """How each nonlinear program is solved."""
     progress: Callable[[MeshRecord], None] | None = None

@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.ocp.builder import Builder
+    from showc.ocp.coupling import Imposed
     from showc.ocp.layout import PhaseLayout
     from showc.ocp.mesh import PhaseMesh
-    from showc.ocp.problem import HalfSpaces, Phase
+    from showc.ocp.problem import Phase
+    from showc.ocp.quantity import HalfSpaces
 
     FloatArray = NDArray[np.float64]
 
@@ -54,6 +56,9 @@ def add_phase(builder: Builder, index: int) -> None:
         _add_path(builder, part)
     for half_space in phase.half_spaces:
         _add_half_space(builder, part, half_space)
+    for imposed in builder.couplings:
+        if imposed.phase == index:
+            _add_coupling(builder, part, imposed)
     if mesh.arc_count > 1:
         scale = builder.scales.durations[index]
         row = builder.new_rows("duration", "duration", index, scale=scale)
@@ -173,6 +178,25 @@ def _add_path(builder: Builder, part: _Part) -> None:
             "path", constraint.name, part.index, interval, fraction, scale=scale
         )
         rows.add(row, np.arange(fraction.size) * y.numel() + c, 1.0 / scale)
+    inputs = _node_inputs(builder, part, points, used)
+    builder.add_block(kernel, fraction.size, inputs=inputs, rows=rows)
+
+
+def _add_coupling(builder: Builder, part: _Part, imposed: Imposed) -> None:
+    """One coupling where it is imposed."""
+    coupling = next(c for c in part.phase.couplings if c.name == imposed.name)
+    points = imposed.points(part.mesh, builder.scheme)
+    fraction = np.concatenate(points)
+    interval = np.repeat(np.arange(part.mesh.intervals), [p.size for p in points])
+    z = _node_symbols(builder, part.phase, casadi.SX.sym("h"))
+    name = f"coupling{part.index}_{part.phase.couplings.index(coupling)}"
+    kernel, used = builder.kernel(name, z, coupling.symbol)
+    scale = builder.row_scale(coupling)
+    row = builder.new_rows(
+        "coupling", imposed.name, part.index, interval, fraction, scale=scale
+    )
+    rows = Triplets()
+    rows.add(row, np.arange(fraction.size), 1.0 / scale)
     inputs = _node_inputs(builder, part, points, used)
     builder.add_block(kernel, fraction.size, inputs=inputs, rows=rows)
 

@@ -7,83 +7,19 @@ and CasADi's functions (``casadi.sin``, ...). Units are the user's own.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi
 
-Expression = Any
-"""A CasADi ``SX`` scalar or a number."""
-
-Bound = Any
-"""A number, or an expression in parameters; ``None`` means no bound."""
-
-INFINITY = float("inf")
-
-
-def _interval(value: object) -> tuple[Bound, Bound]:
-    """Read ``value`` as (lower, upper): a pair, one fixed value, or nothing."""
-    if value is None:
-        return -INFINITY, INFINITY
-    if isinstance(value, tuple):
-        lower, upper = value
-        return (
-            -INFINITY if lower is None else lower,
-            INFINITY if upper is None else upper,
-        )
-    return value, value
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A named scalar with bounds: a state, a control, a static or a constraint."""
-
-    name: str
-    symbol: Expression
-    lower: Bound
-    upper: Bound
-    scale: float | None = None
-    """Typical magnitude; ``None``: taken from the bounds and the guess."""
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """A state: a quantity with values at the ends of its phase."""
-
-    quantity: Quantity
-    start: tuple[Bound, Bound]
-    end: tuple[Bound, Bound]
-    initial: Expression
-    """Symbol of the value at the start of the phase."""
-    final: Expression
-    """Symbol of the value at the end of the phase."""
-
-
-@dataclass(frozen=True, slots=True)
-class Control:
-    """A control: a quantity with a degree on each mesh interval."""
-
-    quantity: Quantity
-    degree: int | None
-    """Degree of the polynomial on each interval; ``None``: chosen by the solver."""
-    continuous: bool
-    """Whether neighbouring intervals share the value at their border."""
-    initial: Expression
-    final: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class HalfSpaces:
-    """Linear constraints on the Bernstein coefficients of named states.
-
-    On each mesh interval, for each of ``rows`` rows and every Bernstein coefficient
-    c_j of the vector of ``states``: lower <= normal . c_j <= upper. By the hull
-    property the polynomial itself then keeps the constraint at every instant of
-    the interval. Normals and bounds are given per solve.
-    """
-
-    name: str
-    states: tuple[str, ...]
-    rows: int
+from showc.ocp.coupling import GREATEST_DEGREE, polynomial_degree
+from showc.ocp.quantity import (
+    Bound,
+    Control,
+    Expression,
+    HalfSpaces,
+    Quantity,
+    State,
+    interval,
+)
 
 
 class Phase:
@@ -105,6 +41,7 @@ class Phase:
         self.path_constraints: list[Quantity] = []
         self.integrals: list[tuple[Expression, Expression]] = []
         self.half_spaces: list[HalfSpaces] = []
+        self.couplings: list[Quantity] = []
 
     @property
     def final_time(self) -> Expression:
@@ -141,12 +78,12 @@ class Phase:
             The symbol to write expressions with.
         """
         self._check_new(name)
-        low, high = _interval((lower, upper))
+        low, high = interval((lower, upper))
         symbol = casadi.SX.sym(name)
         self.states[name] = State(
             Quantity(name, symbol, low, high, scale),
-            _interval(start),
-            _interval(end),
+            interval(start),
+            interval(end),
             casadi.SX.sym(f"{name}(start)"),
             casadi.SX.sym(f"{name}(end)"),
         )
@@ -169,7 +106,7 @@ class Phase:
         state's degree on a plain transcription).
         """
         self._check_new(name)
-        low, high = _interval((lower, upper))
+        low, high = interval((lower, upper))
         symbol = casadi.SX.sym(name)
         self.controls[name] = Control(
             Quantity(name, symbol, low, high, scale),
@@ -194,7 +131,7 @@ class Phase:
         scale: float | None = None,
     ) -> None:
         """Bound ``expression`` of states, controls, time and statics at all times."""
-        low, high = _interval((lower, upper))
+        low, high = interval((lower, upper))
         title = name or f"path constraint {len(self.path_constraints) + 1}"
         if any(other.name == title for other in self.path_constraints):
             raise ValueError(
@@ -203,6 +140,51 @@ class Phase:
         self.path_constraints.append(
             Quantity(title, casadi.SX(expression), low, high, scale)
         )
+
+    def couple(
+        self,
+        expression: Expression,
+        lower: Bound = None,
+        upper: Bound = None,
+        *,
+        name: str | None = None,
+        scale: float | None = None,
+    ) -> None:
+        """State a candidate constraint between subsystems, imposed where it is needed.
+
+        :func:`showc.ocp.solve` leaves it out until an audit in continuous time finds
+        it violated, and then imposes it where it is; see :mod:`showc.ocp.lazily`.
+
+        Parameters
+        ----------
+        expression
+            Polynomial in the states, of degree 4 at most; parameters may enter it
+            in any way. A squared distance, for instance.
+        lower, upper
+            Bounds that hold at every instant of the answer.
+        scale
+            Typical magnitude; by default from the bounds.
+
+        Raises
+        ------
+        ValueError
+            If the expression is no such polynomial, or the name is taken.
+        """
+        low, high = interval((lower, upper))
+        title = name or f"coupling {len(self.couplings) + 1}"
+        if any(other.name == title for other in self.couplings):
+            raise ValueError(f"phase {self.name!r} has two couplings named {title!r}")
+        states = casadi.vertcat(*[s.quantity.symbol for s in self.states.values()])
+        others = [c.quantity.symbol for c in self.controls.values()]
+        others += [self.time, self.initial_time, self.duration]
+        depends = casadi.depends_on(casadi.SX(expression), casadi.vertcat(*others))
+        if depends or polynomial_degree(expression, states) is None:
+            raise ValueError(
+                f"coupling {title!r} of phase {self.name!r} is no polynomial of degree "
+                f"{GREATEST_DEGREE} at most in the states; state it as one (a squared "
+                "distance, say), or use constrain"
+            )
+        self.couplings.append(Quantity(title, casadi.SX(expression), low, high, scale))
 
     def integral(self, expression: Expression) -> Expression:
         """Symbol of the integral of ``expression`` over the phase."""
@@ -288,7 +270,7 @@ class Problem:
         scale: float | None = None,
     ) -> Expression:
         """Add an unknown that does not change with time."""
-        low, high = _interval((lower, upper))
+        low, high = interval((lower, upper))
         symbol = casadi.SX.sym(name)
         self.statics.append(Quantity(name, symbol, low, high, scale))
         return symbol
@@ -315,10 +297,10 @@ class Problem:
         """
         if any(phase.name == name for phase in self.phases):
             raise ValueError(f"problem {self.name!r} has two phases named {name!r}")
-        low, high = _interval(duration)
+        low, high = interval(duration)
         if isinstance(low, (int, float)) and low < 0.0:
             low = 0.0
-        phase = Phase(name, _interval(start), (low, high))
+        phase = Phase(name, interval(start), (low, high))
         self.phases.append(phase)
         return phase
 
@@ -332,7 +314,7 @@ class Problem:
         scale: float | None = None,
     ) -> None:
         """Bound an expression of end values, times, integrals and statics."""
-        low, high = _interval((lower, upper))
+        low, high = interval((lower, upper))
         title = name or f"boundary constraint {len(self.boundary_constraints) + 1}"
         self.boundary_constraints.append(
             Quantity(title, casadi.SX(expression), low, high, scale)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.ocp.problem import HalfSpaces, Phase, Problem, Quantity
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.quantity import HalfSpaces, Quantity
 
     FloatArray = NDArray[np.float64]
 

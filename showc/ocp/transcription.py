@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.ocp.coupling import Imposed
     from showc.ocp.guess import Guess
     from showc.ocp.limits import Box
     from showc.ocp.mesh import Mesh
@@ -49,6 +50,8 @@ class Transcription:
         where bounds and end values do not tell them.
     options
         How the nonlinear program is solved.
+    couplings
+        Couplings of the problem that are imposed, and where; by default none.
 
     Raises
     ------
@@ -66,12 +69,13 @@ class Transcription:
         scheme: Scheme = "gauss",
         scales: Mapping[str, float] | None = None,
         options: SolverOptions | None = None,
+        couplings: Sequence[Imposed] = (),
     ) -> None:
         self.problem, self.mesh, self.scheme = problem, mesh, scheme
         self.options = options or SolverOptions()
         self._statement = Statement(problem)
         self.scales = self._statement.scales(scales or {})
-        self.discretisation = discretise(problem, mesh, scheme, self.scales)
+        self.discretisation = discretise(problem, mesh, scheme, self.scales, couplings)
         self._solvers: dict[bool, Any] = {}
 
     def solve(
