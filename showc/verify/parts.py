@@ -16,18 +16,90 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-ROWS = 200
-"""Drones whose pairs are looked at together."""
+ROWS = 128
+"""Drones whose distances from all others are looked at together."""
 
 
 def moving_pairs(moving: NDArray[np.bool_]) -> Iterator[tuple[IntArray, IntArray]]:
     """All pairs with at least one that moves, block by block."""
-    count = moving.size
-    for top in range(0, count, ROWS):
-        rows = np.arange(top, min(top + ROWS, count))
-        a, b = (side.ravel() for side in np.meshgrid(rows, np.arange(count)))
+    for top in range(0, moving.size, ROWS):
+        rows = np.arange(top, min(top + ROWS, moving.size))
+        a, b = (side.ravel() for side in np.meshgrid(rows, np.arange(moving.size)))
         wanted = (a < b) & (moving[a] | moving[b])
         yield a[wanted], b[wanted]
+
+
+def nearest_places(
+    places: FloatArray, rules: pb.Separation, moving: NDArray[np.bool_]
+) -> tuple[int, int, float] | None:
+    """Return the nearest two of ``places`` (n, 3), one of them a mover's at least.
+
+    Returns
+    -------
+    tuple or None
+        Both rows, the lower first, and their distance; None if there is no such pair.
+    """
+    best: tuple[int, int, float] | None = None
+    for top, gap in _gaps(places, places, rules, moving):
+        row, column = np.unravel_index(int(gap.argmin()), gap.shape)
+        value = float(gap[row, column])
+        if value < (np.inf if best is None else best[2]):
+            best = top + int(row), top + int(column), value
+    return best
+
+
+def near_pairs(
+    one: FloatArray,
+    other: FloatArray,
+    rules: pb.Separation,
+    limit: float,
+    moving: NDArray[np.bool_],
+) -> Iterator[tuple[IntArray, IntArray]]:
+    """Pairs with a mover whose parts may come within ``limit``, block by block.
+
+    A part is the straight line from ``one`` to ``other``, both (n, 3) [m]; pairs left
+    out have boxes about them that are further apart than ``limit``.
+    """
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    for top, gap in _gaps(low, high, rules, moving):
+        first, second = np.nonzero(gap <= limit)
+        yield first + top, second + top
+
+
+def _gaps(
+    low: FloatArray, high: FloatArray, rules: pb.Separation, moving: NDArray[np.bool_]
+) -> Iterator[tuple[int, FloatArray]]:
+    """Distances between boxes, block by block.
+
+    Yields
+    ------
+    int
+        First row and first column of the block.
+    ndarray
+        Shape (rows, columns) [m]; infinite where the column is not behind the row, or
+        neither moves.
+    """
+    scale = metric_scale(rules)
+    low = np.ascontiguousarray((low * scale).T)
+    high = np.ascontiguousarray((high * scale).T)
+    per_axis = rules.shape in {rules.ANY_AXIS, rules.ALL_AXES}
+    join = np.minimum if rules.shape == rules.ALL_AXES else np.maximum
+    for top in range(0, moving.size, ROWS):
+        rows, columns = slice(top, top + ROWS), slice(top, None)
+        axes = []
+        for axis in range(3):
+            gap = low[axis, rows, None] - high[axis, None, columns]
+            np.maximum(gap, low[axis, None, columns] - high[axis, rows, None], out=gap)
+            np.maximum(gap, 0.0, out=gap)
+            axes.append(gap if per_axis else np.square(gap, out=gap))
+        if per_axis:
+            found = join(join(axes[0], axes[1]), axes[2])
+        else:
+            found = np.sqrt(axes[0] + axes[1] + axes[2])
+        idle = ~(moving[rows, None] | moving[None, columns])
+        index = np.arange(found.shape[1])
+        found[idle | (index <= index[: found.shape[0], None])] = np.inf
+        yield top, found
 
 
 def metric_scale(rules: pb.Separation) -> FloatArray:
