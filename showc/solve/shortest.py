@@ -37,6 +37,10 @@ FINE_INTERVALS = 40
 TRUSTED = 1.1
 """A flight that keeps all limits but is not proved shortest is built upon if it takes
 no longer than this times the guess it started from."""
+PROMISING = 0.95
+"""The same where borders move from the first, over the time of the mesh it started
+from."""
+BOTH: tuple[StagedSolver, ...] = ("fatrop", "ipopt")
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
 
@@ -103,16 +107,25 @@ def minimum_time(
 def _shortest(
     programs: Programs, widths: FloatArray, guess: StagedGuess, tolerance: float
 ) -> StagedSolution:
-    """Least time on so many intervals: first in fixed proportions, then movable.
+    """Least time on so many intervals, their borders movable from the start.
 
     The borders move in several passes, each within a range about where it starts,
-    until that gains little: one pass with a wide range often ends nowhere.
+    until that gains little: one pass with a wide range often ends nowhere. Where the
+    first pass fails, as it mostly does with yaw free, intervals in fixed proportions
+    come first: a program of its own, so it is only built if needed.
     """
-    solution = _solved(programs, "free", widths, guess)
+    moving = False
+    if programs.aircraft.yaw == "held":
+        solution = _solved(programs, "movable", widths, guess, ("fatrop",))
+        moving = solution.result.usable and _near(solution, widths, PROMISING)
+    if not moving:
+        solution = _solved(programs, "free", widths, guess, BOTH)
     if not solution.result.usable:
         return solution
+    # Once borders have moved, a pass that fails has little left to gain.
+    solvers: tuple[StagedSolver, ...] = ("fatrop",) if moving else BOTH
     for _ in range(PASSES):
-        moved = _solved(programs, "movable", solution.widths, solution.guess)
+        moved = _solved(programs, "movable", solution.widths, solution.guess, solvers)
         gain = 1.0 - moved.duration / solution.duration
         if not moved.result.usable or gain <= 0.0:
             break
@@ -123,17 +136,24 @@ def _shortest(
 
 
 def _solved(
-    programs: Programs, time: TimeKind, widths: FloatArray, guess: StagedGuess
+    programs: Programs,
+    time: TimeKind,
+    widths: FloatArray,
+    guess: StagedGuess,
+    solvers: tuple[StagedSolver, ...],
 ) -> StagedSolution:
-    """Solve with fatrop, and again with IPOPT where that does not converge."""
+    """Solve with one solver after the other until one converges."""
     from showc.ocp.solution import Result as Ending  # noqa: PLC0415 - as above
 
-    solvers: tuple[StagedSolver, ...] = ("fatrop", "ipopt")
     for solver in solvers:
         program = programs.program(widths.size, time, solver=solver)
         solution = programs.solve(program, widths, guess, {"effort": EFFORT})
         trusted = TRUSTED if time == "free" else 1.0
-        near = solution.duration < trusted * float(widths.sum())
+        near = _near(solution, widths, trusted)
         if solution.result is Ending.SOLVED or (solution.result.usable and near):
             break
     return solution
+
+
+def _near(solution: StagedSolution, widths: FloatArray, trusted: float) -> bool:
+    return solution.duration < trusted * float(widths.sum())
