@@ -92,7 +92,7 @@ class Encoder:
             writers[drone].takeoff(
                 home,
                 int(takeoff.stored.height[row]),
-                float(takeoff.profile.duration[row] + takeoff.delay[row]),
+                float(takeoff.followed[row]),
             )
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
@@ -102,7 +102,7 @@ class Encoder:
             writer = writers[drone]
             writer.speeds(staging, row)
             writer.waypoint(staging.stored, row)
-            writer.clock += float(staging.profile.duration[row] + staging.delay[row])
+            writer.clock += float(staging.followed[row])
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
@@ -199,7 +199,7 @@ class _Writer:
         if moment == "end":
             self.items.extend(lights)
         # A leg is over, for the autopilot, when the drone has followed it.
-        self.clock = release + float(stage.profile.duration[row] + stage.delay[row])
+        self.clock = release + float(stage.followed[row])
 
     def waypoint(self, stored: GlobalPoints, row: int) -> None:
         """One straight leg."""

@@ -94,19 +94,20 @@ def stage_motion(
     begin[stage.drones], end[stage.drones] = stage.begin, stage.end
     rank = np.full(count, len(stage.profile), dtype=np.int64)
     rank[stage.drones] = np.arange(stage.drones.size)
-    delay = stage.delay
-    overshoot = stage.overshoot if timing.overshoots else np.zeros(delay.size)
+    # At no time in particular, there is no last instant.
+    last = stage.finish(timing.spread) if np.isfinite(timing.spread) else np.inf
+    beyond = stage.overshoot if timing.overshoots else np.zeros(stage.drones.size)
     return Motion(
         begin,
         end,
         with_rest(stage.profile).select(rank),
         start + np.append(stage.wait, 0.0)[rank],
-        np.append(delay, 0.0)[rank] - timing.spread,
-        np.append(delay, 0.0)[rank] + timing.spread,
-        np.append(overshoot, 0.0)[rank],
+        np.append(stage.level, 0.0)[rank],
+        np.full(count, timing.spread),
+        np.append(beyond, 0.0)[rank],
         (
             start - timing.spread,
-            start + stage.finish + timing.spread,
+            start + last,
         ),
     )
 

@@ -3,11 +3,16 @@
 While a drone gains speed it lags, and the autopilot holds back the time of its own leg
 until the drone catches up; against drag the lag grows on, and what the controller has
 summed up against it carries the drone beyond the end. Upright legs need no tilt and
-have no such drag: they are followed sooner. The two formulas are fitted to a model of
-that cascade (position, velocity with integral, tilt, the slowed time of the leg) which
-gives the delays, errors and overshoots that were measured in simulation with the
-default quadrotor, on legs of 4 to 40 m up to 5 m/s: 0.15 to 0.45 s, 0.45 m beyond the
-end of 30 m.
+have little drag: they are followed sooner. So, t after the release, a drone is where
+the law has its leg at the time t - delay(t), with
+
+    delay(t) = 0.16 s + level² (0.28 s - 0.44 s exp(-t / 1.33 s)),
+
+level being the horizontal part of the direction. The delays are fitted to a model of
+that cascade (position, velocity with integral, tilt, the slowed time of the leg), which
+gives what was measured in simulation with the default quadrotor, on legs of 4 to 40 m
+up to 5 m/s: 0.15 to 0.45 s late, 0.45 m beyond the end of 30 m. Against that model
+places are within 0.4 m, arrivals within 0.2 s, up to 5 m/s, where clocks are right.
 """
 
 from __future__ import annotations
@@ -21,17 +26,20 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-UPRIGHT_DELAY = 0.15
+UPRIGHT_DELAY = 0.16
 """Delay of a leg straight up or down [s]."""
 
-LEVEL_DELAY = 0.29
-"""What a long level leg adds to it [s]."""
+LEVEL_DELAY = 0.28
+"""What a level one adds to it in the end [s]."""
 
-SHORT_LEG = 0.47
-"""How much less a short one adds [s], in the limit of no length."""
+EARLY = 0.44
+"""How much less it adds at the release [s]."""
 
-DECAY = 2.0
-"""Time of a leg in which that is lost by the factor e [s]."""
+GROWTH = 1.33
+"""Time in which that is lost by the factor e [s]."""
+
+SLOWEST = 1.0 - EARLY / GROWTH
+"""The delay grows, and so the law's time runs at this rate at least."""
 
 OVERSHOOT_LEVEL, OVERSHOOT_UPRIGHT = 0.090, 0.045
 """Overshoot over cruise speed of legs that are level, or upright [s]."""
@@ -40,18 +48,31 @@ SETTLING = 1.5
 """For how long after its leg a drone may be beyond its end [s]."""
 
 
-def leg_delay(level: FloatArray, duration: FloatArray) -> FloatArray:
-    """Delay (n,) [s] with which the drone is where the law has its leg.
+def law_time(level: FloatArray, since: FloatArray) -> FloatArray:
+    """Time of the law's leg at which a drone is now.
 
     Parameters
     ----------
     level
         Horizontal part of the legs' directions, 0 to 1, shape (n,).
-    duration
-        Times of the legs by the law, shape (n,) [s].
+    since
+        Time since the release, shape (..., n) [s]. The result grows with it.
     """
-    added = LEVEL_DELAY - SHORT_LEG * np.exp(-duration / DECAY)
-    return np.asarray(UPRIGHT_DELAY + level**2 * added)
+    missing = EARLY * np.exp(-np.maximum(since, 0.0) / GROWTH)
+    return np.asarray(since - UPRIGHT_DELAY - level**2 * (LEVEL_DELAY - missing))
+
+
+def time_followed(level: FloatArray, duration: FloatArray) -> FloatArray:
+    """Time since the release at which a drone is where the law is at ``duration``.
+
+    The inverse of :func:`law_time`, by Newton's method; both of shape (n,) [s].
+    """
+    since = duration + UPRIGHT_DELAY
+    for _ in range(6):
+        grown = np.exp(-np.maximum(since, 0.0) / GROWTH)
+        slope = 1.0 - level**2 * np.where(since > 0.0, EARLY / GROWTH * grown, 0.0)
+        since = since - (law_time(level, since) - duration) / slope
+    return np.asarray(since)
 
 
 def leg_overshoot(level: FloatArray, speed: FloatArray) -> FloatArray:

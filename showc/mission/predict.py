@@ -67,9 +67,7 @@ class PredictedFlight:
         place = np.broadcast_to(line.pads, (t.shape[0], *line.pads.shape)).copy()
         _advance(place, line.takeoff, t - SPIN_UP)
         follow = np.zeros(line.pads.shape[0])
-        follow[line.takeoff.drones] = (
-            SPIN_UP + line.takeoff.profile.duration + line.takeoff.delay
-        )
+        follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
         _advance(place, line.staging, t - follow[line.staging.drones])
         for scheduled in line.legs:
             for release, stage in scheduled.flown:
@@ -86,7 +84,7 @@ class PredictedFlight:
 
 def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
     """Move the stage's drones in ``place`` (n, drones, 3) along, ``elapsed`` (n, m)."""
-    part = stage.profile.fraction(elapsed - stage.wait - stage.delay)[..., None]
+    part = stage.covered(elapsed)[..., None]
     place[:, stage.drones] += part * (stage.end - stage.begin)
 
 
@@ -133,7 +131,11 @@ def prediction_summary(
 
 def _typical_delay(timeline: Timeline) -> float:
     """Median of what timed legs are late by, half the clocks' lag included [s]."""
-    delays = [stage.delay for leg in timeline.legs for stage in leg.encoding.stages]
+    delays = [
+        stage.followed - stage.profile.duration
+        for leg in timeline.legs
+        for stage in leg.encoding.stages
+    ]
     every = np.concatenate(delays) if delays else np.zeros(1)
     return float(np.median(every)) + 0.5 * CLOCK_LAG
 
@@ -185,10 +187,11 @@ def _leg_entry(
 
 
 def _delays(scheduled: ScheduledLeg) -> FloatArray:
-    """Delay (n,) [s] of each drone's last straight leg, 0 for one that rests."""
+    """Delay (n,) [s] at the end of each drone's leg, 0 for one that rests."""
     found = np.zeros(scheduled.leg.drones.size)
     for _, stage in scheduled.flown:
-        found[np.searchsorted(scheduled.leg.drones, stage.drones)] = stage.delay
+        late = stage.followed - stage.profile.duration
+        found[np.searchsorted(scheduled.leg.drones, stage.drones)] = late
     return found
 
 
@@ -203,13 +206,13 @@ def arrival_times(scheduled: ScheduledLeg) -> FloatArray:
     for release, stage in scheduled.flown:
         length = np.linalg.norm(stage.end - stage.begin, axis=1)
         wanted = 1.0 - np.minimum(ARRIVED / length, 1.0)
-        low, high = np.zeros(length.size), stage.profile.duration.copy()
+        low, high = stage.wait.copy(), stage.wait + stage.followed
         for _ in range(40):
             middle = 0.5 * (low + high)
-            short = stage.profile.fraction(middle) < wanted
+            short = stage.covered(middle) < wanted
             low, high = np.where(short, middle, low), np.where(short, high, middle)
         place = np.searchsorted(drones, stage.drones)
-        found[place] = release + stage.wait + stage.delay + 0.5 * CLOCK_LAG + high
+        found[place] = release + 0.5 * CLOCK_LAG + high
     return found
 
 
@@ -224,7 +227,7 @@ def _difference(
     drones = scheduled.leg.drones
     late = 0.5 * CLOCK_LAG
     last = scheduled.releases[-1] - scheduled.releases[0]
-    span = max(last + scheduled.encoding.stages[-1].finish + late, solved.duration)
+    span = max(last + scheduled.encoding.stages[-1].finish() + late, solved.duration)
     times = np.linspace(0.0, span, SAMPLES)
     wanted = np.stack(
         [part.state.select([0, 1, 2])(times) for part in solved.trajectories], axis=1

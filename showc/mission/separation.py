@@ -1,9 +1,10 @@
 """Separation of predicted flights, over all times and all delays.
 
-A drone's delay is only known to lie in an interval. Progress along a leg is monotone
-in time minus delay, so over the times [a, b] and the delays [l, h] the drone is
-exactly on the part of its straight leg between its nominal places at a - h and b - l;
-the latter goes on beyond the end by the overshoot, until the drone has settled.
+A drone's delay is only known to within a spread s. Progress along a leg is monotone in
+the law's time, and that in the time t, so over the times [a, b] the drone is exactly on
+the part of its straight leg between the law's places at law_time(a) - s and
+law_time(b) + s; the latter goes on beyond the end by the overshoot, until the drone has
+settled.
 The distance of two such parts bounds the distance of the pair from below, and at a
 single time it is the least distance that any two delays give. From there it changes no
 faster than the pair's greatest relative speed. Branch and bound over time makes both
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.following import SETTLING
+from showc.mission.following import SETTLING, SLOWEST, law_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,11 +56,11 @@ class Motion:
     """Progress of each, of length 0 for a drone at rest."""
     start: FloatArray
     """Mission time at which each leg is released, shape (n,) [s]."""
-    delay_low: FloatArray
-    """Least delay after that, shape (n,) [s]; -inf with ``delay_high`` inf: the leg may
-    be anywhere at any time."""
-    delay_high: FloatArray
-    """Greatest delay, shape (n,) [s]."""
+    level: FloatArray
+    """Horizontal part of each leg's direction, shape (n,): how late it is followed."""
+    spread: FloatArray
+    """How much more or less than that the delay may be, shape (n,) [s]; inf: the leg
+    may be anywhere at any time."""
     overshoot: FloatArray
     """How far beyond its end each one may be, shape (n,) [m]: the foremost place goes
     on by it in the measure of the leg covered."""
@@ -243,7 +244,10 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
     """Work out where ``drone`` can be during ``piece``, both (m,)."""
     profile = motion.profile.select(drone)
     since = motion.window[0] - motion.start[drone] + piece * width
-    late, early = since - motion.delay_high[drone], since - motion.delay_low[drone]
+    level, spread = motion.level[drone], motion.spread[drone]
+    late = law_time(level, since) - spread
+    middle = law_time(level, since + 0.5 * width)
+    early = law_time(level, since + width) + spread
     begin = motion.begin[drone]
     along = motion.end[drone] - begin
     # By the start of the piece, so that nothing nearer is missed later in it.
@@ -251,21 +255,21 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
     stretch = np.where(moving, motion.stretch[drone], 1.0)
     first, back = (
         begin + profile.fraction(time)[:, None] * along
-        for time in (late, late + 0.5 * width)
+        for time in (late, middle - spread)
     )
     last, front = (
         begin + (stretch * profile.fraction(time))[:, None] * along
-        for time in (early + width, early + 0.5 * width)
+        for time in (early, middle + spread)
     )
     # The speed rises, stays and falls: least at an end, greatest next to the middle.
-    peak = np.clip(0.5 * profile.duration, late, early + width)
+    peak = np.clip(0.5 * profile.duration, late, early)
     return _Reach(
         first,
         last,
         back,
         front,
         along / np.where(profile.length > 0.0, profile.length, 1.0)[:, None],
-        np.minimum(profile.velocity(late), profile.velocity(early + width)),
+        SLOWEST * np.minimum(profile.velocity(late), profile.velocity(early)),
         stretch * profile.velocity(peak),
     )
 

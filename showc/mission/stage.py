@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.mission import law
-from showc.mission.following import leg_delay, leg_overshoot
+from showc.mission.following import law_time, leg_overshoot, time_followed
 from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
 
 if TYPE_CHECKING:
@@ -63,15 +63,21 @@ class Stage:
         return float((self.wait + self.profile.duration).max(initial=0.0))
 
     @property
-    def delay(self) -> FloatArray:
-        """How late each one follows its leg, shape (n,) [s]."""
-        return leg_delay(self.level, self.profile.duration)
+    def followed(self) -> FloatArray:
+        """Time from its own release until each one has followed its leg, (n,) [s]."""
+        return time_followed(self.level, self.profile.duration)
 
-    @property
-    def finish(self) -> float:
-        """Time from the release until the last drone has followed its leg [s]."""
-        late = self.wait + self.profile.duration + self.delay
-        return float(late.max(initial=0.0))
+    def finish(self, late: float = 0.0) -> float:
+        """Time from the release until all have followed their legs [s].
+
+        ``late`` [s] is by how much they may be later than they most likely are.
+        """
+        time = time_followed(self.level, self.profile.duration + late)
+        return float((self.wait + time).max(initial=0.0))
+
+    def covered(self, since: FloatArray) -> FloatArray:
+        """Parts (..., n) of the legs flown at ``since`` (..., n) the release [s]."""
+        return self.profile.fraction(law_time(self.level, since - self.wait))
 
     @property
     def overshoot(self) -> FloatArray:

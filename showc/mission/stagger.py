@@ -101,20 +101,18 @@ def _pair_motion(
     """
     both = np.concatenate(pairs)
     start = np.repeat([0.0, later], pairs[0].size)
-    delay, overshoot = stage.delay[both], stage.overshoot[both]
+    overshoot = stage.overshoot[both]
     return Motion(
         stage.begin[both],
         stage.end[both],
         stage.profile.select(both),
         start,
-        delay - timing.spread,
-        delay + timing.spread,
+        stage.level[both],
+        np.full(both.size, timing.spread),
         overshoot if timing.overshoots else np.zeros(both.size),
         (
-            min(later, 0.0) + float(delay.min()) - timing.spread,
-            max(later, 0.0)
-            + float((stage.profile.duration + stage.delay).max())
-            + timing.spread,
+            min(later, 0.0) - timing.spread,
+            max(later, 0.0) + stage.finish(timing.spread),
         ),
     )
 

@@ -90,7 +90,7 @@ class Timeline:
     @property
     def staged(self) -> float:
         """Mission time at which the slowest drone has climbed [s]."""
-        climb = SPIN_UP + self.takeoff.finish + self.staging.finish
+        climb = SPIN_UP + self.takeoff.finish() + self.staging.finish()
         return climb + 2.0 * CLOCKED.spread
 
 
@@ -141,7 +141,7 @@ class _Layout:
         positions = pads.copy()
         positions[takeoff.drones] = takeoff.end
         positions[staging.drones] = staging.end
-        climbed = SPIN_UP + takeoff.finish + staging.finish
+        climbed = SPIN_UP + takeoff.finish() + staging.finish()
         self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
         legs = []
         for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
@@ -225,8 +225,10 @@ class _Layout:
         for stage in stages:
             release = float(ceil(self.free - 1e-6))
             releases.append(release)
-            likely = release + stage.finish + 0.5 * CLOCK_LAG
-            self._reached(likely, likely + CLOCKED.spread + 0.5 * CLOCK_LAG)
+            self._reached(
+                release + stage.finish() + 0.5 * CLOCK_LAG,
+                release + stage.finish(CLOCKED.spread) + CLOCK_LAG,
+            )
             positions[stage.drones] = stage.end
         kept = tuple(
             found

@@ -89,8 +89,8 @@ class Profiles:
     """c1 of each phase, shape (n, 15) [m/s³]."""
     start: FloatArray
     """Distance, speed, acceleration at each phase's begin, shape (n, 15, 3)."""
-    delay: FloatArray
-    """How late a drone follows the leg, shape (n,) [s]."""
+    level: FloatArray
+    """Horizontal part of the direction, shape (n,): how late a drone follows."""
     overshoot: FloatArray
     """How far a drone may fly beyond its end, shape (n,) [m]."""
 
@@ -103,6 +103,29 @@ class Profiles:
         """Return the legs from ``begin`` up to ``end``."""
         names = self.__dataclass_fields__
         return Profiles(*(getattr(self, name)[begin:end] for name in names))
+
+    def law_time(self, leg: NDArray[np.int64], since: ArrayLike) -> FloatArray:
+        """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
+
+        ``since`` (m,) the release [s]: late by 0.16 s if upright, by up to 0.44 s if
+        level, the more the longer they fly.
+        """
+        t = np.asarray(since, dtype=np.float64)
+        gap = 0.44 * np.exp(np.minimum(-t, 0.0) / 1.33)
+        return np.asarray(t - 0.16 + self.level[leg] ** 2 * (gap - 0.28))
+
+    def followed(self, late: float) -> FloatArray:
+        """Time (n,) [s] since its release at which each leg has surely been flown.
+
+        By drones that are later than they most likely are by ``late`` [s]. The delay
+        grows by at most 0.35 s/s: each round is nearer by that factor, or more.
+        """
+        rows = np.arange(self.length.size)
+        wanted = self.duration + late
+        since = wanted
+        for _ in range(30):
+            since = since + wanted - self.law_time(rows, since)
+        return since
 
     @property
     def excess(self) -> FloatArray:
@@ -160,11 +183,9 @@ def profiles(
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     speed = np.where(fits, speed, low)
     edges, constant, cosine, start = _assembled(length, speed, _ramp(speed, push, law))
-    # Fitted to measured flights: level legs lag by up to 0.44 s, the more the longer
-    # they last, upright ones by 0.15 s; the overshoot is 90 and 45 ms of cruise.
-    lag = 0.15 + flat**2 * (0.29 - 0.47 * np.exp(-0.5 * edges[:, -1]))
+    # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    return Profiles(length, speed, edges, constant, cosine, start, lag, beyond)
+    return Profiles(length, speed, edges, constant, cosine, start, flat, beyond)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:

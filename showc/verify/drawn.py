@@ -110,11 +110,11 @@ class _Fleet:
         most = max(mission.release.size for mission in missions)
         shape = len(missions), most
         self.flights, first = joined(missions)
+        followed = self.flights.followed(SPREAD)
         # Row of each timed leg in the table of all legs.
         self.row = np.zeros(shape, dtype=np.int64)
         self.release = np.full(shape, np.inf)
         self.duration = np.zeros(shape)
-        self.late = np.zeros(shape)
         self.begin = np.zeros((*shape, 3))
         self.end = np.zeros((*shape, 3))
         self.last = np.full(len(missions), -np.inf)
@@ -124,12 +124,11 @@ class _Fleet:
             self.row[drone, legs] = first[drone] + timed
             self.release[drone, legs] = mission.release[timed] - begin
             self.duration[drone, legs] = mission.profiles.duration[timed]
-            self.late[drone, legs] = mission.profiles.delay[timed] + 0.5 * CLOCK_LAG
             self.begin[drone, legs] = mission.places[timed]
             self.end[drone, legs] = mission.places[timed + 1]
             if timed.size:
-                arrived = self.release[drone, legs] + self.duration[drone, legs]
-                self.last[drone] = (arrived + self.late[drone, legs]).max() + SPREAD
+                ends = self.release[drone, legs] + followed[first[drone] + timed]
+                self.last[drone] = ends.max()
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
@@ -138,8 +137,10 @@ class _Fleet:
         leg = (times[:, None, None] >= self.release).sum(axis=2) - 1
         known = (leg >= 0) & (times[:, None] <= self.last)
         chosen = np.maximum(leg, 0)
-        since = times[:, None] - self.release[drones, chosen]
-        since = since - self.late[drones, chosen]
+        since = times[:, None] - self.release[drones, chosen] - 0.5 * CLOCK_LAG
+        # Before a release there is nothing to follow.
+        since = np.where(np.isfinite(since), since, -1.0)
+        since = self.flights.law_time(self.row[drones, chosen], since)
         part = (since >= self.duration[drones, chosen]).astype(np.float64)
         moving = known & (since > 0.0) & (part == 0.0)
         rows = self.row[drones, chosen][moving]

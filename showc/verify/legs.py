@@ -165,10 +165,11 @@ def fly_rows(
     # All legs of the fleet at once: a call for each drone would take far longer.
     flights = profiles(step, limits[:, 0], limits[:, 1], law)
     edges = np.cumsum([0, *(len(mission.steps) for mission in missions)]).tolist()
+    followed = flights.followed(0.0)
     fleet = []
     for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
         own = flights.part(begin, end)
-        releases = _releases(mission.waits, own)
+        releases = _releases(mission.waits, followed[begin:end])
         fleet.append(MissionLegs(mission.places, releases, own))
     return fleet
 
@@ -224,10 +225,10 @@ def _fly(walk: _Walk, last: Item, item: Item, home: Item, site: Site) -> None:
     walk.limits.append((walk.speeds[LEVEL], vertical))
 
 
-def _releases(waits: Sequence[tuple[str, float]], flights: Profiles) -> FloatArray:
+def _releases(waits: Sequence[tuple[str, float]], followed: FloatArray) -> FloatArray:
     """When each leg is released; NaN for those that follow another at once."""
     clock, day = 0.0, 0.0
-    releases = np.full(flights.length.size, np.nan)
+    releases = np.full(followed.size, np.nan)
     for leg, (kind, amount) in enumerate(waits):
         if kind == "clock":
             moment = amount + day
@@ -241,5 +242,5 @@ def _releases(waits: Sequence[tuple[str, float]], flights: Profiles) -> FloatArr
             if kind == "pause":
                 releases[leg] = clock
         # A leg is over, for the autopilot, when the drone has followed it.
-        clock += float(flights.duration[leg] + flights.delay[leg])
+        clock += float(followed[leg])
     return releases

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.verify.autopilot import Profiles
     from showc.verify.legs import MissionLegs
 
     FloatArray = NDArray[np.float64]
@@ -63,6 +64,8 @@ class _Timed:
     """When each can begin at the earliest [s]."""
     end: FloatArray
     """When each has ended at the latest [s]."""
+    followed: FloatArray
+    """Time from release to that of all the drone's legs [s]."""
 
     def during(self, last: float) -> tuple[int, float, bool]:
         """Leg up to ``last`` [s], its release, and whether it is flown at all."""
@@ -76,18 +79,19 @@ class _Timed:
 
 
 def stretches(
-    missions: Sequence[MissionLegs], first_leg: IntArray
+    missions: Sequence[MissionLegs], flights: Profiles, first_leg: IntArray
 ) -> Iterator[Stretch]:
     """Cut time so that everybody flies at most one timed leg in a stretch.
 
-    ``first_leg`` (drones,) is the row of each one's first leg in the table of all legs.
+    ``flights`` is the table of all legs, ``first_leg`` (drones,) the row of each one's
+    first leg in it.
 
     Raises
     ------
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    fleet = _timed_legs(missions)
+    fleet = _timed_legs(missions, flights.followed(SPREAD), first_leg)
     for drone, one in enumerate(fleet):
         late = np.flatnonzero(one.end[:-1] > one.begin[1:])
         if late.size:
@@ -100,11 +104,11 @@ def stretches(
         legs = [leg for leg, _, _ in chosen]
         begin, along, end = [], [], [-np.inf]
         for one, (leg, release, flies) in zip(fleet, chosen, strict=True):
-            places, profiles = one.mission.places, one.mission.profiles
+            places = one.mission.places
             begin.append(places[leg])
             along.append((places[leg + 1] - places[leg]) * flies)
             if flies:
-                end.append(_end(profiles.duration[leg], profiles.delay[leg], release))
+                end.append(release + one.followed[leg])
         last = min(following, max(end))
         if last > first:
             yield Stretch(
@@ -117,25 +121,23 @@ def stretches(
             )
 
 
-def _end(duration: float, delay: float, release: float) -> float:
-    return float(release + duration + delay + SPREAD)
-
-
-def _timed_legs(missions: Sequence[MissionLegs]) -> list[_Timed]:
+def _timed_legs(
+    missions: Sequence[MissionLegs], followed: FloatArray, first_leg: IntArray
+) -> list[_Timed]:
     """Legs of all drones, those behind midnight after those before it."""
     first = [
         mission.release[np.isfinite(mission.release)][:1].sum() for mission in missions
     ]
     late = max(first, default=0.0)
     fleet = []
-    for mission, moment in zip(missions, first, strict=True):
+    for mission, moment, row in zip(missions, first, first_leg.tolist(), strict=True):
         rows = np.flatnonzero(np.isfinite(mission.release))
         release = mission.release[rows]
         if moment < late - DAY / 2.0:
             release = release + DAY
-        middle = release + mission.profiles.delay[rows]
-        end = middle + mission.profiles.duration[rows] + SPREAD
-        fleet.append(_Timed(mission, rows, release, middle - SPREAD, end))
+        own = followed[row : row + mission.release.size]
+        end = release + own[rows]
+        fleet.append(_Timed(mission, rows, release, release - SPREAD, end, own))
     return fleet
 
 

@@ -229,7 +229,7 @@ def test_the_predicted_flight_goes_from_pad_to_pad(missions, flight):
     pads = flight.itinerary.show.formations["pads"].points
     np.testing.assert_allclose(places, np.broadcast_to(pads, (4, 6, 3)), atol=0.02)
     legs = missions.prediction["legs"]
-    reached = predicted.position([leg["slot"] + leg["duration"] + 0.53 for leg in legs])
+    reached = predicted.position([leg["slot"] + leg["duration"] + 0.55 for leg in legs])
     for leg, place in zip(legs, reached, strict=True):
         goal = flight.legs[leg["leg"]].leg.goal
         np.testing.assert_allclose(place, goal, atol=0.012)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from showc.mission.following import law_time, time_followed
 from showc.mission.law import leg_limits, profile
 from showc.mission.parameters import Parameters
 from showc.mission.separation import (
@@ -20,7 +21,7 @@ from showc.vehicle import Separation
 PARAMETERS = Parameters()
 
 
-def motion(begin, end, *, low=0.15, high=0.55, speed=5.0, overshoot=0.0):
+def motion(begin, end, *, spread=0.2, speed=5.0, overshoot=0.0):
     begin, end = np.asarray(begin, dtype=float), np.asarray(end, dtype=float)
     count = len(begin)
     limits = leg_limits(end - begin, PARAMETERS, np.full(count, speed))
@@ -30,18 +31,19 @@ def motion(begin, end, *, low=0.15, high=0.55, speed=5.0, overshoot=0.0):
         end,
         leg,
         np.zeros(count),
-        np.full(count, low),
-        np.full(count, high),
+        limits.level,
+        np.full(count, spread),
         np.full(count, overshoot),
-        (low, float(leg.duration.max()) + high),
+        (-spread, float(leg.duration.max()) + spread + 0.6),
     )
 
 
 def sampled(moved, metric, delays=9, instants=400):
     """Least distance over a grid of times and delays of both."""
     times = np.linspace(*moved.window, instants)
-    late = np.linspace(moved.delay_low[0], moved.delay_high[0], delays)
-    part = moved.profile.fraction(times[:, None, None] - late[:, None])
+    late = np.linspace(-moved.spread[0], moved.spread[0], delays)
+    followed = law_time(moved.level, times[:, None, None] - moved.start)
+    part = moved.profile.fraction(followed + late[:, None])
     # Each one anywhere between the law and the law carried on by the overshoot.
     beyond = np.stack([np.ones_like(moved.stretch), moved.stretch])
     part = (part[:, :, None] * beyond).reshape(times.size, -1, beyond.shape[1])
@@ -107,7 +109,7 @@ def test_two_drones_behind_each_other_lose_the_spread_of_their_delays():
     assert found is not None
     assert found.distance == pytest.approx(1.0, abs=TOLERANCE + 1e-6)
     exact = closest_encounter(
-        motion([[0, 0, 9], [3, 0, 9]], [[30, 0, 9], [33, 0, 9]], low=0.35, high=0.35),
+        motion([[0, 0, 9], [3, 0, 9]], [[30, 0, 9], [33, 0, 9]], spread=0.0),
         Separation(1.0),
     )
     assert exact is not None
@@ -119,14 +121,15 @@ def test_a_planted_encounter_between_coarse_samples_is_found():
     moved = motion(
         [[-40, 0, 9], [40, 0.02, 9]],
         [[40, 0, 9], [-40, 0.02, 9]],
-        low=0.35,
-        high=0.35,
+        spread=0.0,
         speed=8.0,
     )
     found = closest_encounter(moved, Separation(1.0))
     assert found is not None
     assert found.distance <= 0.02
-    assert found.time == pytest.approx(sum(moved.window) / 2, abs=0.01)
+    # Both are half way when the law is.
+    half = time_followed(moved.level, 0.5 * moved.profile.duration)
+    assert found.time == pytest.approx(half[0], abs=0.01)
 
 
 def test_drones_that_end_towards_each_other_may_both_go_too_far():
@@ -158,7 +161,7 @@ def test_unknown_timing_means_the_whole_lines():
         moved.end,
         moved.profile,
         moved.start,
-        np.full(2, -np.inf),
+        moved.level,
         np.full(2, np.inf),
         np.zeros(2),
         (0.0, 1.0),

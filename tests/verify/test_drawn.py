@@ -59,7 +59,7 @@ def test_the_drawn_fleet_flies_the_missions(gliding, missions, tmp_path):
     check = drawn(gliding, missions, BEGIN, tmp_path)
     assert check.verdict == "pass"
     assert check.value < 0.005
-    assert "0 places" not in check.notes[0]
+    assert not check.notes[0].startswith("0 places")
 
 
 def test_a_drone_drawn_beside_its_line_is_found(gliding, missions, tmp_path):
