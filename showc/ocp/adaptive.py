@@ -7,11 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.ocp.audit import PhaseAuditor, ranges
+from showc.ocp.audit import PhaseAuditor
 from showc.ocp.history import MeshRecord, phase_record
 from showc.ocp.judgement import Judgement, is_worse, judge
 from showc.ocp.limits import Overrides, Statement
-from showc.ocp.options import CAUTION, ROUGH, SWITCH_TRIALS, Options
+from showc.ocp.optimality import ranges
+from showc.ocp.options import (
+    CAUTION,
+    CHEAP,
+    EFFORT,
+    LOOSE,
+    ROUGH,
+    SWITCH_TRIALS,
+    TRIAL_EFFORT,
+    VAGUE,
+    Options,
+)
 from showc.ocp.proposal import (
     Proposal,
     place_switches,
@@ -83,7 +94,7 @@ class _Refinement:
             mesh,
             scheme=self.options.scheme,
             scales=self.scales,
-            options=solver or self.options.solver,
+            options=self._limited(solver or self.options.solver, mesh),
             couplings=self.options.couplings,
         )
         solution = transcription.solve(
@@ -96,6 +107,18 @@ class _Refinement:
         self.iterations += solution.iterations
         self.latest = transcription
         return solution
+
+    def _limited(self, solver: SolverOptions, mesh: Mesh) -> SolverOptions:
+        """Fewer iterations for a large program: a good start needs few."""
+        least = max(100, int(EFFORT / self._unknowns(mesh)))
+        return replace(solver, iterations=min(solver.iterations, least))
+
+    def _unknowns(self, mesh: Mesh) -> int:
+        """About how many unknowns a program on ``mesh`` has."""
+        return sum(
+            part.point_count * (len(phase.states) + len(phase.controls))
+            for part, phase in zip(mesh.phases, self.problem.phases, strict=True)
+        )
 
     def _fixed_at_bounds(
         self, mesh: Mesh, structures: Sequence[Structure | None] | None
@@ -162,6 +185,22 @@ class _Refinement:
             return []
         return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
 
+    def amend(self, number: int, proposal: Proposal) -> None:
+        """Write into a line of the history what was done after a trial that failed."""
+        record = self.records[number]
+        phases = tuple(
+            replace(
+                phase,
+                intervals=tuple(
+                    replace(interval, decision=new.after(interval.decision))
+                    for interval, new in zip(phase.intervals, chosen, strict=True)
+                ),
+            )
+            for phase, chosen in zip(record.phases, proposal.decisions, strict=True)
+        )
+        words = f"{record.action}; that was no better, so {proposal.words}"
+        self.records[number] = replace(record, action=words, phases=phases)
+
     def note(
         self, solution: Solution, judged: Judgement | None, action: str | Proposal
     ) -> None:
@@ -199,6 +238,8 @@ class _Refinement:
         solution: Solution,
         former: Judgement | None,
         structures: Sequence[Structure | None],
+        *,
+        mended: bool = True,
     ) -> Judgement:
         """Audit a solution of the present problem."""
         return judge(
@@ -209,32 +250,75 @@ class _Refinement:
             structures,
             table=self.table,
             tolerance=self.options.tolerance,
+            mended=mended,
         )
 
     def take(self, proposal: Proposal, current: Judgement) -> Judgement | None:
         """Solve and judge a proposal; ``None`` if it is no step forward."""
-        switching = proposal.places_switches
+        switching, former_before = proposal.places_switches, self.former
+        base, tolerance = self.options.solver, self.options.tolerance
+        unknowns = self._unknowns(proposal.mesh)
+        limit = base.iterations
+        if switching:
+            limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 150)))
+        loose = (
+            not switching
+            and unknowns > CHEAP
+            and current.greatest > 1e3 * tolerance
+            and base.tolerance < LOOSE
+        )
         solution = self.attempt(
             proposal.mesh,
             current.solution,
             arcs=proposal.arcs,
             structures=proposal.structures,
+            solver=replace(
+                base,
+                iterations=limit,
+                tolerance=LOOSE if loose else base.tolerance,
+            ),
         )
         if not solution.result.usable and not switching:
             solution = self._afresh(proposal, current, solution)
+        if loose and solution.result.usable:
+            solution = self._tightened(proposal, current, solution)
         fresh = None
         if solution.result.usable and not is_worse(self.problem, solution, current):
             former = None if switching else current
-            fresh = self.judge(solution, former, proposal.structures)
+            fresh = self.judge(
+                solution, former, proposal.structures, mended=proposal.complete
+            )
             rough = max(fresh.error.dynamics, fresh.error.path)
-            if switching and rough > 3.0 * current.greatest:
+            # Wrong arcs are mended by the next meshes, if these cost little.
+            errs = unknowns > CHEAP and fresh.error.objective > max(
+                2.0 * current.error.objective, self.options.tolerance
+            )
+            if switching and (errs or rough > 3.0 * current.greatest):
                 fresh = None
         if fresh is None:
             self.note(solution, None, "no better; back to the mesh before")
-            self.former = None
+            # The mesh before is still there to start from, if it is not to blame.
+            self.former = former_before if switching else None
         else:
             self.accept(fresh)
         return fresh
+
+    def _tightened(
+        self, proposal: Proposal, current: Judgement, solution: Solution
+    ) -> Solution:
+        """Solve to the full tolerance what turns out to need no finer mesh."""
+        fresh = self.judge(
+            solution, current, proposal.structures, mended=proposal.complete
+        )
+        close = fresh.greatest < 1e2 * self.options.tolerance
+        # Arcs can only be read off where active bounds are met closely.
+        arcs = self.options.switches and fresh.error.objective < VAGUE
+        if not close and not arcs:
+            return solution
+        self.note(solution, fresh, "solved to the full tolerance")
+        self.former = self.latest
+        again = self.attempt(proposal.mesh, solution, structures=proposal.structures)
+        return again if again.result.usable else solution
 
     def reached(self, passed: Judgement) -> bool:
         """Whether all errors are within the tolerance."""
@@ -248,6 +332,8 @@ class _Refinement:
         """Try a mesh on which the solver failed in other ways."""
         base = self.options.solver
         self.former = None
+        if failed.iterations * failed.multipliers.unknowns.size > 0.5 * EFFORT:
+            return failed
         starts: tuple[tuple[Guess | Solution | None, dict[str, object]], ...] = (
             (self.guess, {"mu_oracle": "probing"}),
             (current.solution, {"mu_strategy": "monotone"}),
@@ -265,6 +351,13 @@ class _Refinement:
             if solution.result.usable:
                 break
         return solution
+
+    def finer(self, current: Judgement) -> Proposal | None:
+        """Return the next finer mesh; ``None``: there is none, or it is too large."""
+        proposal = refined(current, self.options)
+        same = with_ends(self.problem, proposal.mesh) == current.solution.mesh
+        large = proposal.mesh.point_count > self.options.points
+        return None if same or large else proposal
 
     def accept(self, judgement: Judgement) -> None:
         """Let later meshes start from a solution, if it is worth it."""
@@ -355,18 +448,19 @@ def solve(
             proposal = place_switches(current, work.auditors, work.table, refused)
             trials -= proposal is not None
         if proposal is None:
-            proposal = refined(current, chosen)
-            if with_ends(problem, proposal.mesh) == current.solution.mesh:
-                break
-        if proposal.mesh.point_count > chosen.points:
+            proposal = work.finer(current)
+        if proposal is None:
             break
+        number = len(work.records)
         work.note(current.solution, current, proposal)
         fresh = work.take(proposal, current)
         if fresh is None and proposal.places_switches:
             refused += [s for s in proposal.structures if s is not None]
-            proposal = refined(current, chosen)
-            fresh = work.take(proposal, current)
-        if fresh is None:
+            proposal = work.finer(current)
+            if proposal is not None:
+                work.amend(number, proposal)
+                fresh = work.take(proposal, current)
+        if fresh is None or proposal is None:
             break
         current = fresh
         if current.merit < best.merit or proposal.places_switches:

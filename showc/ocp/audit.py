@@ -5,14 +5,9 @@ Runge-Kutta method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner 199
 section II.5) from the start of every interval, and once through from the start of
 the phase; both are compared with the polynomials of the states.
 
-Optimality: with costate l and Hamiltonian H = L + l . f, the objective exceeds the
-optimum to first order by
-
-    sum over intervals of |l . (re-integrated - polynomial state)|          (dynamics)
-    integral of H(x, u, l) - min over v in bounds of H(x, v, l)             (control)
-
-The first is the dual-weighted residual (Becker, Rannacher 2001), the second the gap
-in Pontryagin's principle.
+Optimality: the dual-weighted residual |l . (re-integrated - polynomial state)| of every
+interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum principle
+(:mod:`showc.ocp.optimality`).
 """
 
 from __future__ import annotations
@@ -25,8 +20,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from showc.ocp import scaling
-from showc.ocp.nodes import bernstein_values, collocation
-from showc.trajectory import bernstein_basis
+from showc.ocp.optimality import MinimumPrinciple, flat, interpolated, ranges, values_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,41 +91,7 @@ class PhaseAuditor:
                 )
             ],
         )
-        costate = casadi.SX.sym("l", x.numel())
-        running = casadi.SX(0)
-        if phase.integrals:
-            symbols = casadi.vertcat(*[s for s, _ in phase.integrals])
-            factors = casadi.jacobian(problem.objective, symbols)
-            sign = -1.0 if problem.maximises else 1.0
-            integrands = casadi.vertcat(*[e for _, e in phase.integrals])
-            running = sign * casadi.mtimes(factors, integrands)
-        path = casadi.vertcat(
-            casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
-        )
-        pressure = casadi.SX.sym("m", path.numel())
-        hamiltonian = running + casadi.dot(costate, f)
-        if phase.path_constraints:
-            hamiltonian += casadi.dot(pressure, path)
-        costate = casadi.vertcat(costate, pressure)
-        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
-        self.has_gap = {str(s) for s in casadi.symvar(hamiltonian)} <= known
-        if not self.has_gap:
-            hamiltonian = casadi.SX(0)
-        bends = casadi.jacobian(casadi.gradient(hamiltonian, u), u)
-        limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
-        self.affine = tuple(
-            bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0 for j in range(u.numel())
-        )
-        """For each control: whether it enters the Hamiltonian linearly, so that an
-        arc off its bounds is singular or bound by a state."""
-        self.path_bound = tuple(
-            casadi.jacobian(path, u)[:, j].nnz() > 0 for j in range(u.numel())
-        )
-        """For each control: whether a path constraint may determine it."""
-        slope = casadi.gradient(hamiltonian, u)
-        bend = casadi.diag(casadi.jacobian(slope, u))
-        self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])
-        self.h_slopes = casadi.Function("hs", [x, u, t, p, costate], [slope, bend])
+        self.principle = MinimumPrinciple(problem, phase, (x, u, t, p), self)
         self.sweep = self._sweep_function(x.numel(), u.numel(), p.numel())
 
     def _sweep_function(self, nx: int, nu: int, np_: int) -> Any:  # noqa: ANN401
@@ -183,13 +143,13 @@ class PhaseAuditor:
         )
         step_states = swept.reshape(starts.shape[1], count, _STEPS)
         places = np.arange(1, _STEPS + 1) / _STEPS
-        polynomial = _values(phase.states.coefficients, places)
+        polynomial = values_at(phase.states.coefficients, places)
         deviation = np.nan_to_num(
             step_states.transpose(1, 2, 0) - polynomial, nan=1e9, posinf=1e9, neginf=1e9
         )
         reference = np.maximum(ranges(phase.states), self.least_range)
         dynamics = np.abs(deviation / reference).max(axis=(1, 2))
-        costate_end = self._interpolated(phase, (1.0,), phase.costates)
+        costate_end = interpolated(phase, (1.0,), phase.costates)
         residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
         path, path_places, path_names, active, worst = self._path(phase, p, table)
         shooting, end = 0.0, starts[-1]
@@ -198,7 +158,7 @@ class PhaseAuditor:
         return PhaseAudit(
             dynamics,
             residual,
-            self._gap(phase, p, table),
+            self.principle.gap(phase, p, table),
             path,
             path_places,
             path_names,
@@ -212,7 +172,7 @@ class PhaseAuditor:
         """Clip controls at all Runge-Kutta stages: (K, stages, controls)."""
         c = DOP853.C[: DOP853.n_stages]
         places = np.concatenate([(step + c) / _STEPS for step in range(_STEPS)])
-        values = _values(phase.controls.coefficients, places)
+        values = values_at(phase.controls.coefficients, places)
         lower, upper = self.control_bounds(table)
         return np.clip(values, lower, upper)
 
@@ -238,70 +198,6 @@ class PhaseAuditor:
             worst = max(worst, float(np.nan_to_num(error, nan=1e9).max()))
         return worst, x
 
-    def _interpolated(
-        self,
-        phase: PhaseSolution,
-        places: tuple[float, ...],
-        nodal: FloatArray,
-    ) -> FloatArray:
-        """Values at fractions of each interval from values at the points."""
-        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
-        out = []
-        for k, n in enumerate(phase.mesh.points):
-            nodes = collocation(phase.scheme, n)[0]
-            from_nodes = np.linalg.inv(bernstein_basis(n - 1, nodes))
-            matrix = bernstein_values(n - 1, places) @ from_nodes
-            out.append(matrix @ nodal[first[k] : first[k + 1]])
-        return np.stack(out)
-
-    def _gap(self, phase: PhaseSolution, p: FloatArray, table: Table) -> FloatArray:
-        """Integral over each interval of the gap in the minimum principle."""
-        count = phase.states.intervals
-        if not self.has_gap or not phase.control_names:
-            return np.zeros(count)
-        nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
-        x = _flat(_values(phase.states.coefficients, nodes))
-        u = _flat(_values(phase.controls.coefficients, nodes))
-        places = tuple(map(float, nodes))
-        costate = _flat(
-            np.concatenate(
-                [
-                    self._interpolated(phase, places, phase.costates),
-                    self._interpolated(phase, places, phase.path_multipliers),
-                ],
-                axis=2,
-            )
-        )
-        widths = np.diff(phase.states.breaks)
-        t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
-        parameters = np.repeat(p[:, None], t.size, axis=1)
-        h = self.h.map(t.size)
-        here = np.asarray(h(x, u, t, parameters, costate)).ravel()
-        slope, bend = (
-            np.asarray(a)
-            for a in self.h_slopes.map(t.size)(x, u, t, parameters, costate)
-        )
-        lower, upper = self.control_bounds(table)
-        gap = np.zeros(t.size)
-        blocked = self._blocked(phase, x, table)
-        rate = np.asarray(self.f.map(t.size)(x, u, t, parameters))
-        for j in range(u.shape[0]):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                newton = np.where(bend[j] > 0.0, u[j] - slope[j] / bend[j], u[j])
-            best = here.copy()
-            for candidate in (newton, lower[j], upper[j]):
-                if not np.all(np.isfinite(candidate)):
-                    continue
-                trial = u.copy()
-                trial[j] = np.clip(candidate, lower[j], upper[j])
-                value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
-                change = np.asarray(self.f.map(t.size)(x, trial, t, parameters)) - rate
-                # A change that drives a state through its bound is no candidate.
-                value[np.any(blocked * change > 1e-12, axis=0)] = np.inf
-                best = np.fmin(best, value)
-            gap += here - best
-        return np.asarray(widths * (gap.reshape(count, -1) @ weights))
-
     def path_values(self, solution: Solution, times: FloatArray) -> FloatArray:
         """Values of the path constraints at ``times``: (constraints, n)."""
         phase = solution.phases[self.index]
@@ -321,14 +217,6 @@ class PhaseAuditor:
         pairs = [table["path", self.phase.name, c.name] for c in constraints]
         return np.array(pairs).reshape(-1, 2)
 
-    def _blocked(self, phase: PhaseSolution, x: FloatArray, table: Table) -> FloatArray:
-        """Sign of the direction in which each state may not move, else 0."""
-        pairs = np.array([table["bounds", phase.name, n] for n in phase.state_names])
-        near = 1e-5 * ranges(phase.states)[:, None]
-        at_lower = x < pairs[:, :1] + near
-        at_upper = x > pairs[:, 1:] - near
-        return at_upper.astype(np.float64) - at_lower.astype(np.float64)
-
     def _path(
         self, phase: PhaseSolution, p: FloatArray, table: Table
     ) -> tuple[
@@ -339,8 +227,8 @@ class PhaseAuditor:
         if not constraints:
             return np.zeros(count), ((),) * count, ("",) * count, np.zeros(count), ""
         places = np.array(_SAMPLES)
-        x = _flat(_values(phase.states.coefficients, places))
-        u = _flat(_values(phase.controls.coefficients, places))
+        x = flat(values_at(phase.states.coefficients, places))
+        u = flat(values_at(phase.controls.coefficients, places))
         widths = np.diff(phase.states.breaks)
         t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
         values = np.asarray(
@@ -390,23 +278,3 @@ def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
                 place += 0.5 * step * (left - right) / bend
         found.append(place)
     return tuple(found)
-
-
-def ranges(states: Any) -> FloatArray:  # noqa: ANN401
-    """Range of each state over the phase; its magnitude, or 1, where constant."""
-    low, high = states.bounds()
-    size = np.maximum(np.abs(low), np.abs(high))
-    span = high - low
-    span = np.where(span > 1e-6 * size, span, size)
-    return np.where(span > 0.0, span, 1.0)
-
-
-def _values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
-    """Values (K, places, components) of Bernstein polynomials."""
-    basis = bernstein_basis(coefficients.shape[1] - 1, places)
-    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
-
-
-def _flat(values: FloatArray) -> FloatArray:
-    """Columns for a mapped function: (components, K * places)."""
-    return values.reshape(-1, values.shape[-1]).T

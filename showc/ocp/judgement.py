@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+HUGE = 1e200
+"""Errors beyond this are not told apart."""
 _SMALL_OBJECTIVE = 1e-3
 """Objectives below this are judged by their absolute error over it."""
 
@@ -68,13 +70,14 @@ def judge(
     *,
     table: Table,
     tolerance: float,
+    mended: bool = True,
 ) -> Judgement:
     """Audit a solution and turn the errors into indicators.
 
     The dual-weighted estimate of the objective's error is an upper bound in practice;
-    where the flagged intervals have just been refined (``former`` is the mesh before)
-    and the objective hardly moved, twice the greater of the last two moves is the
-    better estimate.
+    where all flagged intervals have just been refined (``former`` is the mesh before,
+    ``mended``) and the objective hardly moved, twice the greater of the last two moves
+    is the better estimate.
     """
     audits = tuple(a.audit(solution, table) for a in auditors)
     size = max(abs(solution.objective), _SMALL_OBJECTIVE)
@@ -90,7 +93,7 @@ def judge(
     if former is not None:
         move = abs(solution.objective - former.solution.objective) / size
         moved = 2.0 * max(move, former.moved)
-        if moved < total and _was_mended(former, solution):
+        if mended and moved < total and _was_mended(former, solution):
             weight = moved / total
     indicators = []
     for a, part in zip(audits, lost, strict=True):
@@ -99,7 +102,7 @@ def judge(
         # contradict each other: a finer polynomial keeps it better.
         along = np.where(a.path_active > BOUNDARY_SHARE, a.path, 0.0)
         worst = np.maximum(np.maximum(a.dynamics, share), along)
-        indicators.append(worst / tolerance)
+        indicators.append(np.minimum(worst, HUGE) / tolerance)
     top = max(float(part.max()) for part in indicators)
     if weight * total > CAUTION * tolerance and 0.0 < top <= 1.0:
         # Many small shares add up to too much: the greatest are the ones to mend.

@@ -27,6 +27,20 @@ CAUTION = 0.25
 """Share of the tolerance that the estimate of the objective's error may take."""
 ROUGH = 1e-2
 """Error of the dynamics above which arcs and multipliers of a solution mean nothing."""
+CHEAP = 1000
+"""Unknowns up to which a program costs next to nothing: its mesh may grow as fast as
+its errors suggest, and it is solved to the full tolerance at once."""
+GROWTH = 2.0
+"""Greatest growth of the points from mesh to mesh beyond that."""
+LOOSE = 1e-6
+"""Solver's tolerance on meshes that will be refined anyway."""
+EFFORT = 1e6
+"""Unknowns times iterations that one mesh may cost; at least a hundred iterations."""
+TRIAL_EFFORT = 3e5
+"""Unknowns times iterations after which arcs are taken for wrong; at least sixty
+iterations, at most a hundred and fifty."""
+VAGUE = 3e-2
+"""Relative error of the objective above which a solution has not yet found its arcs."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.ocp.audit import ranges
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.nodes import fitting_points
+from showc.ocp.optimality import ranges
 from showc.ocp.options import (
     BOUNDARY_SHARE,
+    CHEAP,
+    GROWTH,
     INNER_DEGREE,
     LITTLE_VIOLATION,
     ROUGH,
+    VAGUE,
 )
 from showc.ocp.refine import arc_mesh, refine, summary
 from showc.ocp.switches import border_reasons, detect
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
     from showc.ocp.limits import Table
     from showc.ocp.options import Options
     from showc.ocp.problem import Problem
-    from showc.ocp.solution import PhaseSolution
+    from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.switches import Structure
 
     FloatArray = NDArray[np.float64]
@@ -50,11 +53,15 @@ class Proposal:
     words: str
     """What was done, and why."""
     places_switches: bool = False
+    complete: bool = True
+    """Whether every interval is refined whose error is too great."""
 
 
 def inner_degree(auditor: PhaseAuditor, control: int) -> int:
     """Degree of a control between its bounds; -1 for the points' own."""
-    loose = auditor.affine[control] and not auditor.path_bound[control]
+    loose = (
+        auditor.principle.affine[control] and not auditor.principle.path_bound[control]
+    )
     return INNER_DEGREE if loose else -1
 
 
@@ -82,10 +89,10 @@ def place_switches(
 ) -> Proposal | None:
     """Mesh whose arcs are those seen in the solution; ``None`` if nothing new.
 
-    Arcs are believed only where the dynamics are about right and the mesh has at
-    least two intervals for each; ``refused`` are structures that did not help.
+    Arcs are believed only where dynamics and optimality are about right and the mesh
+    has at least two intervals for each; ``refused`` are structures that did not help.
     """
-    if judgement.error.dynamics > ROUGH:
+    if judgement.error.dynamics > ROUGH or judgement.error.objective > VAGUE:
         return None
     meshes: list[PhaseMesh] = []
     arcs: list[FloatArray] = []
@@ -148,6 +155,8 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
     meshes: list[PhaseMesh] = []
     decisions: list[tuple[Decision, ...]] = []
     words = []
+    complete = True
+    growth = _growth(judgement.solution, options)
     for i, part in enumerate(judgement.solution.phases):
         audit = judgement.audits[i]
         constrained, earlier = _with_path_points(part.mesh, audit, options.tolerance)
@@ -158,6 +167,11 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
             rule=options.rule,
             scale=ranges(part.states),
             must_cut=judgement.must_cut[i],
+            most=growth * part.mesh.point_count,
+        )
+        complete &= not any(
+            decision.step is Step.KEPT and flag > 1.0
+            for decision, flag in zip(chosen, judgement.indicators[i], strict=True)
         )
         if audit.path.max() > options.tolerance:
             words.append("path constraints added where they were violated")
@@ -172,7 +186,24 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
         judgement.structures,
         tuple(decisions),
         "; ".join(words),
+        complete=complete,
     )
+
+
+def _growth(solution: Solution, options: Options) -> float:
+    """Return by what factor the points of a mesh may grow.
+
+    As far as programs cost next to nothing, or doubled; never beyond the points that
+    the caller allows.
+    """
+    points = solution.mesh.point_count
+    cheap = CHEAP * points / unknowns_of(solution)
+    return min(max(cheap, GROWTH * points), options.points) / points
+
+
+def unknowns_of(solution: Solution) -> int:
+    """Return the number of unknowns of the program that was solved."""
+    return int(solution.multipliers.unknowns.size)
 
 
 def _with_path_points(
@@ -244,7 +275,7 @@ def plain_mesh(auditors: Sequence[PhaseAuditor], intervals: int, points: int) ->
         degrees = {
             name: (min(INNER_DEGREE, points - 1),) * intervals
             for j, (name, control) in enumerate(auditor.phase.controls.items())
-            if control.degree is None and auditor.affine[j]
+            if control.degree is None and auditor.principle.affine[j]
         }
         mesh = PhaseMesh.uniform(intervals, points)
         phases.append(replace(mesh, control_degrees=degrees))

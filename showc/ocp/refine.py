@@ -169,11 +169,14 @@ def refine(
     rule: Rule = "decay",
     scale: FloatArray,
     must_cut: NDArray[np.bool_],
+    most: float = np.inf,
 ) -> tuple[PhaseMesh, tuple[Decision, ...]]:
     """Change the intervals by their ``indicator`` (error over tolerance).
 
     ``must_cut`` marks intervals where a higher degree cannot help, because it is the
-    control that errs and its degree is given.
+    control that errs and its degree is given. ``most`` is about the number of points
+    that the new mesh may have: the intervals that err most come first, the others
+    wait for the next mesh, when their errors will be known better.
 
     Returns
     -------
@@ -182,10 +185,8 @@ def refine(
     """
     out: list[Cell] = []
     decisions: list[Decision] = []
-    control_scale = np.maximum(
-        np.abs(phase.controls.coefficients).max(axis=(0, 1)), 1e-9
-    )
     fine = -1
+    waiting = _waiting(mesh, indicator, most)
     for k, cell in enumerate(cells_of(mesh)):
         if not indicator[k] > 1.0:
             alike = fine == k - 1 and k > 0 and _alike(cell, out[-1])
@@ -200,26 +201,15 @@ def refine(
                 decisions.append(Decision())
                 fine = k
             continue
+        if waiting[k]:
+            words = f"error {indicator[k]:.2g} times what is allowed; worse ones first"
+            out.append(cell)
+            decisions.append(Decision(reason=words))
+            continue
         coefficients = phase.states.coefficients[k]
-        if rule == "curvature":
-            worst = int(np.argmax(np.ptp(coefficients, axis=0) / scale))
-            ratio = curvature_ratio(coefficients[:, worst] / scale[worst])
-            smooth, rate = ratio < 2.0, 0.5
-            found = f"greatest over mean curvature {ratio:.1f}"
-        else:
-            rate = decay_rate(coefficients[: cell.points + 1], scale)
-            if phase.controls.degree >= 2:
-                rate = min(
-                    rate + 0.25,
-                    0.25 + decay_rate(phase.controls.coefficients[k], control_scale),
-                )
-            smooth = rate > 0.6
-            found = f"coefficients fall by {rate:.1f} decades a degree"
+        rate, smooth, found = _smoothness(phase, k, rule, scale)
         if must_cut[k]:
-            smooth, found = (
-                False,
-                "the control's degree is given, and it is it that errs",
-            )
+            smooth, found = False, "the control errs, and its degree is given"
         found = f"error {indicator[k]:.2g} times what is allowed; {found}"
         needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
         needed = max(needed, 2)
@@ -229,25 +219,62 @@ def refine(
                 Decision(Step.RAISED, f"{found}: degree raised by {min(needed, 4)}")
             )
             continue
-        pieces = 2 if indicator[k] < 30.0 else 3 if indicator[k] < 1e4 else 4
+        pieces = _pieces(indicator[k])
         inner = cut_places(coefficients, scale, pieces)
         edges = np.concatenate([[0.0], inner, [1.0]])
-        points = min(cell.points, 6)
-        width = cell.right - cell.left
-        for a, b in pairwise(edges):
-            kept = tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b)
-            out.append(
-                Cell(
-                    cell.left + a * width,
-                    cell.left + b * width,
-                    points,
-                    cell.arc,
-                    cell.degrees,
-                    kept,
-                )
-            )
+        out += _cut(cell, edges)
         decisions.append(Decision(Step.CUT, f"{found}: cut in {pieces}"))
     return mesh_of(out), tuple(decisions)
+
+
+def _smoothness(
+    phase: PhaseSolution, k: int, rule: Rule, scale: FloatArray
+) -> tuple[float, bool, str]:
+    """Decades an interval gains by a degree, whether that is enough, and in words."""
+    coefficients = phase.states.coefficients[k]
+    if rule == "curvature":
+        worst = int(np.argmax(np.ptp(coefficients, axis=0) / scale))
+        ratio = curvature_ratio(coefficients[:, worst] / scale[worst])
+        return 0.5, ratio < 2.0, f"greatest over mean curvature {ratio:.1f}"
+    rate = decay_rate(coefficients[: phase.mesh.points[k] + 1], scale)
+    if phase.controls.degree >= 2:
+        controls = phase.controls.coefficients
+        control_scale = np.maximum(np.abs(controls).max(axis=(0, 1)), 1e-9)
+        rate = min(rate + 0.25, 0.25 + decay_rate(controls[k], control_scale))
+    return rate, rate > 0.6, f"coefficients fall by {rate:.1f} decades a degree"
+
+
+def _cut(cell: Cell, edges: FloatArray) -> list[Cell]:
+    """Cut a cell at fractions ``edges`` (0 and 1 included)."""
+    width = cell.right - cell.left
+    return [
+        Cell(
+            cell.left + a * width,
+            cell.left + b * width,
+            min(cell.points, 6),
+            cell.arc,
+            cell.degrees,
+            tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b),
+        )
+        for a, b in pairwise(edges)
+    ]
+
+
+def _pieces(indicator: float) -> int:
+    """Into how many intervals one is cut that errs so many times too much."""
+    return 2 if indicator < 30.0 else 3 if indicator < 1e4 else 4
+
+
+def _waiting(mesh: PhaseMesh, indicator: FloatArray, most: float) -> NDArray[np.bool_]:
+    """Mark flagged intervals that wait because others err more."""
+    waiting = np.zeros(mesh.intervals, dtype=bool)
+    points = float(mesh.point_count)
+    for number, k in enumerate(np.argsort(-indicator, kind="stable")):
+        if not indicator[k] > 1.0:
+            break
+        points += (_pieces(indicator[k]) - 1) * min(mesh.points[k], 6)
+        waiting[k] = points > most and number > 0
+    return waiting
 
 
 def summary(decisions: Sequence[Decision]) -> str:

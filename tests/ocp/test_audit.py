@@ -129,4 +129,9 @@ def test_controls_that_enter_linearly_are_known():
     phase.derivative(x, a * x + b + ca.sin(c) + d)
     phase.constrain(d**2, None, 0.5, name="disc")
     problem.minimise(phase.integral(b**2))
-    assert PhaseAuditor(problem, phase, 0).affine == (True, False, False, False)
+    assert PhaseAuditor(problem, phase, 0).principle.affine == (
+        True,
+        False,
+        False,
+        False,
+    )
