@@ -83,6 +83,11 @@ class UtcTime(click.ParamType[datetime]):
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of solved transitions.  [default: showc in the user's cache folder]",
 )
+@click.option(
+    "--no-missions",
+    is_flag=True,
+    help="Make the log alone, to be flown by showc stream.",
+)
 @click.option("--strict", is_flag=True, help="Do not compile a script with warnings.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
@@ -95,6 +100,7 @@ def command(
     cluster: str | None,
     no_cache: bool,
     cache_dir: Path | None,
+    no_missions: bool,
     strict: bool,
     as_json: bool,
     quiet: bool,
@@ -132,6 +138,7 @@ def command(
         solve=solve,
         start=start,
         autopilot="px4" if autopilot == "px4" else "ardupilot",
+        missions=not no_missions,
         strict=strict,
     )
     try:
@@ -216,7 +223,11 @@ def table(compiled: Compiled) -> str:
             f"up to {manifest['greatest_height']:.1f} m high"
         ),
         f"  log       {compiled.log}",
-        f"  missions  {compiled.folder / 'missions'}",
+        *(
+            [f"  missions  {compiled.folder / 'missions'}"]
+            if manifest["missions"]["files"]
+            else []
+        ),
         f"  manifest  {compiled.folder / 'manifest.json'}",
     ]
     lines += [f"  note: {warning}" for warning in compiled.warnings]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from showc.errors import ShowError
 from showc.pipeline.artifact import folder_of, place
-from showc.pipeline.manifest import build_manifest
+from showc.pipeline.manifest import build_manifest, log_token
 from showc.progress import Silent
 from showc.solve.options import SolveOptions
 
@@ -18,8 +18,13 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
     from showc.flight import Flight
+    from showc.mission import MissionSet
     from showc.progress import Progress
     from showc.script import LoadResult
+
+
+NO_MISSIONS = "compiled without missions: fly the log with `showc stream`"
+"""What the manifest says where missions were not wanted."""
 
 
 class RejectedScriptError(ShowError):
@@ -40,6 +45,8 @@ class CompileOptions:
     """UTC time at which the missions begin; None: relative delays only."""
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     """Dialect of the missions."""
+    missions: bool = True
+    """Whether to make mission files; without them the log alone can be streamed."""
     strict: bool = False
     """Whether warnings about the script forbid compiling it."""
 
@@ -82,7 +89,6 @@ def compile_script(
         If a file cannot be read or written.
     """
     from showc.log.writer import write_log  # noqa: PLC0415 - heavy, not for check
-    from showc.mission import mission_files  # noqa: PLC0415
     from showc.plan import build_itinerary  # noqa: PLC0415
     from showc.script import load_show  # noqa: PLC0415
     from showc.solve import solve_itinerary  # noqa: PLC0415
@@ -95,17 +101,17 @@ def compile_script(
         raise RejectedScriptError(result)
     itinerary = build_itinerary(result.show)
     flight = solve_itinerary(itinerary, options.solve, watcher)
-    missions = mission_files(
-        flight, start=options.start, autopilot=options.autopilot, progress=watcher
-    )
-    described = {
-        "autopilot": options.autopilot,
-        "start": None if options.start is None else options.start.isoformat(),
-        "warnings": list(missions.warnings),
-        "prediction": missions.prediction,
-    }
+    missions = _missions(flight, options, watcher)
     manifest = build_manifest(
-        flight, token=missions.fleet_token, missions=described, files=missions.files
+        flight,
+        token=missions.fleet_token,
+        missions={
+            "autopilot": options.autopilot if options.missions else None,
+            "start": None if options.start is None else options.start.isoformat(),
+            "warnings": list(missions.warnings),
+            "prediction": missions.prediction,
+        },
+        files=missions.files,
     )
 
     def write(stream: BinaryIO) -> None:
@@ -126,3 +132,17 @@ def compile_script(
         result=result,
         warnings=missions.warnings,
     )
+
+
+def _missions(flight: Flight, options: CompileOptions, watcher: Progress) -> MissionSet:
+    """Missions as the options ask for; without any, only what the manifest needs."""
+    from showc.mission import MissionSet, mission_files  # noqa: PLC0415 - heavy
+
+    if options.missions:
+        return mission_files(
+            flight,
+            start=options.start,
+            autopilot=options.autopilot,
+            progress=watcher,
+        )
+    return MissionSet({}, log_token(flight), {}, (NO_MISSIONS,), None)

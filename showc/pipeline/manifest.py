@@ -34,6 +34,15 @@ def versions() -> dict[str, str]:
     }
 
 
+def log_token(flight: Flight) -> str:
+    """Return a word for a compile without missions: SHA-256 of what was solved."""
+    digest = hashlib.sha256(flight.itinerary.show.source.content)
+    for leg in flight.legs:
+        for trajectory in leg.trajectories:
+            digest.update(trajectory.state.coefficients.tobytes())
+    return digest.hexdigest()
+
+
 def build_manifest(
     flight: Flight,
     *,

@@ -116,6 +116,10 @@ def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
         return [
             Check(GROUP, name, "fail", where=Place(file=str(folder)), notes=(note,))
         ]
+    if _without_missions(manifest) and not _present(folder):
+        note = "compiled without missions"
+        skipped = Check(GROUP, "mission files", "skipped", notes=(note,))
+        return [_same_manifest(log, folder), skipped]
     checks = [_same_manifest(log, folder), _hashes(folder, files, name)]
     missions = {
         int(match[1]) - 1: path for path in files if (match := _MISSION.fullmatch(path))
@@ -144,6 +148,23 @@ def _files(manifest: dict[str, Any] | None) -> dict[str, str]:
         if not pure.is_absolute() and ".." not in pure.parts:
             found[path] = str(digest)
     return found
+
+
+def _without_missions(manifest: dict[str, Any] | None) -> bool:
+    """Whether the manifest says that no missions were made."""
+    missions = (manifest or {}).get("missions")
+    if not isinstance(missions, dict):
+        return False
+    return missions.get("autopilot", "") is None and missions.get("files") == {}
+
+
+def _present(folder: Path) -> set[str]:
+    """Paths of the files in the folder of missions."""
+    return {
+        file.relative_to(folder).as_posix()
+        for file in (folder / "missions").rglob("*")
+        if file.is_file()
+    }
 
 
 def _read(path: Path) -> bytes | None:
@@ -175,12 +196,8 @@ def _hashes(folder: Path, files: dict[str, str], name: str) -> Check:
             bad.append(f"{path}: missing or unreadable")
         elif hashlib.sha256(content).hexdigest() != digest:
             bad.append(f"{path}: the hash is not the manifest's")
-    present = {
-        file.relative_to(folder).as_posix()
-        for file in (folder / "missions").rglob("*")
-        if file.is_file()
-    }
-    bad += [f"{path}: not in the manifest" for path in sorted(present - set(files))]
+    strangers = sorted(_present(folder) - set(files))
+    bad += [f"{path}: not in the manifest" for path in strangers]
     if not files:
         bad.append("the manifest names no files")
     more = [f"and {len(bad) - 5} more"] if len(bad) > 5 else []

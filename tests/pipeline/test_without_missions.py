@@ -1,0 +1,40 @@
+"""A compile without missions: the log alone, proved as ever, and no files to mix up."""
+
+import json
+
+import pytest
+
+SCRIPT = """\
+showc: 1
+drones: 2
+site: {volume: {min: [-20, -20, 0], max: [20, 20, 30]}}
+pads: {type: line, length: 4}
+formations: {pair: {type: line, length: 6, centre: [0, 3, 8]}}
+transitions: [{to: pair, hold: 1}]
+"""
+
+
+@pytest.mark.slow
+def test_the_log_alone_is_made_and_proved(run_showc, tmp_path):
+    (tmp_path / "pair.yaml").write_text(SCRIPT)
+    run = run_showc(
+        "compile", "pair.yaml", "-o", "pair.mcap", "--no-missions", cwd=tmp_path
+    )
+    assert run.code == 0, run.err
+    assert "showc stream" in run.out
+    files = {path.name for path in (tmp_path / "pair").rglob("*")}
+    assert files == {"manifest.json"}
+    manifest = json.loads((tmp_path / "pair" / "manifest.json").read_text())
+    assert manifest["missions"]["files"] == {}
+    assert len(manifest["fleet"]) == 64
+
+    proof = run_showc("verify", "pair.mcap", "--json", cwd=tmp_path)
+    result = json.loads(proof.out)
+    assert proof.code == 0
+    skipped = [check for check in result["checks"] if check["verdict"] == "skipped"]
+    assert any("without missions" in str(check["notes"]) for check in skipped)
+
+    # A mission of another compile in the folder is not passed over.
+    (tmp_path / "pair" / "missions").mkdir()
+    (tmp_path / "pair" / "missions" / "drone_0001.waypoints").write_text("QGC WPL 110")
+    assert run_showc("verify", "pair.mcap", cwd=tmp_path).code == 1
