@@ -18,10 +18,11 @@ def cpu_time() -> float:
     """
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     total = time.process_time() + ended.ru_utime + ended.ru_stime
-    return total + sum(_alive(child) for child in _descendants())
+    return total + sum(_alive(child) for child in descendants())
 
 
-def _descendants() -> list[int]:
+def descendants() -> list[int]:
+    """Processes that are children of this one, or theirs, and alive."""
     parents: dict[int, int] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         # A process may end while it is looked at.

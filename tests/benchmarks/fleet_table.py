@@ -1,9 +1,10 @@
-"""Fleets in minimum time: the table of cases, beside what others would fly.
+"""Fleets in minimum time: whole compiles, beside what others would fly.
 
-Run ``python tests/benchmarks/fleet_table.py --help``. Each case solves one transition
-from scratch (no cache) and prints: drones, wall-clock and processor time, peak memory,
-the common time, how much that is over the greatest single-drone minimum and over the
-rigorous bound, the nearest pair, and how the drones are flown. From the same run:
+Run ``python tests/benchmarks/fleet_table.py --help``. Every case is a script; what is
+timed is ``showc compile`` of it in a fresh process, files included, with all descendant
+processes: time, processor time, greatest memory. First nothing is known; then, for each
+transition of the table, a compile in which that transition alone is missing in the
+cache. What was compiled is proved by ``showc verify`` of the same run. Beside it:
 
 - ``ruckig``: one shared straight-line profile by ruckig (Berscheid and Kroeger 2021)
   under the same velocity limits, the acceleration of level flight at the greatest tilt
@@ -11,209 +12,258 @@ rigorous bound, the nearest pair, and how the drones are flown. From the same ru
   the full dynamics.
 - ``law``: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way, the duration law of
   common show tools.
+- ``joint``: all drones in one problem of optimal control, in the same time, where that
+  still ends.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
-import resource
+import os
 import sys
-import time
-from dataclasses import replace
-from types import SimpleNamespace
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.errors import ShowError
-from showc.plan.assignment import assign
-from showc.plan.itinerary import Leg
-from showc.progress import Silent
-from showc.solve import SolveOptions, solve_leg
-from showc.solve.flat import attitude
-from showc.solve.pool import workers
-from showc.solve.replay import replay
-from showc.vehicle import DEFAULT_PRESET, PRESETS, Separation
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-PRESET = PRESETS[DEFAULT_PRESET]
-LIMITS = replace(
-    PRESET.limits,
-    position_min=(-1000.0, -1000.0, -1.0),
-    position_max=(1000.0, 1000.0, 1000.0),
-)
+from benchmarks.fleet_shows import Case, FleetShow, all_shows, growth  # noqa: E402
+from benchmarks.household import Needed, run  # noqa: E402
 
+from showc.plan import build_itinerary  # noqa: E402
+from showc.script import load_show  # noqa: E402
+from showc.solve import SolveOptions  # noqa: E402
+from showc.solve.cache import leg_key  # noqa: E402
+from showc.solve.flat import attitude  # noqa: E402
 
-def grid(drones: int, spacing: float) -> np.ndarray:
-    """Level square grid, 10 m up."""
-    side = math.ceil(math.sqrt(drones))
-    index = np.arange(drones)
-    places = np.column_stack([index % side, index // side]) - (side - 1) / 2.0
-    return np.column_stack([spacing * places, np.full(drones, 10.0)])
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
+    from showc.plan.itinerary import Itinerary, Leg
 
-def spaced(points: np.ndarray, spacing: float, height: float) -> np.ndarray:
-    """Scale so that the nearest pair is ``spacing`` apart, lowest place at height."""
-    from scipy.spatial import cKDTree
-
-    nearest = cKDTree(points).query(points, k=2)[0][:, 1].min()
-    scaled = points * (spacing / nearest)
-    return scaled - [0.0, 0.0, scaled[:, 2].min() - height]
+HEADS = (
+    "transition", "asked", "compile [s]", "cpu [s]", "peak [MiB]", "t_f [s]",
+    "over minimum", "over bound", "nearest [m]", "ruckig [s]", "law [s]", "joint",
+)  # fmt: skip
+WHOLE = (
+    "show", "legs", "flight [s]", "compile [s]", "cpu [s]", "peak [MiB]",
+    "verify [s]", "its cpu [s]", "its peak [MiB]", "proved", "replay [mm]", "files",
+)  # fmt: skip
+JOINT_LIMIT = 180.0
+"""Time after which the joint problem is given up [s]."""
+REFUSED = "the autopilot would make"
+"""Words of the compiler where it has no missions that are proved apart."""
 
 
-def sphere(drones: int, spacing: float) -> np.ndarray:
-    """Golden-angle spiral on a sphere."""
-    index = np.arange(drones) + 0.5
-    polar = np.arccos(1.0 - 2.0 * index / drones)
-    turn = np.pi * (1.0 + math.sqrt(5.0)) * index
-    unit = np.column_stack(
-        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+@dataclass(frozen=True, slots=True)
+class Workshop:
+    """Where one show is compiled, over and over."""
+
+    folder: Path
+    jobs: int | None
+
+    @property
+    def log(self) -> Path:
+        """The compiled log."""
+        return self.folder / "show.mcap"
+
+    def showc(self, *arguments: str) -> Needed:
+        """Run showc in a fresh process."""
+        jobs = [] if self.jobs is None else ["--jobs", str(self.jobs)]
+        command = [sys.executable, "-m", "showc", *arguments, *jobs]
+        return run(command, self.folder, environment={"PYTHONPATH": str(ROOT)})
+
+    def compile(self, *, missions: bool) -> Needed:
+        """Compile the show from what the cache has."""
+        more = [] if missions else ["--no-missions"]
+        cache = str(self.folder / "cache")
+        return self.showc(
+            "compile", "show.yaml", "-o", "show.mcap", "-q", "--cache-dir", cache, *more
+        )
+
+    def forget(self, itinerary: Itinerary, leg: Leg) -> None:
+        """Take a leg out of the cache."""
+        key = leg_key(leg, itinerary.show, SolveOptions())
+        (self.folder / "cache" / key[:2] / f"{key}.leg").unlink()
+
+
+def measured(show: FleetShow, jobs: int | None) -> Iterator[tuple[str, Sequence[str]]]:
+    """Rows of one show: of the whole, then of its transitions, with their table."""
+    with tempfile.TemporaryDirectory(prefix="showc-fleet-") as place:
+        shop = Workshop(Path(place), jobs)
+        (shop.folder / "show.yaml").write_text(show.script)
+        for name, content in show.files.items():
+            (shop.folder / name).write_text(content)
+        missions = True
+        cold = shop.compile(missions=True)
+        if cold.code == 1 and REFUSED in cold.output:
+            yield "note", (f"{show.name}: log only; {_last(cold.output)}",)
+            missions = False
+            (shop.folder / "cache").rename(shop.folder / "former")
+            cold = shop.compile(missions=False)
+        if cold.code != 0:
+            yield "note", (f"{show.name}: {_last(cold.output)}",)
+            return
+        manifest = json.loads((shop.folder / "show" / "manifest.json").read_text())
+        yield "whole", _whole(show, shop, cold, manifest, missions=missions)
+        result = load_show(str(shop.folder / "show.yaml"))
+        assert result.show is not None
+        itinerary = build_itinerary(result.show)
+        for case in show.cases:
+            leg = next(
+                leg
+                for leg in itinerary.legs
+                if leg.transition == case.index and leg.kind == "transition"
+            )
+            shop.forget(itinerary, leg)
+            needed = shop.compile(missions=missions)
+            yield "leg", _transition(show, case, leg, needed, manifest)
+
+
+def _last(output: str) -> str:
+    return " ".join(output.strip().splitlines()[-1:])
+
+
+def _whole(
+    show: FleetShow,
+    shop: Workshop,
+    cold: Needed,
+    manifest: dict[str, Any],
+    *,
+    missions: bool,
+) -> Sequence[str]:
+    proof = shop.showc("verify", "show.mcap", "--json", "-q")
+    found = json.loads(proof.output) if proof.code in (0, 1) else {"checks": []}
+    deviation = [
+        check["value"]
+        for check in found["checks"]
+        if check["name"] == "controls fly the logged positions"
+    ]
+    legs = [leg for leg in manifest["segments"] if leg["kind"] != "hold"]
+    return (
+        show.name,
+        str(len(legs)),
+        f"{manifest['duration']:.0f}",
+        f"{cold.wall:.1f}",
+        f"{cold.processor:.1f}",
+        f"{cold.memory:.0f}",
+        f"{proof.wall:.1f}",
+        f"{proof.processor:.1f}",
+        f"{proof.memory:.0f}",
+        "yes" if found.get("passed") else "NO",
+        f"{1000.0 * max(deviation, default=math.nan):.3f}",
+        "missions, log" if missions else "log",
     )
-    return spaced(unit, spacing, 15.0)
 
 
-def wall(drones: int, spacing: float) -> np.ndarray:
-    """Upright picture, four times as wide as high, as a line of text is."""
-    high = math.ceil(math.sqrt(drones / 4.0))
-    index = np.arange(drones)
-    across = index // high - drones / high / 2.0
-    upright = np.column_stack([across, np.zeros(drones), index % high])
-    return spaced(upright, spacing, 15.0)
+def _transition(
+    show: FleetShow, case: Case, leg: Leg, needed: Needed, manifest: dict[str, Any]
+) -> Sequence[str]:
+    flown = manifest["segments"][leg.index]
+    certificate = flown["certificate"]
+    time = flown["duration"]
+    way = leg.goal - leg.start
+    peer, beyond, use = ruckig_profile(way, leg)
+    asked = f"{100.0 * case.gap:g} %, {show.memory:.0f} MiB"
+    if case.time is not None:
+        asked = f"{case.time:g} s, {asked}"
+    return (
+        case.label,
+        asked,
+        f"{needed.wall:.1f}",
+        f"{needed.processor:.1f}",
+        f"{needed.memory:.0f}",
+        f"{time:.3f}",
+        f"{100.0 * certificate['gap']:.2f} %",
+        f"{100.0 * (time / certificate['dual_bound'] - 1.0):.2f} %",
+        f"{certificate['closest']['distance']:.3f}",
+        f"{peer:.2f} ({beyond} beyond, {use:.2f})",
+        f"{duration_law(way, leg):.2f}",
+        joint_problem(show, leg, time) if case.joint else "–",
+    )
 
 
-def helix(drones: int, spacing: float) -> np.ndarray:
-    """Double helix."""
-    index = np.arange(drones)
-    turn = 0.35 * (index // 2) + np.pi * (index % 2)
-    points = np.column_stack([6.0 * np.cos(turn), 6.0 * np.sin(turn), 0.12 * index])
-    return spaced(points, spacing, 12.0)
+def joint_problem(show: FleetShow, leg: Leg, time: float) -> str:
+    """Try all drones in one problem, in a process that can be stopped."""
+    with tempfile.TemporaryDirectory(prefix="showc-joint-") as place:
+        folder = Path(place)
+        (folder / "show.yaml").write_text(show.script)
+        command = [
+            sys.executable, str(Path(__file__)), "--joint", str(leg.index), repr(time),
+        ]  # fmt: skip
+        needed = run(command, folder, limit=JOINT_LIMIT)
+    if needed.code == -1:
+        return f"no end in {JOINT_LIMIT:.0f} s"
+    if needed.code != 0:
+        return _last(needed.output)[:80]
+    return f"{_last(needed.output)} in {needed.wall:.1f} s, {needed.processor:.1f} CPU"
 
 
-def cube(drones: int, spacing: float) -> np.ndarray:
-    """Solid cube."""
-    side = math.ceil(drones ** (1.0 / 3.0))
-    index = np.arange(drones)
-    points = np.column_stack([index % side, index // side % side, index // side**2])
-    return spaced(points - [(side - 1) / 2.0, (side - 1) / 2.0, 0.0], spacing, 12.0)
+def solve_jointly(index: int, time: float) -> None:
+    """Solve a leg of the script here as one problem; print how that ended."""
+    from showc.solve.joint import joint
+    from showc.solve.leg import aircraft_of
+
+    result = load_show("show.yaml")
+    assert result.show is not None
+    itinerary = build_itinerary(result.show)
+    leg, show = itinerary.legs[index], itinerary.show
+    found = joint(aircraft_of(show, leg), leg.start, leg.goal, show.separation, time)
+    say(f"{found.status} at {time:.3f} s")
 
 
-def matched(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Give out the places as the planner does."""
-    return goal[assign(start, goal, Separation(1.0)).places]
-
-
-def swap(drones: int) -> tuple[np.ndarray, np.ndarray]:
-    """Everyone to the opposite place of a circle, neighbours 6 m apart."""
-    angle = 2.0 * np.pi * np.arange(drones) / drones
-    radius = 3.0 / np.sin(np.pi / drones)
-    places = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    high = np.full(drones, 20.0)
-    return np.column_stack([places, high]), np.column_stack([-places, high])
-
-
-def shuffled(drones: int) -> tuple[np.ndarray, np.ndarray]:
-    """Grid to sphere, places given out at random."""
-    order = np.random.default_rng(1).permutation(drones)
-    return grid(drones, 2.0), sphere(drones, 2.0)[order]
-
-
-def pair(first, second, drones: int, spacing: float = 2.0):
-    """Two formations, optimally assigned."""
-    start = first(drones, spacing)
-    return start, matched(start, second(drones, spacing))
-
-
-CASES = {
-    "100 grid-sphere": lambda: pair(grid, sphere, 100),
-    "1000 grid-sphere": lambda: pair(grid, sphere, 1000),
-    "1000 sphere-text": lambda: pair(sphere, wall, 1000),
-    "1000 text-helix": lambda: pair(wall, helix, 1000),
-    "1000 helix-cube": lambda: pair(helix, cube, 1000),
-    "1000 random": lambda: shuffled(1000),
-    "1000 spacing 1.2": lambda: pair(grid, sphere, 1000, 1.2),
-    "5000 grid-sphere": lambda: pair(grid, sphere, 5000),
-    "200 random": lambda: shuffled(200),
-    "6 swap": lambda: swap(6),
-    "12 swap": lambda: swap(12),
-    "24 swap": lambda: swap(24),
-}
-
-
-def ruckig_profile(way: np.ndarray) -> tuple[float, int, float]:
+def ruckig_profile(way: np.ndarray, leg: Leg) -> tuple[float, int, float]:
     """Time of ruckig's shared profile, drones beyond a limit, and the worst use."""
     from ruckig import InputParameter, Result, Ruckig, Trajectory
 
-    gravity = PRESET.vehicle.gravity
-    pull = gravity * math.tan(LIMITS.tilt)
+    limits, gravity = leg.limits, 9.80665
+    pull = gravity * math.tan(limits.tilt)
     longest = float(np.linalg.norm(way, axis=1).max())
     wanted = InputParameter(1)
     wanted.current_position, wanted.target_position = [0.0], [1.0]
-    axis = np.abs(way).max()
-    wanted.max_velocity = [LIMITS.velocity_max[0] / axis]
+    wanted.max_velocity = [limits.velocity_max[0] / np.abs(way).max()]
     wanted.max_acceleration = [pull / longest]
-    wanted.max_jerk = [gravity * LIMITS.body_rate[0] / longest]
+    wanted.max_jerk = [gravity * limits.body_rate[0] / longest]
     flight = Trajectory(1)
     if Ruckig(1).calculate(wanted, flight) not in (Result.Working, Result.Finished):
         raise RuntimeError("ruckig found no profile")
     times = np.linspace(0.0, flight.duration, 400)
     second = np.array([flight.at_time(float(t))[2][0] for t in times])
     third = np.gradient(second, times)
-    thrust = way[:, None, :] * second[:, None]
-    thrust[..., 2] += gravity
-    turning = way[:, None, :] * third[:, None]
-    flown = attitude(thrust, turning, np.zeros_like(turning), 0.0)
-    use = np.maximum(
-        np.abs([flown.roll[0], flown.pitch[0]]).max(axis=(0, 2)) / LIMITS.tilt,
-        np.abs([flown.roll[1], flown.pitch[1]]).max(axis=(0, 2)) / LIMITS.body_rate[0],
+    use = np.concatenate(
+        [
+            _use(part[:, None, :], second, third, leg)
+            for part in np.array_split(way, math.ceil(way.shape[0] / 500))
+        ]
     )
     return flight.duration, int((use > 1.001).sum()), float(use.max())
 
 
-def duration_law(way: np.ndarray) -> float:
+def _use(
+    way: np.ndarray, second: np.ndarray, third: np.ndarray, leg: Leg
+) -> np.ndarray:
+    """Greatest tilt and body rate of drones (n,), over their limits."""
+    thrust = way * second[:, None]
+    thrust[..., 2] += 9.80665
+    turning = way * third[:, None]
+    flown = attitude(thrust, turning, np.zeros_like(turning), 0.0)
+    tilt = np.abs([flown.roll[0], flown.pitch[0]]).max(axis=(0, 2))
+    rate = np.abs([flown.roll[1], flown.pitch[1]]).max(axis=(0, 2))
+    return np.maximum(tilt / leg.limits.tilt, rate / leg.limits.body_rate[0])
+
+
+def duration_law(way: np.ndarray, leg: Leg) -> float:
     """T = max(1.5 d / v, sqrt(6 d / a)) for the longest way [s]."""
     longest = float(np.linalg.norm(way, axis=1).max())
-    pull = PRESET.vehicle.gravity * math.tan(LIMITS.tilt)
-    return max(1.5 * longest / LIMITS.velocity_max[0], math.sqrt(6 * longest / pull))
-
-
-def measure(name: str, jobs: int | None) -> str:
-    """Solve one case; a row of the table."""
-    start, goal = CASES[name]()
-    drones = start.shape[0]
-    show = SimpleNamespace(
-        vehicle=PRESET.vehicle, separation=Separation(1.0), yaw="held", heading=0.0
-    )
-    leg = Leg(
-        0, name, "transition", np.arange(drones), start, goal, "a", "b",
-        np.arange(drones), LIMITS, None, (), None,
-    )  # fmt: skip
-    wall_clock, processor = time.perf_counter(), _processor()
-    with workers(jobs, None) as crew:
-        flight = solve_leg(leg, show, SolveOptions(use_cache=False), crew, Silent())
-    wall_clock = time.perf_counter() - wall_clock
-    processor = _processor() - processor
-    error = float(replay(PRESET.vehicle, flight.trajectories).position.max())
-    certificate = flight.certificate
-    peer, broken, use = ruckig_profile(goal - start)
-    memory = max(
-        resource.getrusage(who).ru_maxrss
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    return (
-        f"| {name} | {wall_clock:.1f} | {processor:.1f} | {memory / 1024:.0f} "
-        f"| {flight.duration:.3f} | {100 * certificate.gap:.2f} "
-        f"| {100 * (flight.duration / certificate.dual_bound - 1):.2f} "
-        f"| {certificate.closest.distance:.3f} | {1000 * error:.3f} "
-        f"| {peer:.2f} ({broken} beyond, {use:.2f}) | {duration_law(goal - start):.2f} "
-        f"| {certificate.method} |"
-    )
-
-
-def _processor() -> float:
-    return sum(
-        usage.ru_utime + usage.ru_stime
-        for usage in map(
-            resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-        )
+    pull = 9.80665 * math.tan(leg.limits.tilt)
+    return max(
+        1.5 * longest / leg.limits.velocity_max[0], math.sqrt(6 * longest / pull)
     )
 
 
@@ -223,22 +273,58 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("cases", nargs="*", help=f"of: {', '.join(CASES)}")
-    parser.add_argument("--jobs", type=int, default=None)
-    arguments = parser.parse_args()
-    say(
-        "| case | wall [s] | cpu [s] | peak [MiB] | t_f [s] | over minimum [%] "
-        "| over bound [%] | nearest [m] | replay [mm] | ruckig [s] | law [s] | how |"
+def tell(text: str) -> None:
+    """Report progress."""
+    sys.stderr.write(f"{text} (load {os.getloadavg()[0]:.1f})\n")
+    sys.stderr.flush()
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lay rows out as a Markdown table."""
+    lines = ["| " + " | ".join(heads) + " |", "| --- " * len(heads) + "|"]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def growth_line(rows: Sequence[Sequence[str]]) -> str:
+    """Say with which power of the number of drones the processor time grows."""
+    drones = np.array([float(row[0].split()[0].replace(",", "")) for row in rows])
+    spent = np.array([float(row[3]) for row in rows])
+    power = float(np.polyfit(np.log(drones), np.log(spent), 1)[0])
+    return (
+        f"Processor time grows with the number of drones to the power of {power:.2f}."
     )
-    say("| --- " * 12 + "|")
-    for name in arguments.cases or CASES:
-        try:
-            say(measure(name, arguments.jobs))
-        except ShowError as fault:
-            say(f"| {name} | {fault} |")
+
+
+def main() -> None:
+    """Print the tables."""
+    shows = {**all_shows(), **growth()}
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("shows", nargs="*", help=f"of: {', '.join(shows)}")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    parser.add_argument("--joint", nargs=2, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.joint:
+        solve_jointly(int(arguments.joint[0]), float(arguments.joint[1]))
+        return
+    if unknown := set(arguments.shows) - set(shows):
+        parser.error(f"no such show: {', '.join(sorted(unknown))}")
+    chosen = {key: shows[key] for key in arguments.shows or shows}
+    rows: dict[str, list[Sequence[str]]] = {"whole": [], "leg": [], "note": []}
+    grown = []
+    for key, show in chosen.items():
+        tell(show.name)
+        for kind, row in measured(show, arguments.jobs):
+            tell("  " + " | ".join(row))
+            rows[kind].append(row)
+            if kind == "leg" and key in growth():
+                grown.append(row)
+    say(f"{arguments.jobs} processes; load at the end {os.getloadavg()[0]:.1f}.\n")
+    say(table(HEADS, rows["leg"]) + "\n")
+    say(table(WHOLE, rows["whole"]))
+    for note in rows["note"]:
+        say(f"\n- {note[0]}")
+    if len(grown) > 1:
+        say(f"\n{growth_line(grown)}")
 
 
 if __name__ == "__main__":

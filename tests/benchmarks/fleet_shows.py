@@ -1,0 +1,184 @@
+"""The shows of the fleet table: scripts as a user would write them, and what is asked.
+
+Formations come from the show language. Only where it has no word for a case are places
+worked out here: the random order of a fixed assignment.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+HEAD = """\
+showc: 1
+name: {name}
+drones: {drones}
+site: {{volume: {{min: [-400, -400, 0], max: [400, 400, 400]}}}}
+separation: 1 m
+pads: {pads}
+formations:
+{formations}
+transitions:
+{transitions}
+{more}"""
+
+TEXT = "showc\\nflies"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One transition of a show, and what is asked of it."""
+
+    label: str
+    index: int
+    """Which of the show's transitions, counting from 0."""
+    time: float | None = None
+    """Greatest time of the compile on two cores [s]; None: nothing is asked."""
+    gap: float = 0.01
+    """Greatest time over the bound, as a fraction."""
+    joint: bool = False
+    """Whether to try the joint problem of all drones as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetShow:
+    """A script, the files beside it, and its cases."""
+
+    name: str
+    drones: int
+    script: str
+    cases: tuple[Case, ...]
+    files: dict[str, str] = field(default_factory=dict)
+    memory: float = 2048.0
+    """Greatest memory asked for [MiB]."""
+
+
+def _script(
+    name: str,
+    drones: int,
+    formations: dict[str, str],
+    *,
+    pads: str = "{type: grid, step: 2}",
+    fixed: bool = False,
+    more: str = "",
+) -> str:
+    assignment = ", assignment: fixed" if fixed else ""
+    return HEAD.format(
+        name=name,
+        drones=drones,
+        pads=pads,
+        formations="\n".join(f"  {key}: {body}" for key, body in formations.items()),
+        transitions="\n".join(
+            f"  - {{to: {key}, hold: 1{assignment}}}" for key in formations
+        ),
+        more=more,
+    )
+
+
+def grid_to_sphere(
+    drones: int,
+    time: float | None,
+    gap: float,
+    *,
+    spacing: float = 2.0,
+    memory: float = 2048.0,
+) -> FleetShow:
+    """From the pads' grid to a sphere, both with ``spacing`` [m]."""
+    label = f"{drones:,} grid to sphere"
+    if spacing != 2.0:
+        label += f", spacing {spacing:g} x d_safe"
+    height = 20.0 + 0.35 * spacing * math.sqrt(drones)
+    body = f"{{type: sphere, spacing: {spacing:g}, centre: [0, 0, {height:.0f}]}}"
+    script = _script(
+        label,
+        drones,
+        {"sphere": body},
+        pads=f"{{type: grid, step: {spacing:g}}}",
+    )
+    return FleetShow(label, drones, script, (Case(label, 0, time, gap),), memory=memory)
+
+
+def chain() -> FleetShow:
+    """A thousand drones through four pictures, spacing 2 m."""
+    formations = {
+        "sphere": "{type: sphere, spacing: 2, centre: [0, 0, 45]}",
+        "text": (
+            f'{{type: text, text: "{TEXT}", height: 70, draw: inside, spacing: 2, '
+            "spread: true, centre: [0, 0, 55]}"
+        ),
+        "helix": (
+            "{type: helix, strands: 4, radius: 26, height: 70, turns: 3, "
+            "centre: [0, 0, 55]}"
+        ),
+        "cube": (
+            "{type: cube, size: 20, draw: inside, spacing: 2, spread: true, "
+            "centre: [0, 0, 45]}"
+        ),
+    }
+    names = ["grid", *formations]
+    cases = tuple(
+        Case(f"1,000 {first} to {second}", index, 30.0, 0.01)
+        for index, (first, second) in enumerate(zip(names, formations, strict=False))
+    )
+    name = "1,000 drones, four pictures"
+    return FleetShow(name, 1000, _script(name, 1000, formations), cases)
+
+
+def at_random(drones: int, time: float) -> FleetShow:
+    """Grid to sphere, every drone to a place given out at random."""
+    index = np.arange(drones) + 0.5
+    polar = np.arccos(1.0 - 2.0 * index / drones)
+    turn = np.pi * (1.0 + math.sqrt(5.0)) * index
+    # The lattice's places are about sqrt(4 pi / n) radii apart, the nearest less.
+    radius = 2.0 / (0.87 * math.sqrt(4.0 * math.pi / drones))
+    places = radius * np.column_stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    )
+    places[:, 2] += radius + 15.0
+    order = np.random.default_rng(1).permutation(drones)
+    rows = "\n".join(f"{x:.4f},{y:.4f},{z:.4f}" for x, y, z in places[order])
+    label = f"{drones:,} grid to sphere, fixed at random"
+    script = _script(label, drones, {"sphere": "{type: csv, file: s.csv}"}, fixed=True)
+    cases = (Case(label, 0, time, 0.05),)
+    return FleetShow(label, drones, script, cases, {"s.csv": rows + "\n"})
+
+
+def swap(drones: int, time: float) -> FleetShow:
+    """Everyone to the opposite place of a circle, neighbours 6 m apart."""
+    radius = 3.0 / math.sin(math.pi / drones)
+    ring = f"{{type: circle, radius: {radius:.4f}, count: {drones}"
+    label = f"{drones} antipodal swap"
+    script = _script(
+        label,
+        drones,
+        {"swapped": f"{ring}, start: 180 deg, centre: [0, 0, 20]}}"},
+        pads=f"{ring}}}",
+        fixed=True,
+        more="launch: {altitude: 20}\nlanding: {altitude: 20}\n",
+    )
+    cases = (Case(label, 0, time, 0.03, joint=drones <= 6),)
+    return FleetShow(label, drones, script, cases)
+
+
+def all_shows() -> dict[str, FleetShow]:
+    """All shows by key, in the order of the table."""
+    return {
+        "100": grid_to_sphere(100, 4.0, 0.01),
+        "chain": chain(),
+        "random": at_random(1000, 120.0),
+        "tight": grid_to_sphere(1000, 120.0, 0.05, spacing=1.2),
+        "5000": grid_to_sphere(5000, 300.0, 0.02, memory=4096.0),
+        "swap-6": swap(6, 2.0),
+        "swap-12": swap(12, 4.0),
+        "swap-24": swap(24, 10.0),
+    }
+
+
+def growth() -> dict[str, FleetShow]:
+    """Show one case at several sizes: how the cost grows with the fleet."""
+    return {
+        f"growth-{drones}": grid_to_sphere(drones, None, 0.01)
+        for drones in (250, 500, 1000, 2000)
+    }
