@@ -4,6 +4,8 @@ Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of yo
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
 """
 
+from showc.ocp.agent import Agent
+from showc.ocp.agents import AgentsOptions, AgentsSolution, solve_agents
 from showc.ocp.coupling import Imposed
 from showc.ocp.graded import GradedOptions, solve_graded
 from showc.ocp.guess import Guess
@@ -26,6 +28,9 @@ from showc.ocp.solver import SolverMissingError, SolverOptions
 from showc.ocp.transcription import Transcription
 
 __all__ = [
+    "Agent",
+    "AgentsOptions",
+    "AgentsSolution",
     "Decision",
     "ErrorEstimate",
     "GradedOptions",
@@ -52,5 +57,6 @@ __all__ = [
     "Transcription",
     "margins",
     "solve",
+    "solve_agents",
     "solve_graded",
 ]

@@ -107,57 +107,89 @@ class CouplingAuditor:
     def _violation(
         self, part: PhaseSolution, name: str, excess: FloatArray, rounding: float
     ) -> Violation | None:
-        """Greatest value of polynomials ``excess`` (K, degree + 1) above 0.
-
-        Halves what is not decided: a piece whose greatest coefficient is below the
-        threshold is kept throughout, one with an end above it is violated.
-        """
-        pieces = np.nonzero(excess.max(axis=1) > rounding)[0]
-        if not pieces.size:
-            return None
-        work = excess[pieces]
-        left, width = np.zeros(pieces.size), 1.0
-        best, where = -np.inf, (0, 0.0)
-        broken = np.zeros(excess.shape[0], dtype=np.bool_)
-        for step in range(_HALVINGS + 1):
-            ends = np.maximum(work[:, 0], work[:, -1])
-            if step == _HALVINGS:
-                # What is still open is taken at its bound: too much, never too little.
-                ends = work.max(axis=1)
-            broken[pieces[ends > rounding]] = True
-            top = int(np.argmax(ends))
-            if ends[top] > best:
-                best = float(ends[top])
-                late = work[top, -1] >= work[top, 0]
-                where = int(pieces[top]), float(left[top] + (width if late else 0.0))
-            # Only where something greater may hide, or something is undecided.
-            gain = max(rounding, best + 1e-3 * abs(best))
-            top_value = work.max(axis=1)
-            decided = broken[pieces] & (top_value <= gain)
-            keep = ~decided & (top_value > rounding)
-            if not keep.any() or step == _HALVINGS:
-                break
-            work, pieces, left = work[keep], pieces[keep], left[keep]
-            half = np.full((work.shape[0], 1, 1), 0.5)
-            zero, one = np.zeros_like(half), np.ones_like(half)
-            columns = work[:, :, None]
-            work = np.concatenate(
-                [restrict(columns, zero, half), restrict(columns, half, one)]
-            )[:, :, 0]
-            width *= 0.5
-            pieces = np.concatenate([pieces, pieces])
-            left = np.concatenate([left, left + width])
-        if not broken.any():
+        """Greatest value above 0 of the polynomials ``excess`` (K, degree + 1)."""
+        found = greatest(excess, rounding)
+        if found is None:
             return None
         fractions = (part.states.breaks - part.start) / part.duration
-        low, high = fractions[where[0]], fractions[where[0] + 1]
-        place = float(low + where[1] * (high - low))
-        rows = np.nonzero(broken)[0].tolist()
+        low, high = fractions[found.interval], fractions[found.interval + 1]
+        place = float(low + found.place * (high - low))
         return Violation(
             self.index,
             name,
-            best,
+            found.value,
             place,
             part.start + place * part.duration,
-            merged([(float(fractions[k]), float(fractions[k + 1])) for k in rows]),
+            merged(
+                [
+                    (float(fractions[k]), float(fractions[k + 1]))
+                    for k in found.intervals
+                ]
+            ),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Greatest:
+    """The greatest value of a piecewise polynomial, where it exceeds a threshold."""
+
+    value: float
+    """Never too small; by how much too great is at most some 1e-3 of it."""
+    interval: int
+    place: float
+    """Fraction of that interval."""
+    intervals: tuple[int, ...]
+    """All intervals in which the threshold is exceeded."""
+
+
+def greatest(polynomials: FloatArray, threshold: float) -> Greatest | None:
+    """Find the greatest value of polynomials, ``None`` if none exceeds ``threshold``.
+
+    Halves what is not decided: a piece whose greatest coefficient is below the
+    threshold keeps it throughout, one with an end above it does not.
+
+    Parameters
+    ----------
+    polynomials
+        Bernstein coefficients on each interval, shape (K, degree + 1).
+    threshold
+        Not negative.
+    """
+    pieces = np.nonzero(polynomials.max(axis=1) > threshold)[0]
+    if not pieces.size:
+        return None
+    work = polynomials[pieces]
+    left, width = np.zeros(pieces.size), 1.0
+    best, where = -np.inf, (0, 0.0)
+    broken = np.zeros(polynomials.shape[0], dtype=np.bool_)
+    for step in range(_HALVINGS + 1):
+        ends = np.maximum(work[:, 0], work[:, -1])
+        if step == _HALVINGS:
+            # What is still open is taken at its bound: too much, never too little.
+            ends = work.max(axis=1)
+        broken[pieces[ends > threshold]] = True
+        top = int(np.argmax(ends))
+        if ends[top] > best:
+            best = float(ends[top])
+            late = work[top, -1] >= work[top, 0]
+            where = int(pieces[top]), float(left[top] + (width if late else 0.0))
+        # Only where something greater may hide, or something is undecided.
+        bound = work.max(axis=1)
+        enough = max(threshold, best + 1e-3 * abs(best))
+        keep = (bound > threshold) & ~(broken[pieces] & (bound <= enough))
+        if not keep.any() or step == _HALVINGS:
+            break
+        work, pieces, left = work[keep], pieces[keep], left[keep]
+        half = np.full((work.shape[0], 1, 1), 0.5)
+        zero, one = np.zeros_like(half), np.ones_like(half)
+        columns = work[:, :, None]
+        work = np.concatenate(
+            [restrict(columns, zero, half), restrict(columns, half, one)]
+        )[:, :, 0]
+        width *= 0.5
+        pieces = np.concatenate([pieces, pieces])
+        left = np.concatenate([left, left + width])
+    if not broken.any():
+        return None
+    intervals = tuple(np.nonzero(broken)[0].tolist())
+    return Greatest(best * (1.0 + 1e-3), where[0], where[1], intervals)

@@ -1,0 +1,225 @@
+"""Planes between agents, and whether these are apart at every instant.
+
+Positions are polynomials on the intervals of a common mesh, measured in a metric
+diag(m) in which agents keep a distance d. Let n be a unit vector and, on one interval,
+c_j the Bernstein coefficients of an agent that is planned, o_j those of another that
+is given. If
+
+    n . m c_j >= max_j n . m o_j + d   for all j,
+
+the two are d apart throughout the interval, by the hull property (Farouki 2012).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.coupling_audit import greatest
+from showc.ocp.nodes import fitting_points
+from showc.trajectory import bernstein_basis, bernstein_basis_inverse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    BoolArray = NDArray[np.bool_]
+
+NEAR = 1.6
+"""Distance, over the wanted one, within which planes are laid."""
+ASIDE = 0.9
+"""How far a way is bent to the agent's right where several meet, over the distance."""
+SPARE = 1e-5
+"""How much more than the distance is kept, over it; the solver's tolerance is less."""
+_SAMPLES = np.linspace(0.0, 1.0, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """How far agents are to stay from each other."""
+
+    distance: float
+    metric: tuple[float, ...]
+    """Factors on the components of a difference before its length is taken."""
+
+    def lacking(self, first: FloatArray, second: FloatArray) -> float:
+        """By how much two ways come too near; 0 if they never do.
+
+        Parameters
+        ----------
+        first, second
+            Bernstein coefficients on the same intervals, shape (K, degree + 1, n).
+
+        Returns
+        -------
+        float
+            Distance wanted minus least distance, at every instant; never too small.
+        """
+        # The squared distance is quadratic in the positions, so twice their degree.
+        difference = (first - second) * np.asarray(self.metric)
+        degree = 2 * (difference.shape[1] - 1)
+        nodes = fitting_points(degree)
+        basis = bernstein_basis(difference.shape[1] - 1, np.array(nodes))
+        values = np.einsum("sj,kjc->ksc", basis, difference)
+        squared = np.einsum("ksc,ksc->ks", values, values)
+        inverse = bernstein_basis_inverse(degree, nodes)
+        noise = 4.0 * np.finfo(np.float64).eps * np.abs(inverse).sum() * squared.max()
+        excess = self.distance**2 + noise - squared @ inverse.T
+        found = greatest(excess, 1e-9 * self.distance**2)
+        if found is None:
+            return 0.0
+        least = np.sqrt(max(self.distance**2 - found.value, 0.0))
+        return float(self.distance - least)
+
+
+def clusters(pairs: Iterable[tuple[int, int]]) -> list[tuple[int, ...]]:
+    """Group agents that are connected by pairs; each group sorted."""
+    groups: list[set[int]] = []
+    for pair in pairs:
+        touched = [group for group in groups if group & set(pair)]
+        groups = [group for group in groups if group not in touched]
+        groups.append(set(pair).union(*touched))
+    return sorted(tuple(sorted(group)) for group in groups)
+
+
+def conflicts(
+    ways: Mapping[int, FloatArray], apart: Apart, among: Iterable[int] | None = None
+) -> list[tuple[int, int]]:
+    """Pairs that come too near, at any instant; only those with one of ``among``."""
+    chosen = set(ways) if among is None else set(among)
+    low = {k: (way * apart.metric).min(axis=(0, 1)) for k, way in ways.items()}
+    high = {k: (way * apart.metric).max(axis=(0, 1)) for k, way in ways.items()}
+    return [
+        (i, j)
+        for i, j in combinations(sorted(ways), 2)
+        if (i in chosen or j in chosen)
+        and np.all(low[i] - high[j] < apart.distance)
+        and np.all(low[j] - high[i] < apart.distance)
+        and apart.lacking(ways[i], ways[j]) > 0.0
+    ]
+
+
+def bent(
+    ways: Mapping[int, FloatArray],
+    breaks: FloatArray,
+    group: Sequence[int],
+    apart: Apart,
+    aside: float = ASIDE,
+) -> dict[int, FloatArray]:
+    """Sample ways of a group, each bent to its right as seen from their middle.
+
+    Parameters
+    ----------
+    breaks
+        Of the mesh, as fractions of the duration, shape (K + 1,).
+    aside
+        How far, over the distance.
+
+    Returns
+    -------
+    dict
+        Places at five instants of each interval, shape (K, 5, n).
+    """
+    metric = np.asarray(apart.metric)
+    moves = {k: (ways[k][-1, -1] - ways[k][0, 0]) * metric for k in group}
+    mean = np.mean(list(moves.values()), axis=0)
+    widths = np.diff(breaks)[:, None]
+    at = breaks[:-1, None] + widths * _SAMPLES
+    bump = 16.0 * (at * (1.0 - at)) ** 2
+    found = {}
+    for k in group:
+        right = np.zeros(metric.size)
+        way = moves[k] - mean
+        level = float(np.hypot(*way[:2])) if metric.size > 1 else 0.0
+        if level > 1e-6 * apart.distance:
+            right[:2] = way[1] / level, -way[0] / level
+        elif np.linalg.norm(way) > 0.0:
+            right[0] = 1.0
+        shift = aside * apart.distance * bump[:, :, None] * right / metric
+        found[k] = sampled(ways[k]) + shift
+    return found
+
+
+def sampled(way: FloatArray) -> FloatArray:
+    """Places at five instants of each interval, shape (K, 5, n)."""
+    basis = bernstein_basis(way.shape[1] - 1, _SAMPLES)
+    return np.asarray(np.einsum("sj,kjc->ksc", basis, way))
+
+
+class Walls:
+    """Planes between one agent and others, kept once they are laid.
+
+    Parameters
+    ----------
+    others
+        Ways that are given: Bernstein coefficients, shape (K, degree + 1, n).
+    apart
+        What is to be kept.
+    rows
+        Greatest number of planes on an interval.
+    later
+        Places (K, 5, n) where others are expected that are planned later: planes half
+        way to them leave them room.
+    """
+
+    def __init__(
+        self,
+        others: Sequence[FloatArray],
+        apart: Apart,
+        rows: int,
+        later: Sequence[FloatArray] = (),
+    ) -> None:
+        self._others, self._later = others, later
+        self._apart, self._rows = apart, rows
+        count = max((way.shape[0] for way in (*others, *later)), default=0)
+        size = len(others) + len(later)
+        self._laid: BoolArray = np.zeros((size, count), dtype=np.bool_)
+
+    def about(self, place: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Lay planes about the present places (K, 5, n) of the agent.
+
+        Returns
+        -------
+        tuple or None
+            Normals (K, rows, n) and lower bounds (K, rows); ``None``: none needed.
+            Where there are more others than rows, the nearest count.
+        """
+        metric, wanted = np.asarray(self._apart.metric), self._apart.distance
+        count, _, size = place.shape
+        total, given = self._laid.shape[0], len(self._others)
+        distance = np.full((total, count), np.inf)
+        normal = np.zeros((total, count, size))
+        bound = np.zeros((total, count))
+        places = [*map(sampled, self._others), *self._later]
+        for j, expected in enumerate(places):
+            relative = (place - expected) * metric
+            length = np.linalg.norm(relative, axis=2)
+            distance[j] = length.min(axis=1)
+            self._laid[j] |= distance[j] < NEAR * wanted
+            half = _SAMPLES.size // 2
+            middle = relative[:, half]
+            unit = middle / np.maximum(np.linalg.norm(middle, axis=1), 1e-12)[:, None]
+            normal[j] = unit * metric
+            if j < given:
+                reach = np.einsum("kjc,kc->kj", self._others[j], normal[j]).max(axis=1)
+                bound[j] = reach + wanted * (1.0 + SPARE)
+            else:
+                between = 0.5 * (place + expected)[:, half]
+                bound[j] = np.einsum("kc,kc->k", between, normal[j]) + 0.5 * wanted
+        if not self._laid.any():
+            return None
+        normals = np.zeros((count, self._rows, size))
+        lower = np.full((count, self._rows), -np.inf)
+        far = np.where(self._laid, distance, np.inf)
+        order = np.argsort(far, axis=0, kind="stable")
+        for row in range(min(self._rows, total)):
+            chosen = order[row], np.arange(count)
+            on = self._laid[chosen]
+            normals[on, row] = normal[chosen][on]
+            lower[on, row] = bound[chosen][on]
+        return normals, lower
