@@ -84,17 +84,18 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
         The two fractions, 0 <= lower <= upper <= 1, shape (pieces,).
     """
     degree = coefficients.shape[1] - 1
-    result = coefficients.copy()
-    a = lower[:, None, None]
+    # Coefficient by coefficient, all pieces of one lie side by side.
+    result = np.ascontiguousarray(coefficients.transpose(1, 2, 0))
+    a = lower
     for step in range(degree):
         last = degree - step
-        result[:, :last] += a * (result[:, 1 : last + 1] - result[:, :last])
+        result[:last] += a * (result[1 : last + 1] - result[:last])
     rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
-    b = np.clip((upper - lower) / rest, 0.0, 1.0)[:, None, None]
+    b = np.clip((upper - lower) / rest, 0.0, 1.0)
     for step in range(1, degree + 1):
-        before = result[:, step - 1 : -1]
-        result[:, step:] = before + b * (result[:, step:] - before)
-    return result
+        before = result[step - 1 : -1]
+        result[step:] = before + b * (result[step:] - before)
+    return np.ascontiguousarray(result.transpose(2, 0, 1))
 
 
 @lru_cache(maxsize=64)

@@ -75,7 +75,7 @@ class Measure:
         """Distances (n,) of differences (n, axes), scaled already."""
         if self.largest:
             return np.asarray(np.abs(difference).max(axis=-1))
-        return np.asarray(np.sqrt(np.sum(difference**2, axis=-1)))
+        return np.asarray(np.sqrt(np.einsum("...k,...k", difference, difference)))
 
     @property
     def order(self) -> float:
