@@ -4,7 +4,7 @@ fatrop's search for a regularisation has been seen to go on for ever on a degene
 iterate, inside native code that no signal handler of Python reaches. The calls
 therefore run in a forked child with a limit on its processor time; the limit counts
 the child's own work, so a busy machine does not change the outcome. The child is kept
-for the next call and ends with its parent.
+for the next call and ends with its parent, or when too many others were used since.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import select
 import signal
 import sys
 import warnings
+import weakref
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -29,6 +30,11 @@ AVAILABLE = sys.platform == "linux" and hasattr(os, "fork")
 """Whether this platform can fork a process with native libraries loaded."""
 PATIENCE = 30.0
 """Wall time over processor time after which the child counts as stuck."""
+KEPT = 4
+"""Children kept alive by one process: each has tens of megabytes of its own."""
+
+_alive: dict[int, weakref.ref[Guarded]] = {}
+"""Those that have a child, by ``id``, the longest unused first."""
 
 
 class Guarded:
@@ -73,6 +79,7 @@ class Guarded:
         """
         if self._child == 0 or self._owner != os.getpid():
             self._start()
+        _alive[id(self)] = _alive.pop(id(self), weakref.ref(self))
         wanted = 8 * (3 + sum(self._answer))
         try:
             _send(self._to, np.concatenate(arguments).astype(np.float64).tobytes())
@@ -88,6 +95,12 @@ class Guarded:
         return unknowns.copy(), rows.copy(), float(values[2]), statistics
 
     def _start(self) -> None:
+        for key, reference in list(_alive.items()):
+            other = reference()
+            if other is None or other._owner != os.getpid():  # noqa: SLF001
+                del _alive[key]  # inherited by fork: its child is not ours
+            elif len(_alive) >= KEPT:
+                other._stop()  # noqa: SLF001 - of its own kind
         from_parent, self._to = os.pipe()
         self._back, to_parent = os.pipe()
         with warnings.catch_warnings():
@@ -103,6 +116,7 @@ class Guarded:
         self._child, self._owner = child, os.getpid()
 
     def _stop(self) -> None:
+        _alive.pop(id(self), None)
         os.close(self._to)
         os.close(self._back)
         os.kill(self._child, signal.SIGKILL)
@@ -110,6 +124,9 @@ class Guarded:
         self._child = 0
 
     def __del__(self) -> None:
+        if sys is None or sys.is_finalizing():
+            # Modules are being taken apart; the child ends with our end of its pipe.
+            return
         # A process forked later has copies of our pipes, but the child is not its own.
         if self._child and self._owner == os.getpid():
             self._stop()
