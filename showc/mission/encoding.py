@@ -16,7 +16,9 @@ import numpy as np
 from showc.errors import ExportError
 from showc.mission.detours import bends, layers
 from showc.mission.geodesy import POSITION_RESOLUTION
+from showc.mission.hops import hops
 from showc.mission.law import LegProfile
+from showc.mission.pair_table import pair_table
 from showc.mission.separation import (
     TOLERANCE,
     Closest,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.flight import LegFlight
+    from showc.mission.pair_table import PairTable
     from showc.mission.stage import Stage, StageBuilder
     from showc.mission.timing import Timing
     from showc.plan.itinerary import Leg
@@ -167,11 +170,19 @@ def _candidates(
     yield "straight", [first]
     if first.drones.size == 0:
         return
-    yield from _slower(first, straight, around)
-    found = [
-        *bends(leg, flight, builder, around),
-        *layers(leg, builder, around, first),
-    ]
+    table = _table(first, around)
+    waits = staggered(table)
+    found = list(_slower(first, straight, around))
+    if waits is not None:
+        name = f"straight, staggered by up to {waits.max():g} s"
+        found.append((name, [first.waiting(waits)]))
+    else:
+        found.extend(
+            (name, [_staggered_stage(one, around) for one in stages])
+            for name, stages in hops(leg, builder, around, first, table)
+        )
+    found.extend(bends(leg, flight, builder, around))
+    found.extend(layers(leg, builder, around, first))
     # Quickest first, every stop paid for; equal ones in the order of their making.
     yield from sorted(
         found, key=lambda item: sum(stage.duration + STOP for stage in item[1])
@@ -183,8 +194,7 @@ def _candidates(
 def _slower(
     first: Stage, straight: Callable[[float], Stage], around: Surroundings
 ) -> Iterator[tuple[str, list[Stage]]]:
-    """Straight lines with more time, or one after the other, quickest first."""
-    found: list[tuple[float, str, float | FloatArray]] = []
+    """Straight lines with more time."""
     exact = closest_encounter(
         stage_motion(first, around.positions, EXACT),
         around.separation,
@@ -192,31 +202,20 @@ def _slower(
     )
     # Time scales a flight without changing its shape: it helps only against delays.
     if exact is None or exact.distance >= around.required:
-        found = [
-            (first.duration * stretch, f"straight, time x {stretch:g}", stretch)
-            for stretch in STRETCHES[1:]
-        ]
-    waits = _waits(first, around)
-    if waits is not None:
-        longest = float(waits.max())
-        name = f"straight, staggered by up to {longest:g} s"
-        found.append((first.duration + longest, name, waits))
-    for duration, name, how in sorted(found, key=lambda item: item[0]):
-        if isinstance(how, float):
-            yield name, [straight(duration)]
-        else:
-            yield name, [first.waiting(how)]
+        for stretch in STRETCHES[1:]:
+            longer = straight(first.duration * stretch)
+            yield f"straight, time x {stretch:g}", [longer]
 
 
-def _waits(stage: Stage, around: Surroundings) -> FloatArray | None:
-    """How long each drone of a stage may wait so that all keep apart."""
+def _table(stage: Stage, around: Surroundings) -> PairTable:
+    """When the drones of a stage may leave so that all keep apart."""
     # The proof of the whole stage falls short of the pairs' by its tolerance.
     apart = around.required + TOLERANCE
-    return staggered(stage, around.separation, around.timing, apart)
+    return pair_table(stage, around.separation, around.timing, apart)
 
 
 def _staggered_stage(stage: Stage, around: Surroundings) -> Stage:
-    waits = _waits(stage, around)
+    waits = staggered(_table(stage, around))
     return stage if waits is None else stage.waiting(waits)
 
 
@@ -231,7 +230,7 @@ def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportErro
         f"{best.distance:.2f} m at {best.time:.1f} s of the leg on the flights that "
         f"the autopilot would make (each delay up to {around.timing.spread:.2f} s more "
         f"or less than its leg's); wanted {around.separation.distance:g} m. "
-        "Straight legs, more time, staggered releases, bends and layers of height were "
-        "tried. Give "
+        "Straight legs, more time, staggered releases, bends, layers of height and "
+        "ways above the others were tried. Give "
         "the formations more room, or fly the show with `showc stream`"
     )

@@ -215,7 +215,10 @@ def _examine(
             separation,
         )
         closing = _relative_speed(reach, one, other, separation)
-        bounds.append(np.maximum(whole, value - 0.5 * width * closing))
+        # Settling is a jump: no speed bounds what was before it.
+        settles = reach.settles[one] | reach.settles[other]
+        sharp = np.maximum(whole, value - 0.5 * width * closing)
+        bounds.append(np.where(settles, whole, sharp))
         values.append(value)
     return np.concatenate(bounds), np.concatenate(values)
 
@@ -232,6 +235,8 @@ class _Reach:
     """Rearmost place at its middle."""
     front: FloatArray
     """Foremost place at its middle."""
+    settles: NDArray[np.bool_]
+    """Whether the drone settles in the first half of the piece, (m,)."""
     direction: FloatArray
     """Of the leg, show metres for each of the autopilot's."""
     slow: FloatArray
@@ -250,16 +255,18 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
     early = law_time(level, since + width) + spread
     begin = motion.begin[drone]
     along = motion.end[drone] - begin
-    # By the start of the piece, so that nothing nearer is missed later in it.
-    moving = late < profile.duration + SETTLING
-    stretch = np.where(moving, motion.stretch[drone], 1.0)
+    settled = profile.duration + SETTLING
+    stretch = np.where(late < settled, motion.stretch[drone], 1.0)
+    settles = (late < settled) & (middle - spread >= settled)
     first, back = (
         begin + profile.fraction(time)[:, None] * along
         for time in (late, middle - spread)
     )
-    last, front = (
-        begin + (stretch * profile.fraction(time))[:, None] * along
-        for time in (early, middle + spread)
+    last = begin + (stretch * profile.fraction(early))[:, None] * along
+    front = (
+        begin
+        + along
+        * np.where(settles, 1.0, stretch * profile.fraction(middle + spread))[:, None]
     )
     # The speed rises, stays and falls: least at an end, greatest next to the middle.
     peak = np.clip(0.5 * profile.duration, late, early)
@@ -268,6 +275,7 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
         last,
         back,
         front,
+        settles,
         along / np.where(profile.length > 0.0, profile.length, 1.0)[:, None],
         SLOWEST * np.minimum(profile.velocity(late), profile.velocity(early)),
         stretch * profile.velocity(peak),

@@ -1,90 +1,59 @@
 """Whose straight legs can pass each other by leaving at different whole seconds.
 
-For every pair of drones whose lines come too near, a table says at which differences
-of their releases the pair is proved apart. Giving out the releases is then a colouring
-with these tables as constraints, done greedily in several orders.
+For every pair of drones whose lines come too near, a table says at which differences of
+their releases the pair is proved apart. Giving out the releases is then a colouring
+with these tables as constraints, done greedily in several orders. Where a line passes
+another drone's start or end, only one of the two can fly first; orders that respect all
+of this exist unless it goes round in circles, and then every drone finds a release.
 """
 
 from __future__ import annotations
 
-from math import ceil
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.conflicts import crossing_pairs
-from showc.mission.separation import Motion, pairs_apart
-
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from showc.mission.stage import Stage
-    from showc.mission.timing import Timing
-    from showc.vehicle import Separation
+    from showc.mission.pair_table import PairTable
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
     BoolArray = NDArray[np.bool_]
+    Neighbours = list[list[tuple[int, BoolArray]]]
 
-LONGEST_WAIT = 30
+LONGEST_WAIT = 300
 """Nobody leaves later than this after the first [s]."""
-
-NEAR_DIFFERENCE = 8
-"""Differences of release up to this are looked at one by one [s]."""
-
-MOST_PAIRS = 4000
-"""With more pairs too near, other encodings are quicker found."""
 
 SHUFFLES = 20
 """Random orders that are tried, besides the orderly ones."""
 
+MOST_TRIES = 200_000
+"""Drones placed in all orders together: with more drones, fewer orders are tried."""
 
-def staggered(
-    stage: Stage, separation: Separation, timing: Timing, required: float
-) -> FloatArray | None:
-    """Return how long each drone of ``stage`` waits, so that all keep apart.
 
-    Parameters
-    ----------
-    stage
-        Straight legs of n drones.
-    separation, required
-        The metric, and the least distance in it [m].
-    timing
-        How surely every leg is flown on time.
+def staggered(table: PairTable) -> FloatArray | None:
+    """Return how long each drone of a stage waits, so that all keep apart.
 
     Returns
     -------
     ndarray or None
         Whole seconds, shape (n,), least zero; None if no such waits are found.
     """
-    a, b = crossing_pairs(stage, separation, required)
-    if not 0 < a.size <= MOST_PAIRS:
+    if not table.first.size or not np.all(table.allowed.any(axis=1)):
         return None
-    reach = min(ceil(stage.duration + 2.0 * timing.spread), LONGEST_WAIT)
-    rows = np.arange(a.size)
-    table = np.zeros((a.size, 2 * reach + 1), dtype=np.bool_)
-    for later in range(-reach, reach + 1):
-        # Differences in between count as too near: they are seldom the best.
-        if NEAR_DIFFERENCE < abs(later) < reach:
-            continue
-        motion = _pair_motion(stage, timing, (a, b), float(later))
-        table[:, later + reach] = pairs_apart(
-            motion, separation, (rows, a.size + rows), required
-        )
-    if not np.all(table.any(axis=1)):
-        return None
-    neighbours: list[list[tuple[int, BoolArray]]] = [[] for _ in stage.drones]
-    for row, (one, other) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
-        # Column k of a table: this drone leaves k - reach seconds after the other.
-        neighbours[one].append((other, table[row, ::-1]))
-        neighbours[other].append((one, table[row]))
+    neighbours = table.neighbours()
+    conflicts = sum(len(near) for near in neighbours)
+    shuffles = min(SHUFFLES, MOST_TRIES // max(conflicts, 1))
     found = [
         waits
-        for order in _orders(neighbours)
-        if (waits := _give_out(order, neighbours, reach)) is not None
+        for order, forward in _orders(table, neighbours, shuffles)
+        if (waits := _give_out(order, neighbours, table.reach, forward=forward))
+        is not None
     ]
     if not found:
         return None
@@ -92,52 +61,68 @@ def staggered(
     return np.asarray(best, dtype=np.float64)
 
 
-def _pair_motion(
-    stage: Stage, timing: Timing, pairs: tuple[IntArray, IntArray], later: float
-) -> Motion:
-    """Return each pair on its own: first ones at rows 0.., second ones behind them.
+def ordered(
+    count: int, before: Iterable[tuple[int, int]], rank: Sequence[float]
+) -> tuple[list[int], list[int]]:
+    """Order things so that the first of each pair ``before`` comes before the second.
 
-    The second ones leave ``later`` [s] after the first ones.
+    Kahn's algorithm (1962), the least ``rank`` (count,) first where there is a choice.
+
+    Returns
+    -------
+    tuple
+        Those that could be put in order, and the others, each of which is in a circle
+        or behind one.
     """
-    both = np.concatenate(pairs)
-    start = np.repeat([0.0, later], pairs[0].size)
-    overshoot = stage.overshoot[both]
-    return Motion(
-        stage.begin[both],
-        stage.end[both],
-        stage.profile.select(both),
-        start,
-        stage.level[both],
-        np.full(both.size, timing.spread),
-        overshoot if timing.overshoots else np.zeros(both.size),
-        (
-            min(later, 0.0) - timing.spread,
-            max(later, 0.0) + stage.finish(timing.spread),
-        ),
-    )
+    later: list[list[int]] = [[] for _ in range(count)]
+    missing = [0] * count
+    for one, other in before:
+        later[one].append(other)
+        missing[other] += 1
+    ready = [(rank[item], item) for item in range(count) if not missing[item]]
+    heapify(ready)
+    order = []
+    while ready:
+        _, item = heappop(ready)
+        order.append(item)
+        for other in later[item]:
+            missing[other] -= 1
+            if not missing[other]:
+                heappush(ready, (rank[other], other))
+    return order, [item for item in range(count) if missing[item]]
 
 
-def _orders(neighbours: list[list[tuple[int, BoolArray]]]) -> Iterator[list[int]]:
-    """Orders in which releases are given out: busiest first, then shuffled."""
+def _orders(
+    table: PairTable, neighbours: Neighbours, shuffles: int
+) -> Iterator[tuple[list[int], bool]]:
+    """Orders in which releases are given out, and whether only forward in time."""
     count = len(neighbours)
-    yield sorted(range(count), key=lambda drone: (-len(neighbours[drone]), drone))
-    yield list(range(count))
+    busy = [-len(near) for near in neighbours]
     shuffle = np.random.default_rng(0)
-    for _ in range(SHUFFLES):
-        yield shuffle.permutation(count).tolist()
+    ranks: list[Sequence[float]] = [busy, range(count)]
+    ranks += [shuffle.random(count).tolist() for _ in range(shuffles)]
+    before = table.order()
+    for rank in ranks:
+        yield sorted(range(count), key=lambda drone: (rank[drone], drone)), False
+        order, circles = ordered(count, before, rank)
+        if before and not circles:
+            yield order, True
 
 
 def _give_out(
-    order: list[int], neighbours: list[list[tuple[int, BoolArray]]], reach: int
+    order: list[int], neighbours: Neighbours, reach: int, *, forward: bool
 ) -> IntArray | None:
     """Give each drone in turn the first release that its neighbours allow.
 
-    Releases may come before the first one's: the least is moved to zero at the end.
+    Unless ``forward``, releases may come before the first one's: the least is moved to
+    zero at the end.
     """
     given: dict[int, int] = {}
-    tries = sorted(
-        range(-LONGEST_WAIT, LONGEST_WAIT + 1), key=lambda k: (abs(k), k < 0)
-    )
+    if forward:
+        tries: Sequence[int] = range(LONGEST_WAIT + 1)
+    else:
+        around = range(-3 * reach, 3 * reach + 1)
+        tries = sorted(around, key=lambda k: (abs(k), k < 0))
     for drone in order:
         near = [
             (given[other], allowed)

@@ -115,9 +115,9 @@ def _refined(
     """Return the nearest of ``best`` and what happens in ``stretch``."""
     everyone = np.arange(stretch.leg.size)
     span = stretch.last - stretch.first
-    rear, front, _, _ = _reach(stretch, flights, everyone, everyone * 0, span)
+    rear, front, _, _, _ = _reach(stretch, flights, everyone, everyone * 0, span)
     moving = np.any(rear != front, axis=1)
-    _, stop, _, _ = _reach(
+    _, stop, _, _, _ = _reach(
         stretch, flights, everyone, np.ones(everyone.size), span, instant=True
     )
     # The least distance at the end bounds what is worth looking at.
@@ -179,10 +179,12 @@ def _examined(
         return_inverse=True,
     )
     drone, part = keys // base, keys % base
-    rear, front, slow, fast = _reach(stretch, flights, drone, part, width)
-    middle_rear, middle_front, _, _ = _reach(
+    rear, front, slow, fast, moving = _reach(stretch, flights, drone, part, width)
+    middle_rear, middle_front, _, _, still_moving = _reach(
         stretch, flights, drone, part + 0.5, width, instant=True
     )
+    # Where a drone settles it jumps: no speed bounds what was before.
+    settles = moving & ~still_moving
     one, other = place[: a.size], place[a.size :]
     value = part_distance(
         (middle_rear[one], middle_front[one]),
@@ -197,7 +199,8 @@ def _examined(
         for speed_b in (slow[other], fast[other]):
             gap = speed_a[:, None] * u - speed_b[:, None] * v
             relative = np.maximum(relative, np.sum(gap * gap, axis=1))
-    return np.maximum(whole, value - 0.5 * width * np.sqrt(relative)), value
+    sharp = np.maximum(whole, value - 0.5 * width * np.sqrt(relative))
+    return np.where(settles[one] | settles[other], whole, sharp), value
 
 
 def _reach(
@@ -208,8 +211,11 @@ def _reach(
     width: float,
     *,
     instant: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Rearmost and foremost places (m, 3), least and greatest rates (m,) [1/s]."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Rearmost and foremost places (m, 3), least and greatest rates (m,) [1/s].
+
+    And whether each drone has not settled at the start.
+    """
     leg, release = stretch.leg[drone], stretch.release[drone]
     since = stretch.first + part * width - release
     late = flights.law_time(leg, since) - SPREAD
@@ -219,9 +225,7 @@ def _reach(
     # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
     _, fast = flights.fraction(leg, np.clip(0.5 * flights.duration[leg], late, early))
     begin, along = stretch.begin[drone], stretch.along[drone]
-    # By the start of the piece, so that nothing nearer is missed later in it.
-    begun = stretch.first + np.floor(part) * width - release
-    moving = flights.law_time(leg, begun) - SPREAD < flights.duration[leg] + SETTLING
+    moving = late < flights.duration[leg] + SETTLING
     excess = np.where(moving, flights.excess[leg], 1.0)
     return (
         begin + rear[:, None] * along,
@@ -229,4 +233,5 @@ def _reach(
         # The law's time runs slower than the clock at first, by up to 35 %.
         0.65 * np.minimum(slow_rear, slow_front),
         excess * fast,
+        moving,
     )

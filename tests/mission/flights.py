@@ -64,6 +64,31 @@ def swap_flight(drones=6, radius=8.0):
     return _show(ring, raised(ring, 6.0), raised(ring, 8.0), raised(-ring, 8.0))
 
 
+def mixed_flight(drones, target, seed=0):
+    """Fly from a grid to random places of a plane, a ball or a cube, and back."""
+    pads = grid(drones, 3.0)
+    first = raised(pads, 10.0)
+    number = np.arange(drones)
+    if target == "plane":
+        places = first
+    elif target == "ball":
+        radius = max(4.0, 0.75 * drones**0.5)
+        polar = np.arccos(1.0 - (2.0 * number + 1.0) / drones)
+        turn = np.pi * (1.0 + 5.0**0.5) * (number + 0.5)
+        ball = [
+            np.cos(turn) * np.sin(polar),
+            np.sin(turn) * np.sin(polar),
+            np.cos(polar),
+        ]
+        places = radius * np.stack(ball, axis=1) + [0.0, 0.0, 12.0 + radius]
+    else:
+        edge = int(np.ceil(drones ** (1.0 / 3.0)))
+        cell = np.stack([number % edge, number // edge % edge, number // edge**2], 1)
+        places = 2.5 * cell + [-1.25 * edge, -1.25 * edge, 12.0]
+    mixed = places[np.random.default_rng(seed).permutation(drones)]
+    return _show(pads, raised(pads, 6.0), first, mixed)
+
+
 def _show(pads, level, first, second, *, options=None, fades=()):
     formations = [
         formation("pads", pads, [0.0, 0.0, 0.0]),

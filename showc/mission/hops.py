@@ -1,0 +1,202 @@
+"""Over the others: who is in the way of others, and of whom others are, flies high.
+
+Straight lines that pass the starts and ends of other drones can only be flown in some
+order. Where that order goes round in circles, some drones leave their lines: they rise,
+each to a layer of its own line's conflicts, fly across above everybody, and come down
+when the others have arrived.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.mission.conflicts import conflict_colours
+from showc.mission.separation import part_distance
+from showc.mission.stagger import ordered
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from showc.mission.encoding import Surroundings
+    from showc.mission.pair_table import PairTable
+    from showc.mission.stage import Stage, StageBuilder
+    from showc.plan.itinerary import Leg
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+ROOM = 0.3
+"""How much farther than the separation the lowest layer is above everybody [m]."""
+
+MARGIN = 0.05
+"""How much farther than the separation ways up and down stay from drones there [m]."""
+
+BEARINGS = 40
+"""Slanted ways up and down that are tried for each slope."""
+
+SLOPES = tuple(0.1 * step for step in range(16))
+"""Level over vertical part of ways up and down."""
+
+
+def hops(
+    leg: Leg,
+    builder: StageBuilder,
+    around: Surroundings,
+    straight: Stage,
+    table: PairTable,
+) -> Iterator[tuple[str, list[Stage]]]:
+    """Return the encoding with the fewest drones above the others, if there is one.
+
+    ``straight`` is the stage of straight lines, ``table`` says who of it may fly when.
+    """
+    start, goal = around.positions.copy(), around.positions.copy()
+    goal[leg.drones] = leg.goal
+    low = float(max(start[:, 2].max(), goal[:, 2].max()))
+    ways = _Ways(start, goal, straight.drones, around, low)
+    chosen = _who_hops(table, ways, _blocked(straight, start, around))
+    if chosen is None or not chosen.size:
+        return
+    drones = straight.drones[chosen]
+    both = np.array([ways.of(int(row)) for row in chosen])
+    up, down = both[:, 0], both[:, 1]
+    step = 1.05 * around.separation.distance / around.separation.metric_scale[2] + 0.05
+    height = np.full(drones.size, low + step + ROOM)
+    crossing = builder.build(
+        drones,
+        _raised(start[drones], up, height),
+        _raised(goal[drones], down, height),
+        leg.limits,
+    )
+    colour = conflict_colours(crossing, around.separation, around.required)
+    height[np.searchsorted(drones, crossing.drones)] += step * colour
+    above, across = start.copy(), goal.copy()
+    above[drones] = _raised(start[drones], up, height)
+    across[drones] = _raised(goal[drones], down, height)
+    stops = [side[leg.drones] for side in (start, above, across, goal)]
+    box_low, box_high = leg.limits.position_min, leg.limits.position_max
+    if np.any(np.min(stops, axis=(0, 1)) < box_low) or np.any(
+        np.max(stops, axis=(0, 1)) > box_high
+    ):
+        return
+    name = f"{drones.size} of {straight.drones.size} drones above the others"
+    yield (
+        name,
+        [
+            builder.build(leg.drones, begin, end, leg.limits)
+            for begin, end in pairwise(stops)
+        ],
+    )
+
+
+def _raised(places: FloatArray, ways: FloatArray, height: FloatArray) -> FloatArray:
+    """Follow ``ways`` (n, 2) from ``places`` (n, 3) up to ``height`` (n,) [m]."""
+    rise = (height - places[:, 2])[:, None]
+    return np.asarray(places + rise * np.column_stack([ways, np.ones(len(ways))]))
+
+
+def _blocked(stage: Stage, places: FloatArray, around: Surroundings) -> set[int]:
+    """Positions in the stage of drones whose lines come too near one that rests."""
+    resting = np.delete(places, stage.drones, axis=0)
+    if not len(resting):
+        return set()
+    row, other = np.divmod(np.arange(stage.drones.size * len(resting)), len(resting))
+    rest = resting[other]
+    near = (
+        part_distance(
+            (stage.begin[row], stage.farthest[row]), (rest, rest), around.separation
+        )
+        < around.required
+    )
+    return set(row[near].tolist())
+
+
+def _who_hops(table: PairTable, ways: _Ways, blocked: set[int]) -> IntArray | None:
+    """Positions in the stage of drones without which the others can be put in order.
+
+    Those that are ``blocked``, and greedily: of each pair that meets in either order
+    the busier one, then whoever is in most orders of those that go round in circles.
+    None if some of them cannot hop.
+    """
+    before, hopeless = table.order(), table.hopeless()
+    chosen = set(blocked)
+    if any(ways.of(drone) is None for drone in chosen):
+        return None
+
+    def take(counts: Mapping[int, int]) -> bool:
+        for drone in sorted(counts, key=lambda drone: (-counts[drone], drone)):
+            if ways.of(drone) is not None:
+                chosen.add(drone)
+                return True
+        return False
+
+    while left := [pair for pair in hopeless if chosen.isdisjoint(pair)]:
+        if not take(Counter(drone for pair in left for drone in pair)):
+            return None
+    rank = range(table.drones)
+    while True:
+        before = [pair for pair in before if chosen.isdisjoint(pair)]
+        stuck = set(ordered(table.drones, before, rank)[1])
+        # Backwards, too: what is only behind a circle is in none.
+        inside = [pair for pair in before if stuck.issuperset(pair)]
+        turned = [(later, earlier) for earlier, later in inside]
+        stuck = set(ordered(table.drones, turned, rank)[1])
+        if not stuck:
+            return np.array(sorted(chosen), dtype=np.int64)
+        inside = [pair for pair in inside if stuck.issuperset(pair)]
+        first = Counter(earlier for earlier, _ in inside)
+        second = Counter(later for _, later in inside)
+        if not take({drone: first[drone] * second[drone] for drone in stuck}):
+            return None
+
+
+class _Ways:
+    """Clear ways up from the starts of a stage's drones, and down to their ends."""
+
+    def __init__(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        drones: IntArray,
+        around: Surroundings,
+        top: float,
+    ) -> None:
+        self.sides = start, goal
+        self.drones = drones
+        self.around = around
+        self.top = top
+        self.found: dict[int, tuple[FloatArray, FloatArray] | None] = {}
+        angle = np.arange(BEARINGS) * 2.0 * np.pi / BEARINGS
+        self.all = np.array(
+            [
+                (slope * np.cos(turn), slope * np.sin(turn))
+                for slope in SLOPES
+                for turn in (angle if slope else angle[:1])
+            ]
+        )
+
+    def of(self, row: int) -> tuple[FloatArray, FloatArray] | None:
+        """Level over vertical part (2,) of the ways up and down of a stage's drone."""
+        if row not in self.found:
+            up, down = (self._clear(row, places) for places in self.sides)
+            self.found[row] = None if up is None or down is None else (up, down)
+        return self.found[row]
+
+    def _clear(self, row: int, places: FloatArray) -> FloatArray | None:
+        """Return the steepest way that stays clear of all others' ``places``."""
+        separation = self.around.separation
+        needed = separation.distance + MARGIN
+        own = places[self.drones[row]]
+        rest = np.delete(places, self.drones[row], axis=0)
+        begin = np.broadcast_to(own, rest.shape)
+        rise = self.top + needed - own[2]
+        for way in self.all:
+            end = begin + rise * np.array([*way, 1.0])
+            if part_distance((begin, end), (rest, rest), separation).min() >= needed:
+                return np.asarray(way)
+        return None

@@ -1,0 +1,98 @@
+"""Drones in any order of places: some order of releases, or ways above, is found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mission.flights import START, mixed_flight
+from mission.test_reproof import Case
+
+from showc.errors import ExportError
+from showc.mission import mission_files
+from showc.mission.stagger import LONGEST_WAIT, ordered
+
+pairs = st.integers(1, 12).flatmap(
+    lambda count: st.tuples(
+        st.just(count),
+        st.lists(
+            st.tuples(st.integers(0, count - 1), st.integers(0, count - 1)), max_size=30
+        ),
+    )
+)
+
+
+@given(pairs)
+def test_an_order_respects_all_that_can_be_respected(case):
+    count, before = case
+    order, circles = ordered(count, before, range(count))
+    assert sorted([*order, *circles]) == list(range(count))
+    place = {item: index for index, item in enumerate(order)}
+    for one, other in before:
+        if other in place:
+            assert place[one] < place[other]
+    # Whoever is left out waits for another one who is.
+    for item in circles:
+        assert any(other == item and one in circles for one, other in before)
+
+
+@given(pairs)
+def test_without_circles_everything_is_in_order(case):
+    count, before = case
+    forward = [(one, other) for one, other in before if one < other]
+    assert ordered(count, forward, range(count)) == (list(range(count)), [])
+
+
+@pytest.mark.parametrize(("target", "drones"), [("ball", 60), ("cube", 50)])
+def test_random_places_are_flown_and_proved_twice(tmp_path, target, drones):
+    case = Case(tmp_path / "output", mixed_flight(drones, target), START)
+    checks = case.check()
+    assert [check.verdict for check in checks] == ["pass"] * 4
+    assert any(
+        "staggered" in leg["encoding"] or "above" in leg["encoding"]
+        for leg in case.missions.prediction["legs"]
+    )
+
+
+def test_who_goes_round_in_circles_goes_above_the_others():
+    # In one plane most lines pass other drones' places, in both orders.
+    flight = mixed_flight(50, "plane")
+    last = mission_files(flight, start=START).prediction["legs"][-1]
+    assert last["encoding"] == "1 of 50 drones above the others"
+    assert len(last["slots"]) == 3
+    assert last["closest"]["distance"] >= 0.978
+
+
+def test_nobody_waits_longer_than_the_longest_wait():
+    flight = mixed_flight(60, "ball")
+    predicted = mission_files(flight, start=START).predicted
+    waits = [
+        stage.wait
+        for scheduled in predicted.timeline.legs
+        for stage in scheduled.encoding.stages
+    ]
+    assert all(np.all(wait == np.round(wait)) for wait in waits)
+    assert 0.0 < max(wait.max() for wait in waits) <= LONGEST_WAIT
+
+
+def test_a_ceiling_keeps_drones_down():
+    # With no room above, drones in one plane are refused rather than sent there.
+    flight = mixed_flight(50, "plane")
+    legs = tuple(
+        replace(
+            item,
+            leg=replace(
+                item.leg,
+                limits=replace(
+                    item.leg.limits,
+                    position_max=(200.0, 200.0, float(item.leg.goal[:, 2].max()) + 0.5),
+                ),
+            ),
+        )
+        if item.leg.kind in {"transition", "approach"}
+        else item
+        for item in flight.legs
+    )
+    with pytest.raises(ExportError, match="come as near as"):
+        mission_files(replace(flight, legs=legs), start=START)
