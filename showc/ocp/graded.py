@@ -55,11 +55,15 @@ _QUICK: dict[str, object] = {
     "mumps_permuting_scaling": 0,
     "mumps_scaling": 0,
     "mumps_pivot_order": 2,
+    "max_soc": 0,
     # The optimum need not be sharp, but what is flown must be.
     "constr_viol_tol": 1e-8,
 }
 _NEAR = 1e-3
 """First barrier parameter where a solution on another mesh is known."""
+_STILL = 1e-2
+"""Range over its scale below which a state counts as one that hardly moves: its errors
+are relative to this range then."""
 _REPAIRS = 3
 
 
@@ -71,8 +75,9 @@ class GradedOptions:
     """Relative change of the objective, from one mesh to the next, that ends it."""
     accuracy: float = 2e-5
     """Wanted error of the flown controls: the greatest distance between the states
-    and one integration of the clipped controls, over each state's range; and wanted
-    violation of path constraints between the points, over their scale."""
+    and one integration of the clipped controls, over each state's range (or a
+    hundredth of its scale, if that is more); and wanted violation of path
+    constraints between the points, over their scale."""
     intervals: tuple[int, ...] = (20, 40, 56, 72, 96, 128)
     """Number of intervals of the meshes, shared by the phases."""
     points: int = 3
@@ -108,6 +113,9 @@ class _Work:
         self.auditors = [
             PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
         ]
+        scales = statement.scales({}).states
+        for auditor, scale in zip(self.auditors, scales, strict=True):
+            auditor.least_range = _STILL * scale
         self.scales: dict[str, float] = {}
         self.records: list[MeshRecord] = []
         self.iterations = 0
@@ -132,7 +140,9 @@ class _Work:
     def first(self, guess: Guess | Solution | None) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
         mesh = self.options.first or self.even(self.options.intervals[0])
-        for extra in _STARTS:
+        rough = len(self.options.intervals) > 1
+        for way in _STARTS:
+            extra = {**way, **({"tol": 1e-4} if rough else {})}
             solution = self.attempt(mesh, guess, extra)
             usable = solution.result.usable
             if usable or solution.result is Result.CONTRADICTION:

@@ -10,7 +10,7 @@ other parameters, widths, signals, half-spaces and guesses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import casadi
@@ -21,10 +21,12 @@ from showc.ocp.gaps import Gaps
 from showc.ocp.guarded import Guarded
 from showc.ocp.solution import Result
 from showc.ocp.staged_solution import (
+    Answer,
     StagedGuess,
     StagedOptions,
     StagedSolution,
     StagedSolver,
+    result_of,
 )
 from showc.ocp.staged_solver import make_staged_solver
 from showc.ocp.stages import Row, Stage, TimeKind, build_stage
@@ -45,16 +47,6 @@ __all__ = [
     "StagedSolver",
     "StagedTranscription",
 ]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Answer:
-    """What the solver gave, gaps closed."""
-
-    unknowns: FloatArray
-    rows: FloatArray
-    objective: float
-    statistics: Mapping[str, Any]
 
 
 class StagedTranscription:
@@ -104,6 +96,7 @@ class StagedTranscription:
         self._coefficients = self.stage.coefficients.map(intervals)
         self._gaps: Gaps | None = None
         self._guarded: Guarded | None = None
+        self._pattern = b""
         self._assemble()
 
     def _assemble(self) -> None:
@@ -254,12 +247,15 @@ class StagedTranscription:
         lower = low[self._slot] / self._scale
         upper = high[self._slot] / self._scale
         for (group, r), rows in self._half.items():
-            lower[rows], upper[rows] = -np.inf, np.inf
+            # A row that is off is 0 >= -1: fatrop wants its infinities in place.
+            lower[rows], upper[rows] = -1.0, np.inf
             if half_spaces is not None and group in half_spaces:
                 normals, bound = half_spaces[group]
-                lower[rows] = bound[self._interval[rows], r] / self._scale[rows]
+                wanted = bound[self._interval[rows], r] / self._scale[rows]
+                lower[rows] = np.where(np.isfinite(wanted), wanted, -1.0)
                 part = stage.half_space_slices[group]
-                data[:, part] = normals.reshape(count, -1)
+                on = np.where(np.isfinite(bound)[:, :, None], normals, 0.0)
+                data[:, part] = on.reshape(count, -1)
         free = ~self._equal
         lower[free] += self.options.inset
         upper[free] -= self.options.inset
@@ -280,10 +276,10 @@ class StagedTranscription:
             (lower, upper),
         )
 
-    def _call(self, solver: Any, arguments: Mapping[str, Any]) -> _Answer:  # noqa: ANN401
+    def _call(self, solver: Any, arguments: Mapping[str, Any]) -> Answer:  # noqa: ANN401
         if not self._forked:
             answer = solver(**arguments)
-            return _Answer(
+            return Answer(
                 np.array(answer["x"]).ravel(),
                 np.array(answer["g"]).ravel(),
                 float(answer["f"]),
@@ -291,6 +287,11 @@ class StagedTranscription:
             )
         names = ("x0", "p", "lbg", "ubg")
         values = [arguments[name] for name in names]
+        # fatrop keeps for good which bounds were infinite in its first call, and goes
+        # astray when they change: another child then.
+        pattern = np.isfinite(np.concatenate(values[2:])).tobytes()
+        if pattern != self._pattern:
+            self._pattern, self._guarded = pattern, None
         size = self.stage.states + self.stage.inputs
         sizes = values[0].size, self._scale.size
         if self._guarded is None:
@@ -301,8 +302,8 @@ class StagedTranscription:
         if found is None:
             rows = np.full(sizes[1], np.nan)
             statistics = {"success": False, "iter_count": self.options.iterations}
-            return _Answer(values[0], rows, np.nan, statistics)
-        return _Answer(*found)
+            return Answer(values[0], rows, np.nan, statistics)
+        return Answer(*found)
 
     def _values(self, parameters: Mapping[str, float]) -> FloatArray:
         unknown = set(parameters) - set(self.problem.parameters)
@@ -336,7 +337,7 @@ class StagedTranscription:
 
     def _unpack(
         self,
-        answer: _Answer,
+        answer: Answer,
         fractions: FloatArray,
         values: FloatArray,
         data: FloatArray,
@@ -370,7 +371,7 @@ class StagedTranscription:
             coefficients[name][:, -1] = nodes[1:, index]
         broken = np.maximum(lower - answer.rows, answer.rows - upper)
         worst = int(np.argmax(np.where(np.isnan(broken), np.inf, broken)))
-        result = _result(
+        result = result_of(
             success=bool(answer.statistics["success"]), violation=float(broken[worst])
         )
         message = ""
@@ -395,13 +396,3 @@ class StagedTranscription:
             int(answer.statistics["iter_count"]),
             float(broken[worst]),
         )
-
-
-def _result(*, success: bool, violation: float) -> Result:
-    if not np.isfinite(violation):
-        return Result.INVALID_NUMBER
-    if success:
-        return Result.SOLVED
-    if violation < 1e-6:
-        return Result.ACCEPTABLE
-    return Result.INFEASIBLE

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from showc.ocp.solution import Result
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
     from numpy.typing import NDArray
-
-    from showc.ocp.solution import Result
 
     FloatArray = NDArray[np.float64]
 
@@ -83,3 +84,26 @@ class StagedOptions:
     """Weight that keeps movable widths near those they start from."""
     extra: Mapping[str, object] = field(default_factory=dict)
     """Further options handed to the solver."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What the solver gave: a point of the scaled program."""
+
+    unknowns: FloatArray
+    rows: FloatArray
+    """Values of the constraint rows at that point."""
+    objective: float
+    statistics: Mapping[str, Any]
+    """``success`` and ``iter_count`` at least."""
+
+
+def result_of(*, success: bool, violation: float) -> Result:
+    """Translate how a staged solve ended; ``violation`` is that of its worst row."""
+    if not np.isfinite(violation):
+        return Result.INVALID_NUMBER
+    if success:
+        return Result.SOLVED
+    if violation < 1e-6:
+        return Result.ACCEPTABLE
+    return Result.INFEASIBLE

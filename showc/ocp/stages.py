@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi
 import numpy as np
 
-from showc.ocp.cascade import Cascade, Composition, depends_on
+from showc.ocp.cascade import Cascade, Composition, depends_on, elevate
 from showc.ocp.nodes import collocation
 
 if TYPE_CHECKING:
@@ -336,10 +336,11 @@ def _half_space_rows(
     degree = max(len(known[name]) for name in group.states) - 1
     fixed = min(reach[name] for name in group.states)
     scale = max(scale_of(phase.states[name].quantity) for name in group.states)
+    raised = [elevate(known[name], degree) for name in group.states]
     rows: _Rows = []
     for r in range(group.rows):
         for j in range(degree + 1):
-            vector = casadi.vertcat(*(known[name][j] for name in group.states))
+            vector = casadi.vertcat(*(coefficients[j] for coefficients in raised))
             value = casadi.dot(normals[r * size : (r + 1) * size], vector)
             key = ("half", group.name, str(r))
             rows.append((value, Row(key, scale, j < fixed, degree - j < fixed)))

@@ -81,10 +81,10 @@ def trajectory_of(
     hover = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
     state[0, 0], state[-1, -1] = hover
 
-    basis = bernstein_basis(CONTROL_DEGREE, np.array(_NODES))
-
     def values(name: str) -> FloatArray:
-        return _raised(breaks, get(name), CONTROL_DEGREE) @ basis.T
+        coefficients = get(name)
+        basis = bernstein_basis(coefficients.shape[1] - 1, np.array(_NODES))
+        return np.asarray(coefficients @ basis.T)
 
     torques = torques_for(
         aircraft.vehicle,

@@ -152,7 +152,7 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
 
     Keys are as :meth:`showc.ocp.staged.StagedTranscription.solve` takes them.
     """
-    limits, held = aircraft.limits, aircraft.yaw == "held"
+    limits = aircraft.limits
     bounds: dict[tuple[str, str], tuple[float, float]] = {}
     for k, axis in enumerate(POSITION):
         bounds["bounds", axis] = limits.position_min[k], limits.position_max[k]
@@ -164,11 +164,16 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
         bounds["bounds", rate] = -limits.body_rate[number], limits.body_rate[number]
     bounds["bounds", "thrust"] = limits.thrust_min, limits.thrust_max
     exact = aircraft.exact_torques
-    spare = np.zeros(3) if exact else np.array(aircraft.gyroscopic_torque)
-    for k, name in enumerate(TORQUES):
-        if k < 2 or exact or not held:
-            room = limits.torque_max[k] - spare[k]
-            bounds["path", name] = -room, room
+    gyroscopic = np.array(aircraft.gyroscopic_torque)
+    spare = np.zeros(3) if exact else gyroscopic
+    for _, _, acceleration, k in _axes(aircraft):
+        # Small gyroscopic torques are set aside; large ones can help as well.
+        room = limits.torque_max[k] + (gyroscopic[k] if exact else -spare[k])
+        most = room / aircraft.torque_per_acceleration[k]
+        bounds["bounds", acceleration] = -most, most
+    if exact:
+        for k, name in enumerate(TORQUES):
+            bounds["path", name] = -limits.torque_max[k], limits.torque_max[k]
     margin = np.abs(aircraft.vehicle.rotor_fractions()[:, 1:]) @ spare
     for rotor in range(4):
         share = float(margin[rotor])
@@ -215,7 +220,12 @@ def add_drone(
         f"thrust{tag}", lower, upper, degree=1, scale=vehicle.hover_thrust
     )
     accelerations = [
-        phase.control(name + tag, degree=1, scale=ANGULAR_ACCELERATION_SCALE)
+        phase.control(
+            name + tag,
+            *bounds["bounds", name + tag],
+            degree=1,
+            scale=ANGULAR_ACCELERATION_SCALE,
+        )
         for _, _, name, _ in axes
     ]
     for place, speed in zip(position, velocity, strict=True):

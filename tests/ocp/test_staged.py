@@ -76,6 +76,45 @@ def test_one_program_many_goals_and_bounds():
         assert solution.duration == pytest.approx(exact, rel=2e-3)
 
 
+def test_an_answer_does_not_depend_on_which_bounds_were_infinite_before():
+    def solved(program, speed):
+        solution = program.solve(
+            widths=np.full(12, 5.0 / 12),
+            guess=start_of(12, 4.0, 5.0),
+            parameters={"goal": 4.0},
+            bounds={("bounds", "v"): (-speed, speed)},
+        )
+        return solution.duration, solution.iterations, solution.result
+
+    orders = ([0.9, np.inf, 0.9], [np.inf, 0.9, np.inf])
+    for kind in ("free", "movable"):
+        found = {}
+        for order in orders:
+            program = StagedTranscription(double_integrator(speed=0.5), 12, time=kind)
+            for speed in order:
+                answer = solved(program, speed)
+                assert found.setdefault(speed, answer) == answer
+
+
+def test_half_spaces_that_are_off_leave_no_trace():
+    problem = double_integrator()
+    phase = problem.phases[0]
+    x, v = (phase.states[name].quantity.symbol for name in ("x", "v"))
+    phase.half_space("walls", [x, v], 2)
+    program = StagedTranscription(problem, 8, time="free")
+    widths = np.full(8, 2.5 / 8)
+    plain = program.solve(widths=widths, guess=start_of(8))
+    normals, bound = np.zeros((8, 2, 2)), np.full((8, 2), -np.inf)
+    normals[:, 0, 1], bound[3:5, 0] = -1.0, -0.5
+    slower = program.solve(
+        widths=widths, guess=start_of(8), half_spaces={"walls": (normals, bound)}
+    )
+    again = program.solve(widths=widths, guess=start_of(8))
+    assert slower.coefficients["v"][3:5].max() <= 0.5
+    assert slower.duration > plain.duration + 0.05
+    assert again.duration == plain.duration == pytest.approx(2.0, abs=2e-4)
+
+
 def test_impossible_tasks_name_the_constraint_and_the_time():
     problem = double_integrator(speed=0.5)
     program = StagedTranscription(

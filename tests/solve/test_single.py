@@ -81,14 +81,18 @@ def test_least_time_with_yaw_held():
     assert independent_miss(HELD.vehicle, result.trajectory) < 1e-3
 
 
-@pytest.mark.slow
-def test_least_time_with_yaw_free():
-    aircraft = replace(HELD, yaw="free")
+@pytest.mark.parametrize(
+    ("torque_arm", "least"), [("included", 6.6775), ("multiplied", 6.7635)]
+)
+def test_least_time_with_yaw_free(torque_arm, least):
+    # Limits of meshes of 160 intervals and more, rotor limits included.
+    vehicle = replace(PRESET.vehicle, torque_arm=torque_arm)
+    aircraft = Aircraft(vehicle, PRESET.limits, "free")
     goal = ABOVE + [30.0, 20.0, 10.0]
     result = minimum_time(aircraft, ABOVE, goal)
     assert result.solved
     check(aircraft, result.trajectory, ABOVE, goal, result.duration)
-    assert 6.6650 < result.duration < 6.6665 * 1.004
+    assert least - 1e-3 < result.duration < least * 1.002
     assert independent_miss(aircraft.vehicle, result.trajectory) < 1e-3
 
 
