@@ -47,6 +47,7 @@ def solve_itinerary(
             key = leg_key(leg, show, options)
             flight = cache.find(key, leg)
             if flight is None:
+                crew.prepare()
                 flight = solve_leg(leg, show, options, crew, progress)
                 cache.keep(key, flight)
             else:

@@ -32,6 +32,9 @@ _PRELOAD = ("showc.solve.single",)
 class Workers(Protocol):
     """Does many like tasks."""
 
+    def prepare(self) -> None:
+        """Say that work will come soon, so that it need not wait for a start."""
+
     def run(
         self,
         function: Callable[..., Any],
@@ -61,6 +64,9 @@ def chunks(tasks: Sequence[Any]) -> list[list[Any]]:
 class InProcess:
     """Works in the calling process."""
 
+    def prepare(self) -> None:
+        """See :class:`Workers`; there is nothing to start."""
+
     def run(
         self,
         function: Callable[..., Any],
@@ -85,6 +91,10 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._executor: ProcessPoolExecutor | None = None
+
+    def prepare(self) -> None:
+        """See :class:`Workers`; the processes start while the caller goes on."""
+        self._pool()
 
     def run(
         self,
@@ -132,9 +142,10 @@ class Processes:
                 self._executor = ProcessPoolExecutor(
                     self._jobs, mp_context=context, initializer=_warm
                 )
-                # The server and its workers inherit the environment of this moment.
-                for future in [self._executor.submit(_warm) for _ in range(self._jobs)]:
-                    future.result()
+                # The server and its workers inherit the environment of this moment;
+                # that they import what they need is not waited for.
+                for _ in range(self._jobs):
+                    self._executor.submit(_warm)
         return self._executor
 
     def close(self) -> None:
@@ -162,6 +173,9 @@ class Cluster:
                 f"no Dask scheduler answers at {address!r} ({error}); "
                 "wanted an address such as tcp://host:8786"
             ) from error
+
+    def prepare(self) -> None:
+        """See :class:`Workers`; the cluster runs already."""
 
     def run(
         self,
