@@ -98,6 +98,11 @@ def command(
             f"at most {vehicle.greatest_deviation:.2f} m off"
             + (f"; {vehicle.reason}" if vehicle.reason else "")
         )
+    if report.rate:
+        click.echo(
+            f"setpoints: {report.rate:.1f} a second, longest gap "
+            f"{report.longest_gap:.2f} s, sent within {report.longest_hold_up:.3f} s"
+        )
     outcome = "flown to the end" if report.complete else f"ABORTED: {report.reason}"
     click.echo(f"{outcome} (show time {report.show_time:.1f} s); log: {record}")
     return 0 if report.complete else 1

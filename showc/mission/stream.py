@@ -12,6 +12,7 @@ from showc.errors import UsageError
 from showc.log.reader import read_log
 from showc.mission.flown import FlownLog
 from showc.mission.network import Address, Network
+from showc.mission.pace import Clock, Rounds
 from showc.mission.pilot import Phase, Pilot
 from showc.mission.setpoints import StreamPlan, stream_plan
 from showc.progress import Silent
@@ -55,22 +56,6 @@ class StreamOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
-    """Time that may run faster than the wall's, for rehearsals."""
-
-    speed: float = 1.0
-    """Seconds of the show for each second of the wall's clock."""
-
-    def now(self) -> float:
-        """Return the present time [s]; only differences mean something."""
-        return time.monotonic() * self.speed
-
-    def wall(self, span: float) -> float:
-        """Return how long ``span`` [s] takes on the wall's clock [s]."""
-        return span / self.speed
-
-
-@dataclass(frozen=True, slots=True)
 class VehicleFlight:
     """How one vehicle flew."""
 
@@ -98,6 +83,12 @@ class StreamReport:
     """Why not."""
     show_time: float
     """Show time reached [s]."""
+    rate: float
+    """Setpoints a second that each vehicle was sent, in the mean [Hz]."""
+    longest_gap: float
+    """Longest time between two setpoints to a vehicle [s]."""
+    longest_hold_up: float
+    """Longest time between the moment a setpoint is for and its sending [s]."""
     vehicles: tuple[VehicleFlight, ...]
     """By drone."""
 
@@ -196,6 +187,7 @@ class _Conductor:
         self.begun: float | None = None
         self.join = 0.0
         self.shown = 0.0
+        self.rounds = Rounds()
 
     def run(self, record: FlownLog | None) -> StreamReport:
         """Fly the show; return how it went."""
@@ -210,6 +202,9 @@ class _Conductor:
             not reason,
             reason,
             round(self.shown, 3),
+            round(self.rounds.rate, 2),
+            round(self.rounds.longest_gap, 3),
+            round(self.rounds.longest_hold_up, 3),
             tuple(
                 VehicleFlight(
                     pilot.drone + 1,
@@ -284,6 +279,7 @@ class _Conductor:
         for index, pilot in enumerate(self.pilots):
             message = pilot.setpoint(places[index], speeds[index], pushes[index], stamp)
             self.network.send(message, pilot.vehicle.system)
+        self.rounds.note((self.begun or 0.0) + self.shown, self.clock.now())
 
     def _watch(self, now: float) -> str:
         """Return what is wrong with a vehicle in flight."""

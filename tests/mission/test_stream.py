@@ -43,7 +43,7 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def fleet(stack, flight, port, *, autopilot=3, faults=None, moved=None):
+def fleet(stack, flight, port, *, autopilot=3, faults=None, moved=None, speed=SPEED):
     """One vehicle on each pad; ``moved`` puts one beside it (north, metres)."""
     show = flight.itinerary.show
     frame = SiteFrame.of(show.site)
@@ -56,19 +56,19 @@ def fleet(stack, flight, port, *, autopilot=3, faults=None, moved=None):
             index + 1,
             autopilot=autopilot,
             stands=(north, east, -up),
-            rate=SPEED,
+            rate=speed,
             faults=(faults or {}).get(index + 1),
         )
         vehicles.append(stack.enter_context(vehicle))
     return vehicles
 
 
-def stream(log, port, **given):
+def stream(log, port, *, speed=SPEED, **given):
     options = StreamOptions(**{"ready_timeout": 20.0, **given.pop("options", {})})
     return stream_show(
         log,
         connections=[f"udpin:127.0.0.1:{port}"],
-        clock=Clock(SPEED),
+        clock=Clock(speed),
         options=options,
         **given,
     )
@@ -138,6 +138,37 @@ def test_all_vehicles_share_one_clock(flown):
     tracks = read_flown(flown[2])
     first = [track.times[0] for track in tracks.values()]
     assert np.ptp(first) < 0.5
+
+
+@pytest.mark.slow
+def test_in_real_time_setpoints_keep_their_rate_and_their_times(log, flight, tmp_path):
+    port = free_port()
+    with ExitStack() as stack:
+        vehicles = fleet(stack, flight, port, speed=1.0)
+        report = stream(log, port, speed=1.0, flown=tmp_path / "flown.mcap")
+    assert report.complete, report.reason
+    assert 10.0 < report.rate < 20.5
+    assert report.longest_gap >= 1.0 / report.rate
+    lags = []
+    for vehicle in vehicles:
+        times = np.array([moment for moment, _ in vehicle.flown.setpoints])
+        stamps = np.array(vehicle.flown.stamps)
+        # During the countdown, and when the show is over, the stamp stands still.
+        moving = np.concatenate([[False], np.diff(stamps) > 0.0])
+        times, stamps = times[moving], stamps[moving]
+        # At least ten in every second of the show.
+        counts = np.searchsorted(times, times + 1.0) - np.arange(times.size)
+        assert counts[times < times[-1] - 1.0].min() >= 10
+        late = times - stamps
+        late -= late.min()
+        assert np.median(late) < 0.02
+        assert np.quantile(late, 0.99) < 0.1
+        lags.append(times[0] - stamps[0] + vehicle.begun)
+    # One clock: the same stamp comes to all at the same time.
+    assert np.ptp(lags) < 0.1
+    comparison = compare_flown(log, tmp_path / "flown.mcap")
+    assert comparison.greatest_error < 0.5
+    assert all(drone.rms_error < 0.1 for drone in comparison.drones)
 
 
 @pytest.mark.slow

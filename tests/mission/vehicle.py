@@ -41,6 +41,7 @@ class Flown:
     commands: list[int] = field(default_factory=list)
     modes: list[int] = field(default_factory=list)
     setpoints: list[tuple[float, int]] = field(default_factory=list)
+    stamps: list[float] = field(default_factory=list)
 
 
 class Vehicle(threading.Thread):
@@ -268,6 +269,7 @@ class Vehicle(threading.Thread):
 
     def on_set_position_target_local_ned(self, message, now: float) -> None:
         self.flown.setpoints.append((now, message.type_mask))
+        self.flown.stamps.append(message.time_boot_ms / 1000.0)
         guided = 4 if self.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA else 6 << 16
         if self.mode == guided:
             self.target = (
