@@ -16,7 +16,13 @@ from showc.flight import Trajectory
 from showc.solve.assembly import trajectory_of
 from showc.solve.estimate import minimum_time_estimate
 from showc.solve.guess import flat_guess, flown_guess
-from showc.solve.intervals import END_GRADING, finer, graded_widths, interval_count
+from showc.solve.intervals import (
+    COUNTS,
+    END_GRADING,
+    finer,
+    graded_widths,
+    interval_count,
+)
 from showc.solve.judgement import POSITION_ACCURACY, STILL, Verdict, judge, refusal
 from showc.solve.model import HALF_SPACES
 from showc.solve.programs import SLOTS, Programs
@@ -68,6 +74,7 @@ def follow(
     half_spaces: Sequence[HalfSpace] = (),
     accuracy: float = POSITION_ACCURACY,
     start_from: Trajectory | None = None,
+    shortest: Trajectory | None = None,
 ) -> Result:
     """Fly from hover to hover in a given time, as near as can be to a reference.
 
@@ -86,7 +93,10 @@ def follow(
     accuracy
         Greatest distance between the controls integrated and the trajectory [m].
     start_from
-        An earlier flight between the same hovers to start from.
+        An earlier flight between the same hovers, by this function, to start from, on
+        its mesh if it may be.
+    shortest
+        The flight in least time between the same hovers, if it is known.
     """
     start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
     programs = Programs(aircraft, start, goal)
@@ -96,9 +106,18 @@ def follow(
     if still and not half_spaces and (reference is None or reference.components == 1):
         flight = _pause(aircraft, start, goal, duration)
         return Verdict("solved").result(programs, duration, flight)
-    task = _Task(aircraft, start, goal, duration, reference, tuple(half_spaces))
+    task = _Task(
+        aircraft,
+        start,
+        goal,
+        duration,
+        reference,
+        tuple(half_spaces),
+        start_from,
+        shortest,
+    )
     verdict = Verdict("infeasible")
-    for widths, solver, guess in _ladder(task, start_from):
+    for widths, solver, guess in _ladder(task):
         solution = _solve(task, programs, widths, solver, guess)
         if not solution.result.usable:
             verdict = Verdict("infeasible", solution.message)
@@ -109,7 +128,7 @@ def follow(
             return verdict.result(programs, duration, trajectory)
     if verdict.status == "infeasible":
         message = f"no flight in {duration:.3f} s was found: {verdict.message}"
-        least = _least(aircraft, tuple(start), tuple(goal)).duration
+        least = task.shortest_flight()[0]
         if duration < least:
             message = (
                 f"no flight in {duration:.3f} s: the shortest found, other drones "
@@ -142,47 +161,65 @@ class _Task:
     duration: float
     reference: PiecewisePolynomial | None
     half_spaces: tuple[HalfSpace, ...]
+    start_from: Trajectory | None
+    shortest: Trajectory | None
+
+    def shortest_flight(self) -> tuple[float, Trajectory | None]:
+        """Return the least time [s] and its flight, solved for if it is not known."""
+        if self.shortest is not None:
+            return self.shortest.state.end, self.shortest
+        least = _least(self.aircraft, tuple(self.start), tuple(self.goal))
+        return least.duration, least.trajectory
+
+    def guess(self, widths: FloatArray) -> StagedGuess:
+        """Where to start on these intervals."""
+        if self.start_from is not None:
+            return flown_guess(self.aircraft, self.start_from, widths)
+        return flat_guess(self.aircraft, self.start, self.goal, widths, self.reference)
+
+    def stretched(self, flight: Trajectory) -> FloatArray:
+        """Widths of the intervals of a flight, stretched to the duration."""
+        widths = np.diff(flight.state.breaks)
+        return np.asarray(widths * (self.duration / widths.sum()))
 
 
-def _ladder(
-    task: _Task, start_from: Trajectory | None
-) -> Iterator[tuple[FloatArray, StagedSolver, StagedGuess]]:
+def _ladder(task: _Task) -> Iterator[tuple[FloatArray, StagedSolver, StagedGuess]]:
     """Meshes and starts to try, cheapest first.
 
     With time to spare a coarse mesh does. Near the least time the flight needs its
     interval borders where limits are reached and left: then the least-time flight of
     the same drone, stretched to the duration, gives both mesh and start.
     """
-    aircraft, duration = task.aircraft, task.duration
-
-    def guess(widths: FloatArray) -> StagedGuess:
-        if start_from is not None:
-            return flown_guess(aircraft, start_from, widths)
-        return flat_guess(aircraft, task.start, task.goal, widths, task.reference)
-
-    low, _ = minimum_time_estimate(aircraft, task.start[None], task.goal[None])
+    duration, earlier = task.duration, task.start_from
+    if earlier is not None and earlier.state.intervals in COUNTS:
+        widths = task.stretched(earlier)
+        yield widths, "fatrop", task.guess(widths)
+    low, _ = minimum_time_estimate(task.aircraft, task.start[None], task.goal[None])
     slack = duration / max(float(low[0]), 1e-9)
-    if slack > TIGHT:
+    if task.shortest is None and slack > TIGHT:
         least = 12 if slack > AMPLE else 16
         count: int | None = interval_count(duration, least)
         for _ in range(2):
             widths = graded_widths(duration, count or 16)
-            yield widths, "fatrop", guess(widths)
+            yield widths, "fatrop", task.guess(widths)
             count = finer(count or 16)
-    widths = graded_widths(duration, interval_count(duration, 24), END_GRADING)
-    yield widths, "fatrop", guess(widths)
-    shortest = _least(aircraft, tuple(task.start), tuple(task.goal))
-    if duration < HOPELESS * shortest.duration:
+    if task.shortest is None:
+        count = interval_count(duration, 24)
+        widths = graded_widths(duration, count, END_GRADING)
+        yield widths, "fatrop", task.guess(widths)
+    time, shortest = task.shortest_flight()
+    if duration < HOPELESS * time:
         return
-    if shortest.trajectory is not None and shortest.duration <= duration:
-        widths = np.diff(shortest.trajectory.state.breaks)
-        widths *= duration / widths.sum()
-        near = flown_guess(aircraft, shortest.trajectory, widths)
+    if shortest is not None and time <= duration:
+        widths = task.stretched(shortest)
+        near = flown_guess(task.aircraft, shortest, widths)
+        if task.shortest is not None:
+            yield widths, "fatrop", task.guess(widths)
         yield widths, "fatrop", near
         yield widths, "ipopt", near
     for count in (32, 56):
         widths = graded_widths(duration, interval_count(duration, count), END_GRADING)
-        yield widths, "ipopt", guess(widths)
+        yield widths, "ipopt", task.guess(widths)
 
 
 @lru_cache(maxsize=256)

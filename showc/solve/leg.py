@@ -100,6 +100,7 @@ class _Solver:
         self.progress = progress
         self.tried = _Attempts()
         self.where = place(leg)
+        self.shortest: dict[int, Trajectory] = {}
 
     def solve(self) -> LegFlight:
         """Go through the stages."""
@@ -130,6 +131,11 @@ class _Solver:
             solve=solve,
         )
         self.tried.add("minimum_time_solves", limiting.solves)
+        self.shortest = {
+            row: result.trajectory
+            for row, result in limiting.flights.items()
+            if result.trajectory is not None
+        }
         return limiting
 
     def _hold(self) -> LegFlight:
@@ -241,6 +247,7 @@ class _Solver:
             parked=self.leg.others_parked,
             duration=time,
             shared=shared,
+            shortest=self.shortest,
             rounds=self.options.repair_rounds,
             names=self.leg.drones,
             workers=self.workers,

@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.solve.bound import Relaxation, lower_bound
 from showc.solve.single import Aircraft, Result, minimum_time
+from showc.solve.symmetry import kinds
 from showc.solve.synchronise import SHAPES, least_times
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 _CANDIDATES = 12
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
-_SCATTER = 0.003
+_SCATTER = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,9 +74,10 @@ def limiting_time(
         Whether to solve minimum times at all; else the rigorous bound stands for them.
     """
     displacement = goal - start
-    # Moves that differ by rounding alone are one.
-    rounded = np.round(displacement, 9)
-    distinct, rows = np.unique(rounded, axis=0, return_index=True)
+    # Moves that differ by rounding alone, or as mirror images do, are one.
+    distinct, rows = np.unique(
+        kinds(aircraft, displacement)[0], axis=0, return_index=True
+    )
     moves = np.linalg.norm(distinct, axis=1) > 0.0
     distinct, rows = distinct[moves], rows[moves]
     candidates = _candidates(aircraft, distinct)
@@ -90,7 +92,7 @@ def limiting_time(
                 relaxation,
                 int(rows[index]),
                 displacement[rows[index]],
-                _guess(relaxation, distinct[index]),
+                _guess(relaxation, displacement[rows[index]]),
             )
             for index in candidates
         ],

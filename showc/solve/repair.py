@@ -11,22 +11,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.flight import Trajectory
+from showc.solve.audit import greatest_excess
 from showc.solve.bend import bent, head_on_crowds
 from showc.solve.conflicts import conflicts
 from showc.solve.flat import keeps_limits
+from showc.solve.judgement import KEPT
 from showc.solve.program import NO_WALLS
 from showc.solve.staying import OPTIMAL, SPLINE, STRAIGHT, stay_apart, stay_near
 from showc.solve.straight import fly_straight
+from showc.solve.symmetry import image, kinds
 from showc.solve.synchronise import best_profile
 from showc.solve.tracks import tracks_of
 from showc.solve.walls import NODES, gathered, pair_walls
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from showc.flight import Trajectory
     from showc.progress import Progress
     from showc.solve.conflicts import Encounters
     from showc.solve.pool import Workers
@@ -49,7 +52,25 @@ _CLEARANCE = 0.04
 
 
 class Repair:
-    """Flights of all drones over one common time."""
+    """Flights of all drones over one common time.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (n, 3) [m].
+    parked
+        Positions of drones that take no part, shape (m, 3) [m].
+    duration
+        The common time [s].
+    shared
+        A profile that all drones can fly straight, however slow.
+    shortest
+        Flights in least time, by row, as far as they are known.
+    rounds
+        Rounds of half-spaces at most.
+    names
+        Numbers of the drones, from 0, shape (n,).
+    """
 
     def __init__(
         self,
@@ -61,6 +82,7 @@ class Repair:
         parked: FloatArray | None,
         duration: float,
         shared: Profile,
+        shortest: Mapping[int, Trajectory],
         rounds: int,
         names: IntArray,
         workers: Workers,
@@ -71,7 +93,7 @@ class Repair:
         self.separation = separation
         self.start, self.goal, self.parked = start, goal, parked
         self.duration = duration
-        self.shared = shared
+        self.shared, self.shortest = shared, shortest
         self.rounds = rounds
         self.names = names
         self.workers, self.progress, self.name = workers, progress, name
@@ -134,41 +156,60 @@ class Repair:
         return slow.size == 0 or self._slow(slow)
 
     def _slow(self, rows: IntArray) -> bool:
-        """Drones that cannot fly straight on the profile: one of each equal move."""
-        moves: dict[tuple[float, ...], list[int]] = {}
+        """Drones that cannot fly straight on the profile: one of each kind of move."""
+        stands, signs = kinds(self.aircraft, self.goal - self.start)
+        alike: dict[tuple[float, ...], list[int]] = {}
         for row in rows.tolist():
-            key = tuple(np.round(self.goal[row] - self.start[row], 9).tolist())
-            moves.setdefault(key, []).append(row)
-        groups = list(moves.values())
-        self.progress.stage(f"{self.name}: drones without slack", len(groups))
+            alike.setdefault(tuple(stands[row].tolist()), []).append(row)
+        groups = [
+            sorted(group, key=lambda row: (row not in self.shortest, row))
+            for group in alike.values()
+        ]
+        if not self._near([group[0] for group in groups]):
+            return False
+        broken = []
+        for first, *others in groups:
+            for row in others:
+                copied = image(
+                    self.aircraft,
+                    self.flown[first],
+                    signs[row] * signs[first],
+                    self.start[row],
+                    self.goal[row],
+                )
+                self.flown[row], self.kind[row] = copied, self.kind[first]
+                if greatest_excess(self.aircraft, copied).relative > KEPT:
+                    broken.append(row)
+        return self._near(broken)
+
+    def _near(self, rows: list[int]) -> bool:
+        """Fly drones near the profile, each on its own."""
+        self.progress.stage(f"{self.name}: drones without slack", len(rows))
         results: list[Outcome] = self.workers.run(
             stay_near,
             [
                 (
                     self.aircraft,
-                    self.start[group[0]],
-                    self.goal[group[0]],
+                    self.start[row],
+                    self.goal[row],
                     self.reference,
                     self.intervals,
+                    self.shortest.get(row),
                 )
-                for group in groups
+                for row in rows
             ],
             self.progress.advance,
         )
-        self._count("solves_without_slack", len(groups))
-        for group, (kind, trajectory, message) in zip(groups, results, strict=True):
+        self._count("solves_without_slack", len(rows))
+        for row, (kind, trajectory, message) in zip(rows, results, strict=True):
             if trajectory is None:
-                row = group[0]
                 length = float(np.linalg.norm(self.goal[row] - self.start[row]))
                 self.trouble = (
                     f"drone {self.names[row] + 1} finds no flight of its "
                     f"{length:.2f} m in {self.duration:.3f} s: {message}"
                 )
                 return False
-            for row in group:
-                offset = self.start[row] - self.start[group[0]]
-                self.flown[row] = _moved(trajectory, offset)
-                self.kind[row] = kind
+            self.flown[row], self.kind[row] = trajectory, kind
         return True
 
     def _apart(self) -> bool:
@@ -273,6 +314,7 @@ class Repair:
                     gathered(walls[row]) if walls[row] else NO_WALLS,
                     self._sampled(row),
                     _CLEARANCE * self.separation.distance * tried[row],
+                    self.flown[row] if self.kind[row] == OPTIMAL else None,
                 )
                 for row in busy
             ],
@@ -294,10 +336,7 @@ class Repair:
 
     def _pair_walls(self, first: int, second: int, tries: int) -> PairWalls:
         count = len(self.flown)
-        stuck = [
-            row >= count or row in self._rigid or self.kind[row] == OPTIMAL
-            for row in (first, second)
-        ]
+        stuck = [row >= count or row in self._rigid for row in (first, second)]
         hovering = [row >= count or self._hovers[row] for row in (first, second)]
         if hovering[0] != hovering[1]:
             stuck = hovering
@@ -332,13 +371,3 @@ class Repair:
 
     def _count(self, name: str, value: float) -> None:
         self.counts[name] = self.counts.get(name, 0.0) + value
-
-
-def _moved(trajectory: Trajectory, offset: FloatArray) -> Trajectory:
-    """Return the same flight from another place."""
-    shift = np.zeros(trajectory.state.components)
-    shift[:3] = offset
-    state = trajectory.state
-    return Trajectory(
-        type(state)(state.breaks, state.coefficients + shift), trajectory.control
-    )

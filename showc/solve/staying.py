@@ -1,7 +1,7 @@
 """One drone at the common time: near the reference, and on its side of the walls.
 
-Splines come first, for they are quick and keep the walls; where a drone has no slack
-left for them, optimal control follows a reference that is pushed behind the walls.
+Near the profile splines come first, for they need no program to be built; where a
+drone has no slack left for them, and behind walls, optimal control does the work.
 """
 
 from __future__ import annotations
@@ -10,15 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.solve.program import WALL_DEGREE
+from showc.solve.avoiding import avoid
+from showc.solve.program import NO_WALLS, WALL_DEGREE
 from showc.solve.single import follow
 from showc.solve.spline import follow_spline
 from showc.solve.walls import NODES
-from showc.trajectory import (
-    PiecewisePolynomial,
-    bernstein_basis,
-    bernstein_basis_inverse,
-)
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,18 +31,32 @@ Outcome = tuple[str, "Trajectory | None", str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 
 
-def stay_near(
+def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
     reference: PiecewisePolynomial,
     intervals: int,
+    shortest: Trajectory | None = None,
 ) -> Outcome:
-    """Fly one drone as near as can be to the shared profile on its straight line."""
-    found = follow_spline(aircraft, start, goal, reference, intervals)
-    if found is not None:
-        return SPLINE, found.flight.trajectory(0), ""
-    result = follow(aircraft, start, goal, reference.end, reference=reference)
+    """Fly one drone as near as can be to the shared profile on its straight line.
+
+    Parameters
+    ----------
+    shortest
+        Its flight in least time, if it is known: then it is one of the slowest, for
+        which splines are not supple enough, and they are not tried.
+    """
+    if shortest is None:
+        found = follow_spline(aircraft, start, goal, reference, intervals)
+        if found is not None:
+            return SPLINE, found.flight.trajectory(0), ""
+    flight = avoid(aircraft, start, goal, reference, NO_WALLS, shortest=shortest)
+    if flight is not None:
+        return OPTIMAL, flight, ""
+    result = follow(
+        aircraft, start, goal, reference.end, reference=reference, shortest=shortest
+    )
     return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
@@ -58,6 +69,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     walls: Walls,
     present: FloatArray,
     clearance: float,
+    earlier: Trajectory | None = None,
 ) -> Outcome:
     """Fly one drone on its side of the walls.
 
@@ -65,40 +77,27 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     ----------
     present
         Positions of the iterate before at ``NODES`` of each interval, shape (K, 7, 3)
-        [m]: the way that is pushed behind the walls if no spline can follow.
+        [m]: the way about which the walls were laid.
     clearance
-        How far behind them [m]; optimal control weighs its reference against effort
-        and falls a little short of it.
+        How far behind them optimal control aims [m]; it weighs walls against effort
+        and falls a little short.
+    earlier
+        Its flight of the round before if that is by optimal control.
 
     Returns
     -------
     Outcome
         The flight keeps every limit; the walls it keeps as far as it can.
     """
-    found = follow_spline(aircraft, start, goal, reference, intervals, walls)
-    if found is not None:
-        return SPLINE, found.flight.trajectory(0), ""
-    pushed = _pushed(present, walls, clearance)
     inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
     way = PiecewisePolynomial(
         np.linspace(0.0, reference.end, intervals + 1),
-        np.einsum("ij,kja->kia", inverse, pushed),
+        np.einsum("ij,kja->kia", inverse, present),
     )
-    result = follow(aircraft, start, goal, reference.end, reference=way)
-    return OPTIMAL, result.trajectory if result.solved else None, result.message
-
-
-def _pushed(present: FloatArray, walls: Walls, clearance: float) -> FloatArray:
-    """Positions moved to the right side of every wall, a little farther."""
-    pushed = present.copy()
-    offset = walls.offset @ bernstein_basis(WALL_DEGREE, NODES).T
-    for row, interval in enumerate(walls.interval.tolist()):
-        normal = (1.0 - NODES)[:, None] * walls.normal[row, 0] + NODES[
-            :, None
-        ] * walls.normal[row, 1]
-        at = pushed[interval]
-        square = np.einsum("ij,ij->i", normal, normal)
-        lack = offset[row] - np.einsum("ij,ij->i", normal, at)
-        lack = np.where(lack > 0.0, lack + clearance, 0.0)
-        pushed[interval] = at + (lack / np.maximum(square, 0.1))[:, None] * normal
-    return pushed
+    flight = avoid(aircraft, start, goal, reference, walls, way, clearance, earlier)
+    if flight is not None:
+        return OPTIMAL, flight, ""
+    found = follow_spline(aircraft, start, goal, reference, intervals, walls)
+    if found is not None:
+        return SPLINE, found.flight.trajectory(0), ""
+    return OPTIMAL, None, "no flight behind the walls was found"
