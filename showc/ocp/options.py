@@ -27,13 +27,15 @@ CAUTION = 0.25
 """Share of the tolerance that the estimate of the objective's error may take."""
 ROUGH = 1e-2
 """Error of the dynamics above which arcs and multipliers of a solution mean nothing."""
-CHEAP = 1000
+CHEAP = 1500
 """Unknowns up to which a program costs next to nothing: its mesh may grow as fast as
 its errors suggest, and it is solved to the full tolerance at once."""
 GROWTH = 2.0
 """Greatest growth of the points from mesh to mesh beyond that."""
 LOOSE = 1e-6
-"""Solver's tolerance on meshes that will be refined anyway."""
+"""Solver's tolerance on costly programs whose mesh is yet too coarse by far."""
+CLOSE = 1e-7
+"""Solver's tolerance on other costly programs: the last digits cost most iterations."""
 EFFORT = 1e6
 """Unknowns times iterations that one mesh may cost; at least a hundred iterations."""
 TRIAL_EFFORT = 3e5
@@ -58,6 +60,9 @@ class Options:
     """Greatest number of meshes."""
     points: int = 1000
     """Greatest number of collocation points; refinement stops there."""
+    effort: float = 1e6
+    """Unknowns times iterations that refinement may cost; no further mesh is begun
+    beyond. A million are some seven seconds of CPU time; infinity: no limit."""
     scheme: Scheme = "gauss"
     """Collocation points."""
     rule: Rule = "decay"
