@@ -10,7 +10,7 @@ ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +78,7 @@ class GradedOptions:
     and one integration of the clipped controls, over each state's range (or a
     hundredth of its scale, if that is more); and wanted violation of path
     constraints between the points, over their scale."""
-    intervals: tuple[int, ...] = (20, 40, 56, 72, 96, 128)
+    intervals: tuple[int, ...] = (24, 44, 56, 72, 96, 128)
     """Number of intervals of the meshes, shared by the phases."""
     points: int = 3
     """Collocation points of an interval; more where ``accuracy`` takes them."""
@@ -87,10 +87,9 @@ class GradedOptions:
     solver's tolerance leaves stays within."""
     first: Mesh | None = None
     """First mesh; by default even."""
-    solver: SolverOptions = field(
-        default_factory=lambda: SolverOptions(tolerance=1e-5, iterations=400)
-    )
-    """How each nonlinear program is solved."""
+    solver: SolverOptions | None = None
+    """How each nonlinear program is solved; by default to a hundredth of the
+    tolerance."""
     progress: Callable[[MeshRecord], None] | None = None
     """Called after each mesh."""
 
@@ -124,7 +123,9 @@ class _Work:
         self, mesh: Mesh, guess: Guess | Solution | None, extra: dict[str, object]
     ) -> Solution:
         """Solve on one mesh."""
-        chosen = self.options.solver
+        chosen = self.options.solver or SolverOptions(
+            tolerance=1e-2 * self.options.tolerance, iterations=400
+        )
         built = Transcription(
             self.problem,
             mesh,

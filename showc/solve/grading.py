@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-FIRST = 20
+FIRST = 24
 """Intervals of the first mesh."""
 LONGER = 2.0
 """A change of the time by so much more than the tolerance still ends it: the last mesh

@@ -59,11 +59,13 @@ def flights() -> list[Case]:
     one, six = quadrotor.one(), quadrotor.six()
     crossed = quadrotor.six_crossed()
     fine = {"mesh": [160, 3]}
+    closer = {"way": "graded", "options": {"tolerance": 5e-5}}
     joint = {"way": "fleet", "gap": 0.001}
     adaptive = {"mesh": [16, 3], "tolerance": 1e-3}
     return [
         Case(one, "showc", {"way": "drone"}, "drone"),
         Case(one, "showc", {"way": "graded"}, "core, graded meshes"),
+        Case(one, "showc", closer, "core, graded meshes to 5e-5"),
         Case(one, "showc", {"way": "mesh"}, "core, 53 x 3, linear controls"),
         Case(one, "showc", {"way": "core"}, "core"),
         Case(one, "yapss", {"mesh": [10, 6]}, "10 x 6"),

@@ -77,7 +77,8 @@ def solve(problem: Problem, settings: dict) -> Answer:
     if way == "mesh":
         return _fixed_mesh(problem)
     if way == "graded":
-        return answer(ocp.solve_graded(build(problem)))
+        chosen = ocp.GradedOptions(**settings.get("options", {}))
+        return answer(ocp.solve_graded(build(problem), options=chosen))
     if way == "fleet":
         return _fleet(problem, settings)
     if way == "agents":
@@ -127,7 +128,7 @@ def _places(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 def _one_drone(problem: Problem) -> Answer:
     (start,), (goal,) = _places(problem)
-    result = minimum_time(aircraft(), start, goal, tolerance=2e-4)
+    result = minimum_time(aircraft(), start, goal)
     if result.trajectory is None:
         raise RuntimeError(result.message)
     return Answer(
