@@ -170,16 +170,18 @@ def _candidates(
     yield "straight", [first]
     if first.drones.size == 0:
         return
-    table = _table(first, around)
-    waits = staggered(table)
     found = list(_slower(first, straight, around))
+    # Who flies by turns flies as fast as may be.
+    swift = straight(0.0)
+    table = _table(swift, around)
+    waits = staggered(table)
     if waits is not None:
         name = f"straight, staggered by up to {waits.max():g} s"
-        found.append((name, [first.waiting(waits)]))
+        found.append((name, [swift.waiting(waits)]))
     else:
         found.extend(
             (name, [_staggered_stage(one, around) for one in stages])
-            for name, stages in hops(leg, builder, around, first, table)
+            for name, stages in hops(leg, builder, around, swift, table)
         )
     found.extend(bends(leg, flight, builder, around))
     found.extend(layers(leg, builder, around, first))

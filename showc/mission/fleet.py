@@ -13,6 +13,7 @@ from showc.errors import ExportError, UsageError
 from showc.mission.boards import check_budget
 from showc.mission.encode import Encoder
 from showc.mission.geodesy import SiteFrame
+from showc.mission.lights import lights_left_out
 from showc.mission.parameters import FIRMWARE, parameter_file, parameters_for
 from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
@@ -118,7 +119,8 @@ def mission_files(
     token = fleet_token(files)
     files |= _plans(show, missions, autopilot, parameters.speed, token)
     if autopilot == "px4":
-        return MissionSet(files, token, {"clock": "relative"}, PX4_WARNINGS, None)
+        notes = (*PX4_WARNINGS, *lights_left_out(show))
+        return MissionSet(files, token, {"clock": "relative"}, notes, None)
     files["missions/ardupilot.parm"] = parameter_file(parameters)
     prediction = prediction_summary(flight, timeline, start)
     return MissionSet(
@@ -187,6 +189,11 @@ PX4_WARNINGS = (
 )
 
 
+def _loosest(legs: list[dict[str, Any]]) -> float:
+    """Greatest half width of the releases without a clock [s]."""
+    return max((float(leg["unclocked"]["spread"]) for leg in legs), default=0.0)
+
+
 def _warnings(
     flight: Flight, timeline: Timeline, prediction: dict[str, Any]
 ) -> tuple[str, ...]:
@@ -203,8 +210,9 @@ def _warnings(
     if prediction["start"] is None:
         found.append(
             "no start time: the missions hold relative delays, and nothing but equal "
-            "starts keeps the drones together; separation is proved for legs released "
-            f"within {2.0 * prediction['delay_spread']:.1f} s of each other"
+            "starts keeps the drones together; separation is proved only for legs "
+            f"released together (delays ± {prediction['delay_spread']:.1f} s), which "
+            f"is not sure: by the last leg each may be ± {_loosest(legs):.1f} s off"
         )
         loose = [
             leg
@@ -220,8 +228,8 @@ def _warnings(
                 f"without a start time {len(loose)} of {len(legs)} legs are not proved "
                 f"apart: in {worst['name']} drones {near['drones'][0]} and "
                 f"{near['drones'][1]} can come as near as {near['distance']:.2f} m "
-                f"(releases {worst['unclocked']['spread']:.1f} s apart); compile with "
-                "--start"
+                f"(each release ± {worst['unclocked']['spread']:.1f} s off); compile "
+                "with --start"
             )
     elif timeline.legs:
         found.append(
@@ -240,10 +248,7 @@ def _warnings(
         "time would come too near each other"
         for leg in changed
     )
-    if show.mission.light_servos is not None and any(
-        formation.effect is not None for formation in show.formations.values()
-    ):
-        found.append("colour effects are not in the missions: servo items step")
+    found.extend(lights_left_out(show))
     return tuple(found)
 
 

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 
 Moment = Literal["start", "middle", "end"]
 
+NO_LIGHTS = (
+    "the missions carry no lights: mission.light_servos names no outputs for red, green "
+    "and blue"
+)
+
 
 def leg_colours(show: Show, leg: Leg) -> FloatArray:
     """Linear red, green, blue (n, 3) of a leg's drones once they have arrived."""
@@ -51,6 +56,32 @@ def change_moment(show: Show, leg: Leg) -> Moment:
         return "start"
     fade = show.transitions[leg.transition].fade
     return "middle" if fade == "linear" else fade
+
+
+def lights_left_out(show: Show) -> tuple[str, ...]:
+    """Say what of the show's colours its missions do not carry, a sentence each."""
+    if show.mission.light_servos is None:
+        return (NO_LIGHTS,)
+    stepped, effects = [], []
+    for transition in show.transitions:
+        who = "" if transition.group is None else f" (group {transition.group})"
+        if transition.fade == "linear":
+            stepped.append(f"{transition.name}{who}")
+        effect = transition.effect or show.formations[transition.to].effect
+        if effect is not None:
+            effects.append(f"{effect.kind} over {transition.to}{who}")
+    found = []
+    if effects:
+        found.append(
+            "colour effects are not in the missions, whose servo items only step: "
+            + ", ".join(dict.fromkeys(effects))
+        )
+    if stepped:
+        found.append(
+            "even fades are single steps half way in the missions: "
+            + ", ".join(stepped)
+        )
+    return tuple(found)
 
 
 def light_items(

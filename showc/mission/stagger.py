@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     Neighbours = list[list[tuple[int, BoolArray]]]
 
-LONGEST_WAIT = 300
+LONGEST_WAIT = 600
 """Nobody leaves later than this after the first [s]."""
 
 SHUFFLES = 20

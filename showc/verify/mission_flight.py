@@ -41,6 +41,12 @@ AGREEMENT = 0.01
 """How far the manifest's nearest encounter may be off: both have their resolutions,
 and delays are written in whole milliseconds [m]."""
 
+UNCLOCKED = (
+    "only for legs released together: these missions wait for no clock, and nothing "
+    "but equal starts keeps the drones together"
+)
+"""What the proof does not say of missions without a start time."""
+
 PARAMETERS = "missions/ardupilot.parm"
 
 
@@ -95,6 +101,9 @@ def check_mission_flight(
     if timed is not None:
         timed = replace(timed, time=timed.time - _start_of_day(description))
     checks = [_verdict(NAME, timed, wanted.distance)]
+    if not any(kind == "clock" for mission in rows for kind, _ in mission.waits):
+        loose = (*checks[0].notes, UNCLOCKED)
+        checks = [replace(checks[0], notes=loose)]
     checks += [
         _verdict(f"{name} keeps the separation at any timing", found, wanted.distance)
         for name, found in (("take-off", climb), ("landing", land))

@@ -17,7 +17,7 @@ from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
 from showc.mission.geodesy import SiteFrame
 from showc.plan.itinerary import Itinerary
-from showc.script.show import MissionOptions
+from showc.script.show import Effect, MissionOptions
 
 WAYPOINT, LAND, TAKEOFF, DELAY = 16, 21, 22, 93
 CONDITION_DELAY, SPEED, SERVO = 112, 178, 183
@@ -438,3 +438,44 @@ def test_the_plan_carries_fence_rally_and_token(missions):
     assert np.sum(east * turned[:, 0] - turned[:, 1] * north) < 0.0
     rally = plan["rallyPoints"]["points"][0]
     assert rally[:2] == plan["mission"]["plannedHomePosition"][:2]
+
+
+def test_what_the_missions_leave_out_of_the_lights_is_said_by_group():
+    flight = shift_flight(2, options=LIGHTS, fades=("start", "linear"))
+    show = flight.itinerary.show
+    red = replace(show.formations["red"], effect=Effect("pulse", 2.0))
+    moves = tuple(
+        replace(move, group="left", effect=Effect("rainbow", 3.0))
+        if move.to == "green"
+        else move
+        for move in show.transitions
+    )
+    lit = replace(show, formations={**show.formations, "red": red}, transitions=moves)
+    for autopilot in ("ardupilot", "px4"):
+        missions = mission_files(
+            Flight(Itinerary(lit, flight.itinerary.legs), flight.legs, flight.starts),
+            start=START,
+            autopilot=autopilot,
+        )
+        said = [line for line in missions.warnings if "colour effects" in line]
+        assert len(said) == 1
+        assert said[0].endswith("pulse over red, rainbow over green (group left)")
+        fades = [line for line in missions.warnings if "fades" in line]
+        assert len(fades) == 1
+        assert "(group left)" in fades[0]
+
+
+def test_missions_without_lights_say_so(missions):
+    assert not any("carry no lights" in line for line in missions.warnings)
+    dark = mission_files(shift_flight(2), start=START)
+    assert any("carry no lights" in line for line in dark.warnings)
+
+
+def test_without_a_clock_the_cost_is_in_the_report(flight):
+    missions = mission_files(flight)
+    legs = missions.prediction["legs"]
+    spreads = [leg["unclocked"]["spread"] for leg in legs]
+    assert spreads == sorted(spreads)
+    assert spreads[0] == 0.5
+    said = next(line for line in missions.warnings if "no start time" in line)
+    assert f"by the last leg each may be ± {spreads[-1]:.1f} s off" in said

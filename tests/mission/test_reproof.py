@@ -90,6 +90,7 @@ def test_both_proofs_agree(tmp_path, name, drones, start):
     assert timed.value == pytest.approx(nearest["distance"], abs=0.01)
     assert timed.limit == pytest.approx(0.974)
     assert 0.0 <= timed.where.time <= case.missions.prediction["duration"]
+    assert any("wait for no clock" in note for note in timed.notes) == (start is None)
 
 
 def test_midnight_makes_no_difference(tmp_path):
