@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
+from showc.plan import assignment
 from showc.plan.assignment import assign, in_order
 from showc.plan.metric import line_separation, measure
 from showc.vehicle import Separation
@@ -104,3 +106,30 @@ def test_fixed_assignment_keeps_the_order():
     given_out = in_order(points, points[::-1], SPHERE)
     assert given_out.places.tolist() == [0, 1]
     assert given_out.line_separation == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_prices_of_a_sample_change_no_optimum(seed):
+    # Enough drones that a sample of them sets the prices first.
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-40.0, 40.0, (620, 3))
+    goal = rng.uniform(-40.0, 40.0, (620, 3)) * [1.0, 0.2, 1.0] + [90.0, 0.0, 20.0]
+    cost = ((start[:, None] - goal[None]) ** 2).sum(axis=2)
+    rows, columns = linear_sum_assignment(cost)
+    places = assignment._least_sum(cost)
+    assert sorted(places) == list(range(620))
+    found = cost[np.arange(620), places].sum()
+    assert found == pytest.approx(cost[rows, columns].sum(), rel=1e-12)
+
+
+def test_a_shorter_longest_move_is_found_and_never_missed():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        length = rng.uniform(0.0, 10.0, (6, 6))
+        least = min(
+            max(length[i, j] for i, j in enumerate(order))
+            for order in permutations(range(6))
+        )
+        found = assignment._bottleneck(length, 1.05 * least)
+        assert least <= found <= least * (1.0 + assignment.BOTTLENECK_RESOLUTION)
+        assert assignment._bottleneck(length, 0.999 * least) is None
