@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 Moment = Literal["start", "middle", "end"]
 
 NO_LIGHTS = (
-    "the missions carry no lights: mission.light_servos names no outputs for red, green "
-    "and blue"
+    "the missions carry no lights: mission.light_servos names no outputs for red, "
+    "green and blue"
 )
 
 
