@@ -41,7 +41,7 @@ ITERATIONS = 40
 COARSEST = 24
 """No mesh interval is longer than the duration over this."""
 _REPAIRS = 3
-_QUICK = {
+QUICK = {
     "mu_strategy": "monotone",
     "mu_init": 0.1,
     "mu_target": BARRIER,
@@ -51,6 +51,7 @@ _QUICK = {
     "mumps_pivot_order": 2,
     "constr_viol_tol": 1e-8,
 }
+"""Options of the solver."""
 WALLS = "apart"
 """Name of the half-spaces on the positions."""
 
@@ -176,11 +177,12 @@ class LeastEffort:
         free = tuple(n for n, c in phase.controls.items() if c.degree is None)
         count = self._breaks.size - 1
         mesh = linear_mesh(self._breaks, [self._points] * count, free, 1e-6)
+        self.mesh = Mesh((mesh,))
         self._built = Transcription(
             self.problem,
-            Mesh((mesh,)),
+            self.mesh,
             scales={f"{phase.name}.duration": duration},
-            options=SolverOptions(tolerance=1e-6, iterations=ITERATIONS, extra=_QUICK),
+            options=SolverOptions(tolerance=1e-6, iterations=ITERATIONS, extra=QUICK),
         )
         self._auditor = PhaseAuditor(self.problem, phase, 0)
         self._table = table

@@ -13,14 +13,15 @@ motion planning for multiple robots). If no order works, the time grows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.ocp.agent import LeastEffort, least_time, shiftable, shifted
+from showc.ocp.order import NOBODY, Orders, Plan
 from showc.ocp.solution import Result
-from showc.ocp.walls import ASIDE, Apart, Walls, bent, clusters, conflicts, sampled
+from showc.ocp.walls import Apart, conflicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,9 +35,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 _SAME = 1e-9
-_NOBODY = -1
-_ROUNDABOUT = 0.6
-"""Radius of a circle on which n agents are apart, over the distance, by sin(pi / n)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +70,8 @@ class AgentsSolution:
     """One for each agent, in order, on one mesh; empty unless solved."""
     groups: tuple[tuple[int, ...], ...] = ()
     """Agents that had to be planned with regard to each other."""
+    joined: tuple[tuple[int, ...], ...] = ()
+    """Those groups among them that were solved in one problem."""
     solves: int = 0
     """Nonlinear programs solved at a given time."""
 
@@ -79,15 +79,6 @@ class AgentsSolution:
     def solved(self) -> bool:
         """Whether there are ways for all agents."""
         return self.result is Result.SOLVED
-
-
-@dataclass(slots=True)
-class _Plan:
-    """Ways of all agents at one common time."""
-
-    duration: float
-    found: dict[int, Solution] = field(default_factory=dict)
-    ways: dict[int, FloatArray] = field(default_factory=dict)
 
 
 class _Work:
@@ -105,7 +96,8 @@ class _Work:
         self.position, self.apart = tuple(position), apart
         self.options = options
         self.solves = 0
-        self.groups: set[tuple[int, ...]] = set()
+        self.groups: tuple[tuple[int, ...], ...] = ()
+        self.joined: tuple[tuple[int, ...], ...] = ()
         self.slowest: dict[int, Solution] = {}
         """Least-time solutions so far, by agent."""
         self.program: LeastEffort | None = None
@@ -167,7 +159,7 @@ class _Work:
             self.walled = LeastEffort(self.problem, model, self.position, rows)
         return self.program, self.walled
 
-    def alone(self, plan: _Plan) -> int:
+    def alone(self, plan: Plan) -> int:
         """Solve each agent without regard to others; gives the one that fails."""
         program, _ = self.programs()
         model = max(self.slowest.values(), key=lambda solution: solution.duration)
@@ -183,95 +175,19 @@ class _Work:
                 return k
             plan.found[k] = guess = solution
             plan.ways[k] = program.place(solution)
-        return _NOBODY
+        return NOBODY
 
-    def separate(self, plan: _Plan) -> bool:
-        """Plan those that come too near, until none do."""
-        breaks = plan.found[0].phases[0].states.breaks
-        fractions = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
-        free = dict(plan.ways)
-        pairs = conflicts(plan.ways, self.apart)
-        known: set[tuple[int, int]] = set()
-        while pairs:
-            if known >= set(pairs):
-                return False
-            known |= set(pairs)
-            for group in clusters(known):
-                if not any(set(pair) <= set(group) for pair in pairs):
-                    continue
-                self.groups = {g for g in self.groups if not set(g) <= set(group)}
-                self.groups.add(group)
-                wide = max(ASIDE, _ROUNDABOUT / np.sin(np.pi / len(group)))
-                starts = [
-                    bent(free, fractions, group, self.apart, aside)
-                    for aside in (ASIDE, wide)
-                ]
-                if not self.in_order(plan, group, starts):
-                    return False
-            pairs = conflicts(plan.ways, self.apart)
-        return True
+    def separate(self, plan: Plan) -> bool:
+        """Plan those that come too near with regard to each other."""
+        orders = Orders(self.programs(), self.agents, self.apart, plan)
+        done = orders.separate(self.options.orders, self.options.passes)
+        self.solves += orders.solves
+        self.groups = tuple(sorted(orders.groups))
+        self.joined = tuple(sorted(orders.joined))
+        self.message = orders.message
+        return done
 
-    def in_order(
-        self,
-        plan: _Plan,
-        group: tuple[int, ...],
-        starts: Sequence[dict[int, FloatArray]],
-    ) -> bool:
-        """Plan a group in order of priority; who finds no way moves up.
-
-        After half of the tries those before leave room for those after them.
-        """
-        ease = {k: plan.found[k].objective for k in group}
-        half = (self.options.orders + 1) // 2
-        for tries in range(self.options.orders):
-            if tries in {0, half}:
-                order = sorted(group, key=lambda k: (-ease[k], k))
-            room = tries >= half
-            failed = self.one_order(plan, order, starts[room], room=room)
-            if failed == _NOBODY:
-                return True
-            order.remove(failed)
-            order.insert(0 if 4 * (tries % half) > self.options.orders else 1, failed)
-        self.message = (
-            f"Agents {', '.join(str(k + 1) for k in group)} find no ways past each "
-            f"other in {plan.duration:.6g}; agent {failed + 1} is hemmed in."
-        )
-        return False
-
-    def one_order(
-        self,
-        plan: _Plan,
-        order: list[int],
-        start: dict[int, FloatArray],
-        *,
-        room: bool,
-    ) -> int:
-        """Plan a group in one order; gives the agent that finds no way."""
-        _, program = self.programs()
-        done: dict[int, FloatArray] = {}
-        found: dict[int, Solution] = {}
-        for number, k in enumerate(order):
-            later = [start[other] for other in order[number + 1 :]] if room else []
-            walls = Walls(list(done.values()), self.apart, program.walls, later)
-            place, guess = start[k], plan.found[k]
-            for _ in range(self.options.passes):
-                laid = walls.about(place)
-                self.solves += 1
-                solution = program.solve(self.agents[k], plan.duration, guess, laid)
-                if not solution.result.usable:
-                    return k
-                guess, way = solution, program.place(solution)
-                if not any(self.apart.lacking(way, o) > 0.0 for o in done.values()):
-                    break
-                place = sampled(way)
-            else:
-                return k
-            done[k], found[k] = way, guess
-        plan.ways |= done
-        plan.found |= found
-        return _NOBODY
-
-    def flyable(self, plan: _Plan) -> bool:
+    def flyable(self, plan: Plan) -> bool:
         """Whether the controls, flown, give the states."""
         program, _ = self.programs()
         worst = max(program.missed(solution) for solution in plan.found.values())
@@ -345,19 +261,20 @@ def solve_agents(
                 plan.duration,
                 work.bound(),
                 tuple(plan.found[k] for k in range(len(agents))),
-                tuple(sorted(work.groups)),
+                work.groups,
+                work.joined,
                 work.solves,
             )
     return _failed(work)
 
 
-def _attempt(work: _Work, gap: float) -> _Plan | None:
+def _attempt(work: _Work, gap: float) -> Plan | None:
     """Plan all agents in the slowest one's least time and a little more."""
     while True:
-        plan = _Plan(_rounded(work.bound() * (1.0 + gap), work.options))
+        plan = Plan(_rounded(work.bound() * (1.0 + gap), work.options))
         work.note(f"{len(work.agents)} agents in {plan.duration:.6g}")
         failed = work.alone(plan)
-        if failed != _NOBODY:
+        if failed != NOBODY:
             # It may be slower than the one that was thought to be the slowest.
             if failed in work.slowest or not work.solve_alone(failed):
                 return None
@@ -389,5 +306,5 @@ def _failed(work: _Work) -> AgentsSolution:
     bound = work.bound() if work.slowest else float("nan")
     message = f"{Result.INFEASIBLE.value} {work.message}"
     return AgentsSolution(
-        Result.INFEASIBLE, message, float("nan"), bound, (), (), work.solves
+        Result.INFEASIBLE, message, float("nan"), bound, (), solves=work.solves
     )

@@ -76,6 +76,10 @@ class Couplings:
             )
         ]
 
+    def expect(self, phase: int, name: str, stretch: tuple[float, float]) -> None:
+        """Impose a coupling from the start, on a stretch where it will be needed."""
+        self._known[phase, name] = _Tightened(Imposed(phase, name, (stretch,)))
+
     def impose(self, violations: Sequence[Violation]) -> None:
         """Add what an audit has found to what is imposed."""
         self.fresh = [v for v in violations if (v.phase, v.name) not in self._known]
@@ -119,7 +123,8 @@ class Couplings:
 def enforce(
     couplings: Couplings,
     solve: Callable[[tuple[Imposed, ...], Solution | None], Solution],
-    start: Solution | None = None,
+    *,
+    rounds: int = ROUNDS,
 ) -> Solution:
     """Solve again and again, until every coupling holds at every instant.
 
@@ -129,8 +134,8 @@ def enforce(
         Of the problem; says afterwards which had to be imposed, and where.
     solve
         Solves with given couplings imposed, starting from an earlier solution.
-    start
-        A solution to audit first; by default one is solved without couplings.
+    rounds
+        Greatest number of times that couplings are added or tightened.
 
     Returns
     -------
@@ -138,8 +143,8 @@ def enforce(
         The last one. If couplings are violated still, its result is ``INFEASIBLE``
         and its message names the worst.
     """
-    solution = solve(couplings.imposed, None) if start is None else start
-    for _ in range(ROUNDS):
+    solution = solve(couplings.imposed, None)
+    for _ in range(rounds):
         if not solution.result.usable:
             return _with_names(solution, couplings)
         violations = couplings.violations(solution)

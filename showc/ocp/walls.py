@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 NEAR = 1.6
 """Distance, over the wanted one, within which planes are laid."""
+EXPECTED = 2.6
+"""The same for those that are planned later, which are bent aside to where they are
+expected."""
 ASIDE = 0.9
 """How far a way is bent to the agent's right where several meet, over the distance."""
 SPARE = 1e-5
@@ -200,16 +203,14 @@ class Walls:
             relative = (place - expected) * metric
             length = np.linalg.norm(relative, axis=2)
             distance[j] = length.min(axis=1)
-            self._laid[j] |= distance[j] < NEAR * wanted
-            half = _SAMPLES.size // 2
-            middle = relative[:, half]
-            unit = middle / np.maximum(np.linalg.norm(middle, axis=1), 1e-12)[:, None]
-            normal[j] = unit * metric
+            near = NEAR if j < given else EXPECTED
+            self._laid[j] |= distance[j] < near * wanted
+            normal[j] = _toward(relative[:, 0], relative[:, -1]) * metric
             if j < given:
                 reach = np.einsum("kjc,kc->kj", self._others[j], normal[j]).max(axis=1)
                 bound[j] = reach + wanted * (1.0 + SPARE)
             else:
-                between = 0.5 * (place + expected)[:, half]
+                between = 0.5 * (place + expected)[:, _SAMPLES.size // 2]
                 bound[j] = np.einsum("kc,kc->k", between, normal[j]) + 0.5 * wanted
         if not self._laid.any():
             return None
@@ -223,3 +224,17 @@ class Walls:
             normals[on, row] = normal[chosen][on]
             lower[on, row] = bound[chosen][on]
         return normals, lower
+
+
+def _toward(first: FloatArray, last: FloatArray) -> FloatArray:
+    """Give unit vectors from the origin to the nearest points of segments, (K, n).
+
+    The plane across such a vector is the one farthest from the origin that leaves the
+    whole segment on its far side.
+    """
+    way = last - first
+    square = np.einsum("kc,kc->k", way, way)
+    share = -np.einsum("kc,kc->k", first, way) / np.where(square > 0.0, square, 1.0)
+    nearest = first + np.clip(share, 0.0, 1.0)[:, None] * way
+    length = np.linalg.norm(nearest, axis=1)
+    return np.asarray(nearest / np.maximum(length, 1e-12)[:, None])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from showc import ocp
-from showc.ocp.agent import shiftable, shifted
-from showc.ocp.walls import Apart, Walls, clusters, conflicts, sampled
+from showc.ocp.agent import LeastEffort, least_time, shiftable, shifted
+from showc.ocp.joined import solve_joined
+from showc.ocp.walls import Apart, Walls, bent, clusters, conflicts, sampled
 
 
 def integrator(*, low=None, high=None):
@@ -94,7 +95,7 @@ def test_only_those_in_conflict_are_planned_again():
     check(found, starts, ends)
 
 
-@pytest.mark.parametrize("count", [3, 5])
+@pytest.mark.parametrize("count", [3, pytest.param(5, marks=pytest.mark.slow)])
 def test_many_through_one_place(count):
     angle = 2.0 * np.pi * np.arange(count) / count + 0.2
     starts = 5.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -108,6 +109,32 @@ def test_many_through_one_place(count):
         assert np.array_equal(
             a.phases[0].states.coefficients, b.phases[0].states.coefficients
         )
+
+
+def test_a_group_in_one_problem():
+    """Both give way at once: apart at every instant, least effort for the two."""
+    problem = integrator()
+    pair = agents([[-4.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [-4.0, 0.0]])
+    model = least_time(problem, pair[0], None)
+    program = LeastEffort(problem, model, "xy", 0)
+    duration = 1.05 * model.duration
+    alone = [program.solve(agent, duration, model) for agent in pair]
+    ways = {k: program.place(solution) for k, solution in enumerate(alone)}
+    fractions = np.concatenate([[0.0], np.cumsum(program.mesh.phases[0].fractions)])
+    apart = Apart(1.0, (1.0, 1.0))
+    start = bent(ways, fractions, [0, 1], apart)
+    found = solve_joined(
+        program, pair, duration, alone=alone, start=[start[0], start[1]], apart=apart
+    )
+    assert found is not None
+    first, second = map(program.place, found)
+    assert apart.lacking(first, second) == 0.0
+    # By symmetry each gives way by half of the distance, to its own right; the barrier
+    # that is kept makes it a little more.
+    aside = -first[..., 1].min()
+    assert 0.5 < aside < 0.75
+    assert second[..., 1].max() == pytest.approx(aside, abs=0.02)
+    assert max(program.missed(solution) for solution in found) < 2e-5
 
 
 def test_no_way_is_an_answer_too():
