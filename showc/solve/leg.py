@@ -17,6 +17,7 @@ from showc.solve.repair import Repair
 from showc.solve.single import Aircraft, hover
 from showc.solve.synchronise import shared_profile
 from showc.solve.tracks import tracks_of
+from showc.solve.walls import reversed_order
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,6 +107,7 @@ class _Solver:
         """Go through the stages."""
         leg = self.leg
         self._check_ends()
+        self._check_order()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
         if not moving.any():
             return self._hold()
@@ -192,12 +194,6 @@ class _Solver:
                 best = repair
                 break
             failed = time
-            if self.separation.shape == "all-axes" and repair.pair is not None:
-                raise SolveError(
-                    f"{self.where}: {repair.trouble}; flights are not bent to keep all "
-                    "three axes apart: let 'any-axis' or 'sphere' hold, or choose "
-                    "another assignment"
-                )
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )
@@ -304,6 +300,23 @@ class _Solver:
                     f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
                     f"is {self.separation.distance:.3f} m; spread the formation"
                 )
+
+    def _check_order(self) -> None:
+        """Refuse what no flight can do: change order with all axes kept apart."""
+        leg = self.leg
+        if self.separation.shape != "all-axes":
+            return
+        found = reversed_order(leg.start, leg.goal, leg.others_parked)
+        if found is None:
+            return
+        first, second, axis = found
+        raise SolveError(
+            f"{self.where}: {pair_names(leg, first, second)} stand in one order along "
+            f"{'xyz'[axis]} in {leg.from_formation!r} and in the other in "
+            f"{leg.to_formation!r}, but have to be {self.separation.distance:.3f} m "
+            "apart along all three axes at every instant: no time is enough; let "
+            "'any-axis' or 'sphere' hold, or choose another assignment"
+        )
 
     def _pair(self, found: Encounters) -> str:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))

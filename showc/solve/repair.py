@@ -229,7 +229,7 @@ class Repair:
                 f"at {found.time[worst]:.2f} s, the separation is "
                 f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
             )
-            if number == self.rounds or self.separation.shape == "all-axes":
+            if number == self.rounds:
                 return False
             self.progress.note(
                 f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
@@ -242,7 +242,7 @@ class Repair:
             if stalled > _PATIENCE:
                 return False
             self._count("repair_rounds", 1)
-            if number == 0:
+            if number == 0 and self.separation.shape != "all-axes":
                 self._give_way(found)
             if not self._bend(pairs, active):
                 return False

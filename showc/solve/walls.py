@@ -5,7 +5,8 @@ For a pair at relative position r(t) and any n(t) no longer than 1, keeping
 of n, implies that r is no shorter than d, whatever m(t) is. On each interval n turns
 linearly from one unit vector to another, m is the middle of the pair at the last
 iterate. Where the pair meets
-head-on, n turns so that each passes on its own right.
+head-on, n turns so that each passes on its own right. Where all axes have to be apart,
+each has walls of its own that never turn.
 """
 
 from __future__ import annotations
@@ -76,12 +77,48 @@ def pair_walls(  # noqa: PLR0917 - keyword-like geometry
     scale = np.asarray(separation.metric_scale)
     relative = (first - second) * scale
     wanted = separation.distance + margin
-    if separation.shape == "any-axis":
-        distance = np.abs(relative).max(axis=2)
-        normal = _axis_normals(relative)
+    if separation.shape == "all-axes":
+        # As many walls as axes: on each the drones keep their order throughout.
+        sides = np.where(relative[0, 0] >= 0.0, 1.0, -1.0)
+        planes = [
+            (np.broadcast_to(sides[axis] * np.eye(3)[axis], (relative.shape[0], 2, 3)))
+            for axis in range(3)
+        ]
+        reach = [relative[..., axis] * sides[axis] for axis in range(3)]
+    elif separation.shape == "any-axis":
+        reach = [np.abs(relative).max(axis=2)]
+        planes = [_axis_normals(relative)]
     else:
-        distance = np.sqrt(np.einsum("kij,kij->ki", relative, relative))
-        normal = _normals(relative, distance, wanted, tries)
+        reach = [np.sqrt(np.einsum("kij,kij->ki", relative, relative))]
+        planes = [_normals(relative, reach[0], wanted, tries)]
+    parts = [
+        _between(first * scale, second * scale, normal, distance, wanted, share)
+        for normal, distance in zip(planes, reach, strict=True)
+    ]
+    return PairWalls(
+        np.concatenate([part.interval for part in parts]),
+        np.concatenate([part.normal for part in parts]) * scale,
+        np.concatenate([part.first for part in parts]),
+        np.concatenate([part.second for part in parts]),
+    )
+
+
+def _between(  # noqa: PLR0917 - keyword-like geometry
+    first: FloatArray,
+    second: FloatArray,
+    normal: FloatArray,
+    distance: FloatArray,
+    wanted: float,
+    share: float,
+) -> PairWalls:
+    """Walls with given normals (K, 2, 3), all in metric coordinates.
+
+    Parameters
+    ----------
+    distance
+        Of the pair at ``NODES`` of each interval, shape (K, 7) [m].
+    """
+    relative = first - second
     near = np.nonzero(distance.min(axis=1) < _REACH * wanted)[0]
     turning = (1.0 - NODES)[:, None] * normal[near, None, 0] + NODES[:, None] * normal[
         near, None, 1
@@ -100,13 +137,12 @@ def pair_walls(  # noqa: PLR0917 - keyword-like geometry
     for index, node in ((0, 0), (relative.shape[0] - 1, -1)):
         row = np.nonzero(near == index)[0]
         keep[row] = np.minimum(keep[row], reached[row, node])
-    shown = turning * scale
-    along_first = np.einsum("kij,kij->ki", first[near], shown)
-    along_second = np.einsum("kij,kij->ki", second[near], shown)
+    along_first = np.einsum("kij,kij->ki", first[near], turning)
+    along_second = np.einsum("kij,kij->ki", second[near], turning)
     lack = keep[:, None] * length - (along_first - along_second)
     return PairWalls(
         near,
-        normal[near] * scale,
+        normal[near],
         along_first + share * lack,
         -(along_second - (1.0 - share) * lack),
     )
@@ -177,3 +213,34 @@ def gathered(parts: list[tuple[IntArray, FloatArray, FloatArray]]) -> Walls:
         np.concatenate([part[1] for part in parts]),
         np.concatenate([part[2] for part in parts]) @ inverse.T,
     )
+
+
+def reversed_order(
+    start: FloatArray, goal: FloatArray, parked: FloatArray | None
+) -> tuple[int, int, int] | None:
+    """Find a pair that cannot keep all axes apart, however it flies.
+
+    Along every axis two drones that are apart at every instant stay in their order. A
+    pair whose order along an axis differs between both ends meets on that axis.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (n, 3) [m].
+    parked
+        Positions of drones that stand still, shape (m, 3) [m].
+
+    Returns
+    -------
+    tuple or None
+        Rows of the pair, the lower first (parked ones count from n), and the axis.
+    """
+    if parked is not None:
+        start, goal = np.vstack([start, parked]), np.vstack([goal, parked])
+    for axis in range(3):
+        order = np.argsort(start[:, axis], kind="stable")
+        back = np.nonzero(np.diff(goal[order, axis]) < 0.0)[0]
+        if back.size:
+            first, second = sorted(order[back[0] : back[0] + 2].tolist())
+            return first, second, axis
+    return None

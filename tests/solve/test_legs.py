@@ -231,11 +231,27 @@ def test_the_number_of_jobs_changes_nothing():
     assert_flies(crew.legs[0], Separation(1.0))
 
 
-@pytest.mark.slow
-def test_all_axes_apart_is_refused_with_the_pair_and_what_to_do():
-    start = np.array([[0.0, 0.0, 10.0], [9.0, 3.0, 14.0]])
-    goal = start[::-1].copy()
-    with pytest.raises(SolveError, match=r"drones 1 and 2 .*any-axis"):
+def test_drones_that_change_order_along_an_axis_cannot_keep_all_axes_apart():
+    start = np.array([[0.0, 0.0, 10.0], [4.0, 9.0, 12.0], [9.0, 3.0, 14.0]])
+    goal = start[[0, 2, 1]] + [30.0, 0.0, 0.0]
+    with pytest.raises(SolveError, match=r"drone 2 and drone 3 .*order along x"):
+        solve(make_leg(start, goal), separation=Separation(1.0, "all-axes"))
+    parked = np.array([[20.0, 40.0, 40.0]])
+    with pytest.raises(SolveError, match=r"drone 1 and a parked drone .*any-axis"):
         solve(
-            make_leg(start, goal, name="cross"), separation=Separation(1.0, "all-axes")
+            make_leg(start[:1], goal[:1], parked=parked),
+            separation=Separation(1.0, "all-axes"),
         )
+
+
+@pytest.mark.slow
+def test_all_axes_are_kept_apart_where_the_order_allows_it():
+    row = np.arange(4)[:, None]
+    start = np.array([0.0, 0.0, 10.0]) + row * [1.005, 1.005, 1.005]
+    goal = np.array([14.0, 9.0, 12.0]) + row * [1.4, 1.005, 1.3]
+    separation = Separation(1.0, "all-axes")
+    flight = solve(make_leg(start, goal), separation=separation)
+    assert_flies(flight, separation)
+    statistics = flight.certificate.statistics
+    assert statistics["first_conflicts"] > 0.0
+    assert flight.certificate.gap < 0.03
