@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.solve.bound import Relaxation, lower_bound
+from showc.solve.extremes import extreme_moves
 from showc.solve.single import Aircraft, Result, minimum_time
-from showc.solve.symmetry import kinds
+from showc.solve.symmetry import images, kinds
 from showc.solve.synchronise import SHAPES, least_times
 
 if TYPE_CHECKING:
@@ -20,8 +21,11 @@ if TYPE_CHECKING:
     from showc.solve.pool import Workers
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 _CANDIDATES = 12
+_STRAIGHT_ERROR = 1.01
+"""How much longer a straight flight may take than its first look says, at most."""
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
 _SCATTER = 0.01
@@ -59,10 +63,12 @@ def limiting_time(
 ) -> Limiting:
     """Find the drones that need the longest, and prove how long they need.
 
-    Candidates are the moves with the longest straight flights and the longest
-    single-axis times; each gets a rigorous bound. Minimum times are solved for those
-    with the greatest bounds. A drone that is slower still would only make the reported
-    gap look larger than it is, never smaller.
+    The first candidates are the moves with the longest straight flights and the longest
+    single-axis times; each gets a rigorous bound. So does every corner of the hull of
+    all moves whose straight flight takes longer than the greatest of these: no other
+    move can have a greater bound (see :mod:`showc.solve.extremes`). Minimum times are
+    solved for those with the greatest bounds. A drone that is slower still would only
+    make the reported gap look larger than it is, never smaller.
 
     Parameters
     ----------
@@ -80,24 +86,35 @@ def limiting_time(
     )
     moves = np.linalg.norm(distinct, axis=1) > 0.0
     distinct, rows = distinct[moves], rows[moves]
-    candidates = _candidates(aircraft, distinct)
+    straight = _straight(aircraft, distinct)
     relaxation = Relaxation(
         aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
     )
-    progress.stage(f"{name}: lower bounds", candidates.size)
-    witnesses: list[DualWitness] = workers.run(
-        lower_bound,
-        [
-            (
-                relaxation,
-                int(rows[index]),
-                displacement[rows[index]],
-                _guess(relaxation, displacement[rows[index]]),
-            )
-            for index in candidates
-        ],
-        progress.advance,
-    )
+
+    def bounded(chosen: IntArray) -> list[DualWitness]:
+        progress.stage(f"{name}: lower bounds", chosen.size)
+        return workers.run(
+            lower_bound,
+            [
+                (
+                    relaxation,
+                    int(rows[index]),
+                    displacement[rows[index]],
+                    _guess(relaxation, displacement[rows[index]]),
+                )
+                for index in chosen
+            ],
+            progress.advance,
+        )
+
+    candidates = _candidates(aircraft, distinct, straight)
+    witnesses = bounded(candidates)
+    greatest = max(witness.time for witness in witnesses)
+    rest = np.setdiff1d(_corners(aircraft, distinct), candidates)
+    rest = rest[straight[rest] * _STRAIGHT_ERROR > greatest]
+    if rest.size:
+        candidates = np.concatenate([candidates, rest])
+        witnesses += bounded(rest)
     proved = np.array([witness.time for witness in witnesses])
     order = np.lexsort((candidates, -proved))
     near = proved[order] > proved[order[0]] * (1.0 - _SCATTER)
@@ -142,17 +159,31 @@ def limiting_time(
     )
 
 
-def _candidates(aircraft: Aircraft, displacement: FloatArray) -> NDArray[np.int64]:
-    """Choose moves that may be the slowest, by two cheap measures."""
-    if displacement.shape[0] <= _CANDIDATES:
-        return np.arange(displacement.shape[0])
-    straight = least_times(
+def _straight(aircraft: Aircraft, displacement: FloatArray) -> FloatArray:
+    """Return times (n,) in which the moves can be flown straight, to a percent [s]."""
+    times = least_times(
         aircraft.vehicle,
         aircraft.limits,
         aircraft.heading,
         displacement,
         SHAPES[::29],
-    ).min(axis=1)
+    )
+    return np.asarray(times.min(axis=1))
+
+
+def _corners(aircraft: Aircraft, displacement: FloatArray) -> IntArray:
+    """Rows of the moves of which one has the greatest bound of all."""
+    signs = images(aircraft)
+    every = (displacement[:, None] * signs).reshape(-1, 3)
+    return np.unique(extreme_moves(every) // signs.shape[0])
+
+
+def _candidates(
+    aircraft: Aircraft, displacement: FloatArray, straight: FloatArray
+) -> IntArray:
+    """Choose moves that may be the slowest, by two cheap measures."""
+    if displacement.shape[0] <= _CANDIDATES:
+        return np.arange(displacement.shape[0])
     velocity = np.where(
         displacement > 0.0,
         np.asarray(aircraft.limits.velocity_max),
