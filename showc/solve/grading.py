@@ -30,6 +30,9 @@ FIRST = 24
 LONGER = 2.0
 """A change of the time by so much more than the tolerance still ends it: the last mesh
 errs by half of what it changed, or less."""
+ACCURACY = 5e-5
+"""Wanted error of the flown controls over each state's range: what the flight must keep
+is proved afterwards."""
 MARGIN = 1e-6
 """Room left at rotor limits for the solver's tolerance, as a share of their range."""
 _SAMPLES = 201
@@ -82,6 +85,7 @@ def solve_on_graded_meshes(
         parameters=programs.ends | {"effort": effort},
         options=GradedOptions(
             tolerance=LONGER * tolerance,
+            accuracy=ACCURACY,
             points=points,
             margin=MARGIN,
             first=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
