@@ -55,6 +55,18 @@ WHOLE = (
     "show", "legs", "flight [s]", "compile [s]", "cpu [s]", "peak [MiB]",
     "verify [s]", "its cpu [s]", "its peak [MiB]", "proved", "replay [mm]", "files",
 )  # fmt: skip
+ABOUT = """\
+Whole compiles of scripts in fresh processes, files included, then their proof. Times
+are wall-clock and processor time of all processes, memory is the greatest of all
+together. In the first table the transition alone is missing in the cache: what it takes
+to solve it, and to write all files of the show. In the second, nothing is known before.
+`ruckig`: the shared straight-line profile under the same limits on velocity, level
+acceleration and jerk (drones beyond a limit of the full dynamics, and the worst use of
+one); `law`: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way; `joint`: all drones
+in one problem of optimal control, in the same time.
+"""
+PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
+TITLE = "## Fleets\n"
 JOINT_LIMIT = 180.0
 """Time after which the joint problem is given up [s]."""
 REFUSED = "the autopilot would make"
@@ -285,6 +297,16 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
+def write(text: str) -> None:
+    """Put the tables into their section of the documentation."""
+    page = PAGE.read_text(encoding="utf-8")
+    before, found, after = page.partition(TITLE)
+    if not found:
+        raise ValueError(f"{PAGE} has no section {TITLE.strip()!r}")
+    _, mark, rest = after.partition("\n## ")
+    PAGE.write_text(f"{before}{TITLE}\n{text}\n{mark}{rest}", encoding="utf-8")
+
+
 def growth_line(rows: Sequence[Sequence[str]]) -> str:
     """Say with which power of the number of drones the processor time grows."""
     drones = np.array([float(row[0].split()[0].replace(",", "")) for row in rows])
@@ -295,12 +317,20 @@ def growth_line(rows: Sequence[Sequence[str]]) -> str:
     )
 
 
+def words(loads: Sequence[float]) -> str:
+    """Say how busy the machine was when each show began, this benchmark included."""
+    return f"load {min(loads):.1f} to {max(loads):.1f} as the shows began"
+
+
 def main() -> None:
     """Print the tables."""
     shows = {**all_shows(), **growth()}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("shows", nargs="*", help=f"of: {', '.join(shows)}")
     parser.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    parser.add_argument(
+        "--write", action="store_true", help="put the tables into the documentation"
+    )
     parser.add_argument("--joint", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.joint:
@@ -310,21 +340,31 @@ def main() -> None:
         parser.error(f"no such show: {', '.join(sorted(unknown))}")
     chosen = {key: shows[key] for key in arguments.shows or shows}
     rows: dict[str, list[Sequence[str]]] = {"whole": [], "leg": [], "note": []}
-    grown = []
+    grown: list[Sequence[str]] = []
+    loads = []
     for key, show in chosen.items():
+        loads.append(os.getloadavg()[0])
         tell(show.name)
         for kind, row in measured(show, arguments.jobs):
             tell("  " + " | ".join(row))
             rows[kind].append(row)
             if kind == "leg" and key in growth():
                 grown.append(row)
-    say(f"{arguments.jobs} processes; load at the end {os.getloadavg()[0]:.1f}.\n")
-    say(table(HEADS, rows["leg"]) + "\n")
-    say(table(WHOLE, rows["whole"]))
-    for note in rows["note"]:
-        say(f"\n- {note[0]}")
-    if len(grown) > 1:
-        say(f"\n{growth_line(grown)}")
+    missing = sorted(set(shows) - set(chosen))
+    text = "\n".join(
+        [
+            ABOUT,
+            f"{arguments.jobs} processes; other work on the machine: {words(loads)}.\n",
+            f"{table(HEADS, rows['leg'])}\n",
+            table(WHOLE, rows["whole"]),
+            *(f"\n- {note[0]}" for note in rows["note"]),
+            *([f"\n{growth_line(grown)}"] if len(grown) > 1 else []),
+            *([f"\nNot run: {', '.join(missing)}."] if missing else []),
+        ]
+    )
+    say(text)
+    if arguments.write:
+        write(text)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ import numpy as np
 from benchmarks.ocp_further import FURTHER
 from benchmarks.ocp_problems import BENCHMARKS, Benchmark
 from benchmarks.ocp_quadrotor import quadrotor, solve_quadrotor
+from benchmarks.ocp_textbook import TEXTBOOK
 
 from showc import ocp
 from showc.ocp.audit import PhaseAuditor
@@ -119,7 +120,7 @@ def lines(repeats: int) -> Iterator[str]:
         "points | bound violation | clipped re-integration |"
     )
     yield "| --- " * 9 + "|"
-    for benchmark in (*BENCHMARKS, *FURTHER):
+    for benchmark in (*BENCHMARKS, *FURTHER, *TEXTBOOK):
         yield row(benchmark, repeats)
     for yaw_free in (True, False):
         yield quadrotor_row(repeats, yaw_free=yaw_free)

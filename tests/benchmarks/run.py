@@ -33,15 +33,8 @@ One run each. The quadrotors at the end are of the consistent model (the arm cou
 once in the torques) with the final yaw free; their least time lies below that of the
 table above, and the two must not be compared.
 """
-FLEETS = """\
-Whole transitions under separation, from scratch. Read the wall-clock time: the
-processor time beside it leaves out solver processes that are still alive. `ruckig`: the
-shared straight-line profile under the same limits on velocity, level acceleration and
-jerk (drones beyond a limit of the full dynamics, and the worst use of one); `law`:
-T = max(1.5 d / v, sqrt(6 d / a)) for the longest way.
-"""
 SCRIPT_LIMIT = 3600
-QUICK_FLEETS = ["100 grid-sphere", "6 swap", "12 swap"]
+QUICK_FLEETS = ["100", "swap-6", "swap-12"]
 REPORTED = "What showc says of its own error, on these problems and more"
 REPEATS = "One drone, yaw held, fixed time: built once, solved many times"
 STORE = HOME / "rows.json"
@@ -76,7 +69,7 @@ def arguments() -> argparse.Namespace:
         "--tables", nargs="+", choices=TABLES, default=TABLES, help="all",
     )  # fmt: skip
     parser.add_argument(
-        "--fleet", nargs="+", metavar="CASE", help="cases of fleet_table.py (all)"
+        "--fleet", nargs="+", metavar="SHOW", help="shows of fleet_table.py (all)"
     )
     return parser.parse_args()
 
@@ -155,15 +148,7 @@ def sections(chosen: argparse.Namespace) -> list[tuple[str, str]]:
     if "quadrotor" in chosen.tables:
         found += printed(REPEATS, "repeats.py", *quick)
     if "fleet" in chosen.tables:
-        found += [
-            (
-                title,
-                f"{FLEETS}\n{text}\n\nOnly {', '.join(fleets)} were run."
-                if fleets
-                else f"{FLEETS}\n{text}",
-            )
-            for title, text in printed("Fleets", "fleet_table.py", *fleets)
-        ]
+        found += printed("Fleets", "fleet_table.py", *fleets)
     return found
 
 
