@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.ocp.attempts import Attempts
 from showc.ocp.audit import PhaseAuditor
+from showc.ocp.guess import Guess
 from showc.ocp.history import History
 from showc.ocp.judgement import Judgement, is_worse, judge
 from showc.ocp.limits import Overrides
@@ -21,6 +22,7 @@ from showc.ocp.options import (
     ROUGH,
     SWITCH_TRIALS,
     TRIAL_EFFORT,
+    UNEVENNESS,
     Options,
 )
 from showc.ocp.proposal import (
@@ -31,11 +33,11 @@ from showc.ocp.proposal import (
     with_ends,
 )
 from showc.ocp.solution import Result, Solution
+from showc.ocp.symmetry import uneven, unmoved
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.ocp.guess import Guess
     from showc.ocp.problem import Problem
     from showc.ocp.switches import Structure
 
@@ -65,8 +67,10 @@ class _Refinement:
         self.guess = guess
         mesh = self.options.mesh or plain_mesh(self.auditors, 10, 4)
         solution = self.attempts.attempt(mesh, guess)
-        if solution.result.usable or solution.result is Result.CONTRADICTION:
+        if solution.result is Result.CONTRADICTION:
             return solution
+        if solution.result.usable:
+            return self._unsymmetric(solution, guess)
         best = solution
         base = self.options.solver
         for name, scale in self._other_durations(guess):
@@ -90,6 +94,30 @@ class _Refinement:
             solution = self.attempts.attempt(other, guess, solver=solver)
             if solution.result.usable:
                 return solution
+        return best
+
+    def _unsymmetric(
+        self, solution: Solution, guess: Guess | Solution | None
+    ) -> Solution:
+        """Start again without symmetry where the first search may be caught in one."""
+        table = self.attempts.table
+        still = unmoved(self.problem, solution, table)
+        given = guess or Guess()
+        if not still or isinstance(given, Solution):
+            return solution
+        sign = -1.0 if self.problem.maximises else 1.0
+        best, built = solution, self.attempts.latest
+        for share in UNEVENNESS:
+            names = ", ".join(repr(name) for name, _ in still)
+            words = f"{names} stayed at its guess; a start without symmetry is tried"
+            self.history.note(solution, None, words)
+            solution = self.attempts.attempt(
+                best.mesh, uneven(given, still, table, share)
+            )
+            gain = sign * (best.objective - solution.objective)
+            if solution.result.usable and gain > 1e-6 * abs(best.objective):
+                best, built = solution, self.attempts.latest
+        self.attempts.latest = built
         return best
 
     def _other_durations(

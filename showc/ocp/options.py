@@ -43,6 +43,8 @@ TRIAL_EFFORT = 3e5
 iterations, at most a hundred and fifty."""
 VAGUE = 3e-2
 """Relative error of the objective above which a solution has not yet found its arcs."""
+UNEVENNESS = (1e-3, 5e-2)
+"""Differences within a guessed control, over its range, that break a symmetry."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from benchmarks.ocp_further import FURTHER
 from benchmarks.ocp_problems import BENCHMARKS, double_integrator_vmax, robot_arm
+from benchmarks.ocp_textbook import TEXTBOOK, reorientation
 
 from showc import ocp
 
-ALL = {benchmark.name: benchmark for benchmark in (*BENCHMARKS, *FURTHER)}
-ANALYTIC = [b.name for b in ALL.values() if b.digits < 1e-9]
+ALL = {benchmark.name: benchmark for benchmark in (*BENCHMARKS, *FURTHER, *TEXTBOOK)}
+HARD = {"hypersensitive_1e6"}
+"""Known to end on a mesh that is too coarse, and to say so."""
+ANALYTIC = [b.name for b in ALL.values() if b.digits < 1e-9 and b.name not in HARD]
+PUBLISHED = [b.name for b in TEXTBOOK if b.digits >= 1e-9 and b.name not in HARD]
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +36,22 @@ def test_objective_is_right_to_one_millionth(solved, name):
     solution, benchmark = solved(name), ALL[name]
     assert solution.result is ocp.Result.SOLVED, solution.message
     assert solution.objective == pytest.approx(benchmark.optimum, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_optima_are_reached_to_their_digits(solved, name):
+    solution, benchmark = solved(name), ALL[name]
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    allowed = max(1e-6, benchmark.digits)
+    assert solution.objective == pytest.approx(benchmark.optimum, rel=allowed)
+
+
+@pytest.mark.parametrize("name", sorted(HARD))
+def test_a_mesh_that_stays_too_coarse_is_called_so(solved, name):
+    solution = solved(name)
+    assert solution.result is ocp.Result.COARSE
+    assert "wanted 1e-06" in solution.message
+    assert solution.error.objective > 0.1
 
 
 @pytest.mark.parametrize("name", ANALYTIC)
@@ -302,3 +322,38 @@ def test_units_do_not_matter_and_durations_need_no_bounds(way, push):
     solution = ocp.solve(problem)
     assert solution.result is ocp.Result.SOLVED, solution.message
     assert solution.objective == pytest.approx(2.0 * (way / push) ** 0.5, rel=1e-6)
+
+
+def test_error_on_a_state_limit_is_not_that_of_oscillating_costates(solved):
+    """Costates between a limit's border and its end are not determined one by one."""
+    solution = solved("double_integrator_vmax")
+    true = abs(solution.objective - 7.0) / 7.0
+    assert solution.error.objective < 10.0 * max(true, 1e-9)
+    assert len(solution.history) <= 3
+
+
+def test_multipliers_of_held_controls_do_not_count_as_errors(solved):
+    solution = solved("free_flying_robot")
+    assert solution.result is ocp.Result.SOLVED
+    assert len(solution.history) <= 6
+
+
+def test_a_symmetric_start_does_not_end_in_a_symmetric_trap():
+    solution = ocp.solve(reorientation())
+    assert "stayed at its guess" in solution.history[0].action
+    assert solution.history[0].objective > 34.0
+    assert solution.objective == pytest.approx(28.6304077, rel=1e-6)
+
+
+def test_effort_ends_the_refinement():
+    problem = robot_arm()
+    solution = ocp.solve(problem, options=ocp.Options(effort=0.0))
+    assert solution.result is ocp.Result.COARSE
+    assert len(solution.history) == 1
+    assert solution.history[0].action == "stopped"
+    with pytest.raises(StopIteration):
+        ocp.solve(problem, options=ocp.Options(progress=_stop))
+
+
+def _stop(_: ocp.MeshRecord) -> None:
+    raise StopIteration

@@ -32,3 +32,17 @@ def test_least_time_is_flyable_to_a_millimetre(yaw_free, ceiling):
         for i, member in enumerate(members.values()):
             assert low[i] >= float(member.quantity.lower) - 1e-12
             assert high[i] <= float(member.quantity.upper) + 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("yaw_free", "least"), [(True, 6.6117), (False, 6.8590)])
+def test_left_to_itself_the_core_is_a_thousandth_from_the_optimum(yaw_free, least):
+    """With default settings, in a limited effort, and flyable."""
+    solution = ocp.solve(quadrotor(yaw_free=yaw_free))
+    assert solution.result.usable
+    assert least * (1.0 - 1e-4) < solution.objective < least * (1.0 + 1e-3)
+    # Of a range of 30 m.
+    assert solution.error.shooting < 1e-3 / 30.0
+    assert solution.error.objective < 1e-2
+    true = solution.objective / least - 1.0
+    assert true < 10.0 * solution.error.objective

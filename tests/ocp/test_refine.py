@@ -143,3 +143,14 @@ def test_taking_a_mesh_apart_and_together_changes_nothing():
 def test_impossible_meshes_are_refused(arguments):
     with pytest.raises(ValueError, match="wanted"):
         ocp.PhaseMesh(*arguments)
+
+
+def test_the_worst_intervals_come_first_where_points_are_few():
+    rough = solution_of(lambda t: np.abs(t - 1.5), [0.0, 1.0, 2.0, 3.0, 4.0], 6)
+    mesh, decisions = apply(rough, [5.0, 20.0, 10.0, 0.5], most=20.0)
+    steps = [d.step for d in decisions]
+    assert steps == [ocp.Step.KEPT, ocp.Step.CUT, ocp.Step.KEPT, ocp.Step.KEPT]
+    assert "worse ones first" in decisions[0].reason
+    assert mesh.intervals == 5
+    # At least one interval is refined, however few points are allowed.
+    assert apply(rough, [5.0, 20.0, 10.0, 0.5], most=0.0)[0].intervals == 5
