@@ -8,6 +8,7 @@ other by what the last one loses.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from showc.solve.grading import solve_on_graded_meshes
 from showc.solve.guess import flat_guess
 from showc.solve.intervals import END_GRADING, graded_widths, interval_count
 from showc.solve.judgement import STILL, Verdict, judge, refusal
+from showc.solve.model import POSITION
 from showc.solve.programs import Programs
 
 if TYPE_CHECKING:
@@ -34,13 +36,17 @@ if TYPE_CHECKING:
 EFFORT = 1e-4
 """Weight of effort beside the time [s]."""
 INTERVALS = 24
-FINE_INTERVALS = 40
-"""The same where the time is wanted closer than to 0.1 %."""
+"""Intervals whose borders move."""
+CLOSE = 1e-3
+"""Error of the time that these are good for."""
 SPARE = 1.1
 """Time to start from, over the estimate."""
 PROMISING = 0.95
 """A first flight with movable borders is built upon if it takes no longer than this
 times the one it started from."""
+SETTLED = 2.0
+"""Gain of a pass over the tolerance below which borders have settled: another pass
+gains a tenth of that."""
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
 
@@ -69,51 +75,71 @@ def minimum_time(
         time and has no trajectory.
     """
     start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
-    programs = Programs(aircraft, start, goal)
+    # From the origin: drones that make the same move make it in the same way.
+    way = goal - start
+    programs = Programs(_moved(aircraft, -start), np.zeros(3), way)
     if reason := refusal(aircraft, start, goal):
         return Verdict("limit", reason).result(programs, 0.0)
-    if np.linalg.norm(goal - start) < STILL:
+    if np.linalg.norm(way) < STILL:
         return Verdict("solved").result(programs, 0.0)
-    estimate = float(minimum_time_estimate(aircraft, start[None], goal[None])[1][0])
     verdict = Verdict("infeasible")
-    for attempt in _attempts(programs, start, goal, estimate, tolerance):
+    for attempt in _attempts(programs, way, tolerance):
         if not attempt.result.usable:
             verdict = Verdict("infeasible", attempt.message)
             continue
         duration = attempt.duration
-        trajectory = trajectory_of(aircraft, attempt, start, goal, duration)
+        here = replace(
+            attempt,
+            coefficients={
+                **attempt.coefficients,
+                **{
+                    axis: attempt.coefficients[axis] + start[k]
+                    for k, axis in enumerate(POSITION)
+                },
+            },
+        )
+        trajectory = trajectory_of(aircraft, here, start, goal, duration)
         verdict = judge(aircraft, trajectory)
         if verdict.status == "solved":
             return verdict.result(programs, duration, trajectory)
     return verdict.result(programs, 0.0)
 
 
+def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:
+    """Return the aircraft with its flight volume moved [m]."""
+    limits = aircraft.limits
+    low, high = np.array(limits.position_min) + by, np.array(limits.position_max) + by
+    lower = (float(low[0]), float(low[1]), float(low[2]))
+    upper = (float(high[0]), float(high[1]), float(high[2]))
+    return replace(
+        aircraft, limits=replace(limits, position_min=lower, position_max=upper)
+    )
+
+
 def _attempts(
-    programs: Programs,
-    start: FloatArray,
-    goal: FloatArray,
-    estimate: float,
-    tolerance: float,
+    programs: Programs, way: FloatArray, tolerance: float
 ) -> Iterator[StagedSolution]:
     """Flights in the least time, the quickest way of finding one first.
 
     With yaw held, borders that move mostly come to a good end, and the program serves
-    every move; with yaw free they mostly do not. Graded meshes do either way; more
-    points make the flight more accurate.
+    every move; with yaw free they mostly do not. Graded meshes do either way, and as
+    closely as wanted; more points make the flight more accurate.
     """
-    if programs.aircraft.yaw == "held":
-        least = INTERVALS if tolerance >= 1e-3 else FINE_INTERVALS
-        count = interval_count(estimate, least)
+    here = np.zeros(3)
+    aircraft = programs.aircraft
+    estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
+    if aircraft.yaw == "held" and tolerance >= CLOSE:
+        count = interval_count(estimate, INTERVALS)
         widths = graded_widths(SPARE * estimate, count, END_GRADING)
-        guess = flat_guess(programs.aircraft, start, goal, widths)
+        guess = flat_guess(aircraft, here, way, widths)
         solution = _moving(programs, widths, guess, tolerance)
         if solution is not None:
             yield solution
     for points in (3, 4, 5):
         yield solve_on_graded_meshes(
             programs,
-            start,
-            goal,
+            here,
+            way,
             SPARE * estimate,
             tolerance=tolerance,
             effort=EFFORT,
@@ -129,16 +155,14 @@ def _moving(
     The borders move in several passes, each within a range about where it starts,
     until that gains little: one pass with a wide range often ends nowhere.
     """
-    solution: StagedSolution | None = None
     program = programs.program(widths.size, "movable")
-    for _ in range(PASSES):
+    for attempt in range(PASSES):
         moved = programs.solve(program, widths, guess, {"effort": EFFORT})
-        if not moved.result.usable:
-            break
         gain = 1.0 - moved.duration / float(widths.sum())
-        if gain <= (0.0 if solution else 1.0 - PROMISING):
+        wanted = 0.0 if attempt else 1.0 - PROMISING
+        if not moved.result.usable or gain < wanted:
             break
-        solution, widths, guess = moved, moved.widths, moved.guess
-        if gain < 0.3 * tolerance:
-            break
-    return solution
+        if gain < SETTLED * tolerance:
+            return moved
+        widths, guess = moved.widths, moved.guess
+    return None

@@ -96,6 +96,19 @@ def test_least_time_with_yaw_free(torque_arm, least):
     assert independent_miss(aircraft.vehicle, result.trajectory) < 1e-3
 
 
+def test_the_same_move_elsewhere_is_flown_in_the_same_way():
+    place, way = np.array([4.0, -2.0, 50.0]), np.array([3.0, 2.0, 1.0])
+    for yaw in ("held", "free"):
+        aircraft = replace(HELD, yaw=yaw)
+        one = minimum_time(aircraft, ABOVE, ABOVE + way)
+        other = minimum_time(aircraft, place, place + way)
+        assert one.duration == other.duration
+        times = np.linspace(0.0, one.duration, 200)
+        apart = other.trajectory.state(times) - one.trajectory.state(times)
+        assert np.abs(apart[:, :3] - (place - ABOVE)).max() < 1e-9
+        assert np.abs(apart[:, 3:]).max() < 1e-9
+
+
 def test_least_time_straight_up_is_the_closed_form():
     # Full thrust, coast at 5 m/s, no thrust: no attitude is involved.
     vehicle, limits = HELD.vehicle, HELD.limits
