@@ -55,7 +55,8 @@ def render_leg(logged: LoggedShow, segment: int, drone: int) -> str:
     name = course.segment.message.name
     return document(
         f"{name}, drone {drone + 1} – {logged.rules.name}",
-        f"{_head(logged, course, drone)}<div class='plots'>{''.join(plots)}</div>",
+        f"{_head(logged, course, drone)}<div class='plots'>{''.join(plots)}</div>"
+        f"{_origin_of_mesh(course)}",
     )
 
 
@@ -211,6 +212,27 @@ def _margins(course: Course) -> str:
         curves,
         limits=[0.0],
         breaks=course.breaks,
+    )
+
+
+def _origin_of_mesh(course: Course) -> str:
+    """Say how the mesh came about: there is no refinement to draw."""
+    breaks = course.breaks
+    if breaks.size == 2:
+        return '<p class="note">One interval: a hover is exact, nothing was solved.</p>'
+    widths = np.diff(breaks)
+    narrow, wide = int(np.argmin(widths)), int(np.argmax(widths))
+    return (
+        f'<p class="note">{widths.size} intervals, from {1e3 * widths[narrow]:.0f} ms '
+        f"at {breaks[narrow]:.2f} s to {1e3 * widths[wide]:.0f} ms at "
+        f"{breaks[wide]:.2f} s. Straight flights and splines have those of their "
+        "construction. A flight by optimal control is solved in the staged form: the "
+        "number of intervals follows from its duration; they are graded towards both "
+        "ends, where the attitude moves, and near the least time their borders are "
+        "unknowns of the problem, which the solver moves to where limits begin and end "
+        "to bind. If the controls, integrated again, miss the flight by more than is "
+        "allowed, the whole mesh is made finer; intervals are not refined one by one, "
+        "so there is no history of single intervals to show.</p>"
     )
 
 

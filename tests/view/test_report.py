@@ -124,6 +124,17 @@ def test_same_log_gives_the_same_pages(gliding_log):
     assert render_leg(gliding_log, 2, 3) == render_leg(gliding_log, 2, 3)
 
 
+def test_leg_says_how_its_mesh_was_made(gliding_log):
+    course = course_of(gliding_log, 4, 0)
+    widths = np.diff(course.breaks)
+    text = words(render_leg(gliding_log, 4, 0))
+    if widths.size == 1:
+        assert "a hover is exact" in text
+    else:
+        assert f"{widths.size} intervals, from {1e3 * widths.min():.0f} ms" in text
+        assert "no history of single intervals" in text
+
+
 def test_leg_wants_a_leg_and_a_drone_of_it(gliding_log):
     with pytest.raises(UsageError, match="no leg 99; the log has legs 0 to 10"):
         render_leg(gliding_log, 99, 0)
