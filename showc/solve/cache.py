@@ -17,6 +17,7 @@ import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,6 +175,12 @@ class Cache:
                 raise
             self._shrink()
 
+    def parts(self, key: str) -> Path | None:
+        """Return the folder for parts of an entry; None where nothing is kept."""
+        if self._folder is None:
+            return None
+        return self._path(key).with_suffix(".parts")
+
     def _path(self, key: str) -> Path:
         assert self._folder is not None  # noqa: S101 - callers look first
         return self._folder / key[:2] / f"{key}.leg"
@@ -182,7 +189,8 @@ class Cache:
         """Remove the least recently used entries beyond the limit."""
         assert self._folder is not None  # noqa: S101 - callers look first
         entries = []
-        for path in self._folder.glob("*/*.leg"):
+        kept = (self._folder.glob("*/*.leg"), self._folder.glob("*/*.parts/*.part"))
+        for path in chain.from_iterable(kept):
             with contextlib.suppress(OSError):
                 status = path.stat()
                 entries.append((status.st_mtime_ns, path.name, status.st_size, path))

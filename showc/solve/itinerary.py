@@ -11,6 +11,7 @@ from showc.flight import Flight, LegFlight
 from showc.solve.cache import Cache, leg_key
 from showc.solve.leg import solve_leg
 from showc.solve.pool import workers
+from showc.solve.remembering import Remembering
 
 if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary
@@ -23,7 +24,8 @@ def solve_itinerary(
 ) -> Flight:
     """Solve all legs of ``itinerary`` and lay them on one timeline.
 
-    Legs solved before, by this or another compile, come from the cache. The result
+    Legs solved before, by this or another compile, come from the cache, and so does
+    what an interrupted one had found of a leg. The result
     depends on the itinerary and on how to solve it, never on where the work is done.
 
     Returns
@@ -48,8 +50,14 @@ def solve_itinerary(
             flight = cache.find(key, leg)
             if flight is None:
                 crew.prepare()
-                flight = solve_leg(leg, show, options, crew, progress)
-                cache.keep(key, flight)
+                folder = cache.parts(key)
+                if folder is None:
+                    flight = solve_leg(leg, show, options, crew, progress)
+                else:
+                    remembering = Remembering(crew, folder, key)
+                    flight = solve_leg(leg, show, options, remembering, progress)
+                    cache.keep(key, flight)
+                    remembering.forget()
             else:
                 progress.note(f"{leg.name}: taken from the cache")
                 flight = replace(flight, leg=leg)

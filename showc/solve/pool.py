@@ -11,6 +11,7 @@ import os
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import accumulate
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -40,15 +41,21 @@ class Workers(Protocol):
         function: Callable[..., Any],
         tasks: Sequence[tuple[Any, ...]],
         done: Callable[[int], None] = ...,
+        found: Callable[[int, Any], None] = ...,
     ) -> list[Any]:
         """Call ``function(*task)`` for every task; results in the tasks' order.
 
-        ``done`` is told how many more tasks have been finished.
+        ``done`` is told how many more tasks have been finished, ``found`` the number of
+        a task and its result as soon as it is known.
         """
 
 
 def _ignore(steps: int) -> None:
     del steps
+
+
+def _pass_over(number: int, value: object) -> None:
+    del number, value
 
 
 def _several(function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list[Any]:
@@ -59,6 +66,16 @@ def chunks(tasks: Sequence[Any]) -> list[list[Any]]:
     """Cut tasks into chunks by their number alone, never by who works on them."""
     size = 1 if len(tasks) < 32 else 2 if len(tasks) < 128 else 6
     return [list(tasks[top : top + size]) for top in range(0, len(tasks), size)]
+
+
+def _firsts(parts: Sequence[Sequence[Any]]) -> list[int]:
+    """Return the number of the first task of each chunk."""
+    return [0, *accumulate(len(part) for part in parts)]
+
+
+def _tell(found: Callable[[int, Any], None], first: int, values: list[Any]) -> None:
+    for number, value in enumerate(values, first):
+        found(number, value)
 
 
 class InProcess:
@@ -72,11 +89,13 @@ class InProcess:
         function: Callable[..., Any],
         tasks: Sequence[tuple[Any, ...]],
         done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
     ) -> list[Any]:
         """See :class:`Workers`."""
         results = []
-        for task in tasks:
+        for number, task in enumerate(tasks):
             results.append(function(*task))
+            found(number, results[-1])
             done(1)
         return results
 
@@ -101,11 +120,13 @@ class Processes:
         function: Callable[..., Any],
         tasks: Sequence[tuple[Any, ...]],
         done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
     ) -> list[Any]:
         """See :class:`Workers`."""
         if len(tasks) < 2:
-            return InProcess().run(function, tasks, done)
+            return InProcess().run(function, tasks, done, found)
         parts = chunks(tasks)
+        first = _firsts(parts)
         results: list[list[Any] | None] = [None] * len(parts)
         deaths = 0
         while any(result is None for result in results):
@@ -119,8 +140,11 @@ class Processes:
                 while waiting:
                     ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
                     for future in ready:
-                        results[waiting[future]] = future.result()
-                        done(len(parts[waiting.pop(future)]))
+                        values = future.result()
+                        index = waiting.pop(future)
+                        results[index] = values
+                        _tell(found, first[index], values)
+                        done(len(values))
             except BrokenProcessPool:
                 deaths += 1
                 self.close()
@@ -182,6 +206,7 @@ class Cluster:
         function: Callable[..., Any],
         tasks: Sequence[tuple[Any, ...]],
         done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
     ) -> list[Any]:
         """See :class:`Workers`.
 
@@ -190,6 +215,7 @@ class Cluster:
         from distributed import as_completed  # noqa: PLC0415 - optional dependency
 
         parts = chunks(tasks)
+        first = _firsts(parts)
         futures = self._client.map(
             _several,
             [function] * len(parts),
@@ -197,12 +223,15 @@ class Cluster:
             pure=False,
             retries=_DEATHS,
         )
-        sizes = {
-            future.key: len(part) for future, part in zip(futures, parts, strict=True)
-        }
-        for future in as_completed(futures, loop=self._client.loop):
-            done(sizes[future.key])
-        return [value for part in self._client.gather(futures) for value in part]
+        numbers = {future.key: index for index, future in enumerate(futures)}
+        results: dict[int, list[Any]] = {}
+        completed = as_completed(futures, loop=self._client.loop, with_results=True)
+        for future, values in completed:
+            index = numbers[future.key]
+            results[index] = values
+            _tell(found, first[index], values)
+            done(len(values))
+        return [value for index in sorted(results) for value in results[index]]
 
     def close(self) -> None:
         """Leave the cluster; it goes on without us."""
