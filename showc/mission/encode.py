@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import timedelta
-from math import degrees
+from math import degrees, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,6 +103,8 @@ class Encoder:
             writer.speeds(staging, row)
             writer.waypoint(staging.stored, row)
             writer.clock += float(staging.followed[row])
+        for writer in writers:
+            writer.forget_speeds()
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
@@ -220,10 +222,19 @@ class _Writer:
             steered, other, need = rising, SpeedKind.LEVEL, speed * level
         else:
             steered, other, need = SpeedKind.LEVEL, rising, speed * abs(climb)
-        if self.limits[other] < SPEED_MARGIN * need:
+        # What is not known is not enough, either.
+        if not self.limits[other] >= SPEED_MARGIN * need:
             self._speed(other, self.defaults[other])
         if self.limits[steered] != command:
             self._speed(steered, command)
+
+    def forget_speeds(self) -> None:
+        """Say all speeds again that matter.
+
+        An autopilot whose parameters were loaded since it was built takes its vertical
+        speeds from them once more when it first flies to a waypoint.
+        """
+        self.limits = dict.fromkeys(self.limits, nan)
 
     def _speed(self, kind: SpeedKind, value: float) -> None:
         self.limits[kind] = value

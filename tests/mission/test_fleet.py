@@ -479,3 +479,12 @@ def test_without_a_clock_the_cost_is_in_the_report(flight):
     assert spreads[0] == 0.5
     said = next(line for line in missions.warnings if "no start time" in line)
     assert f"by the last leg each may be ± {spreads[-1]:.1f} s off" in said
+
+
+def test_every_speed_is_said_again_before_the_first_timed_leg(missions):
+    # The first waypoint takes the vertical speeds from the parameters once more.
+    table = rows(text(missions))
+    staged = commands(table).index(WAYPOINT, 1)
+    slot = commands(table).index(DELAY)
+    said = {int(row[4]): row[5] for row in table[staged:slot] if row[3] == SPEED}
+    assert 1 in said and said.keys() & {2, 3}
