@@ -41,6 +41,11 @@ class Decision:
     constraint: str = ""
     """The path constraint found violated between its points; empty if none."""
 
+    def undone(self) -> Decision:
+        """Return that this was tried and led to nothing better."""
+        reason = f"{self.reason} (tried, no better)" if self.reason else ""
+        return Decision(Step.KEPT, reason, self.constraint)
+
     def after(self, earlier: Decision) -> Decision:
         """Return this decision with an ``earlier`` one on the same interval."""
         reasons = [reason for reason in (earlier.reason, self.reason) if reason]
@@ -194,7 +199,7 @@ class History:
             replace(
                 phase,
                 intervals=tuple(
-                    replace(interval, decision=new.after(interval.decision))
+                    replace(interval, decision=new.after(interval.decision.undone()))
                     for interval, new in zip(phase.intervals, chosen, strict=True)
                 ),
             )
