@@ -18,8 +18,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
-import numpy as np
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import numpy as np
+from benchmarks import quadrotor
+from benchmarks.audit import report
+from benchmarks.peers.showc import answer, build
+
+from showc import ocp
 from showc.solve.replay import replay
 from showc.solve.single import Aircraft, minimum_time
 from showc.vehicle import PRESETS
@@ -31,8 +37,16 @@ START = np.array([0.0, 0.0, 50.0])
 GRID = np.array([[2.0 * (k % 3), 2.0 * (k // 3), 50.0] for k in range(6)])
 DIAGONAL = np.array([30.0, 20.0, 10.0])
 REFERENCE_FREE = 6.6665
-"""Yaw free, (30, 20, 10) m: several solvers on fine meshes, +- 0.001 s; their controls
-leave the limits between the nodes [s]."""
+"""Yaw free, (30, 20, 10) m, the model as printed: several solvers on fine meshes,
++- 0.001 s; their controls leave the limits between the nodes [s]."""
+PARAGRAPH = """\
+With yaw free the body turns so that both tilt axes push along the way; held, it
+cannot, which costs the difference. These flights keep the speed of each rotor within
+its own limits besides those of the table.
+
+The equations as they are widely printed count the arm twice in the torques and ask
+nothing of single rotors. For that model, yaw 0 at both ends, several\
+""".splitlines()
 PAGE = Path(__file__).parents[2] / "showc" / "docs" / "seed.md"
 
 
@@ -99,6 +113,13 @@ def fleet(aircraft: Aircraft, shift: np.ndarray) -> tuple[float, float]:
     return float(errors.position.max()), nearest
 
 
+def as_printed() -> tuple[float, float]:
+    """Least time [s] of the model as printed, and the replay error [m]."""
+    problem = quadrotor.one()
+    solution = ocp.solve_graded(build(problem))
+    return solution.objective, report(problem, answer(solution))["position_error"]
+
+
 def page() -> str:
     """Measure everything; text of the page."""
     preset = PRESETS["formation-625g"]
@@ -108,7 +129,7 @@ def page() -> str:
     found.append(shift_for(free, 0, PUBLISHED))
     diagonal = [least(aircraft, DIAGONAL) for aircraft in (held, free)]
     error, nearest = fleet(held, DIAGONAL)
-    above = 100.0 * (diagonal[1].time / REFERENCE_FREE - 1.0)
+    printed, missed = as_printed()
     head = "| yaw | shift [m] | least time [s] | mesh intervals | replay error [mm] |"
     rule = "| --- | --- | --- | --- | --- |"
     return "\n".join(
@@ -136,14 +157,12 @@ def page() -> str:
             rule,
             *map(str, diagonal),
             "",
-            (
-                "Several general solvers on fine meshes agree on "
-                f"{REFERENCE_FREE} s +- 0.001 s for yaw free;"
-            ),
-            "their controls leave the limits between the nodes and cannot be flown.",
-            f"The flight here keeps every limit at every instant and is {above:.2f} %",
-            "above. With yaw free the body turns so that both tilt axes push along the",
-            "way; held, it cannot, which costs the difference.",
+            *PARAGRAPH,
+            f"general solvers on fine meshes agree on {REFERENCE_FREE} s +- 0.001 s,",
+            "with controls that leave their limits between the nodes and cannot be flown.",
+            f"`ocp.solve_graded` gives {printed:.4f} s for it: every limit kept at every",
+            f"instant, the controls integrated again to {1e3 * missed:.1f} mm. Times of",
+            "the two models are not to be compared.",
             "",
             "All six drones, yaw held, controls integrated again: greatest position",
             f"error {1e3 * error:.4f} mm, least distance of a pair {nearest:.4f} m",
