@@ -350,6 +350,8 @@ def solve(
         if current.merit < best.merit or placed:
             best = current
     best = min(best, current, key=lambda passed: passed.merit)
+    if current is not best and not work.history.knows(current.solution):
+        work.history.note(current.solution, current, "an earlier mesh was better")
     done = best.greatest <= chosen.tolerance
     work.history.note(best.solution, best, "tolerance reached" if done else "stopped")
     return _finished(work, best, done=done)

@@ -159,6 +159,10 @@ class History:
         self.progress = progress
         self._seen: list[Solution] = []
 
+    def knows(self, solution: Solution) -> bool:
+        """Whether ``solution`` has a record already."""
+        return any(solution is seen for seen in self._seen)
+
     def note(
         self, solution: Solution, judged: Judgement | None, action: str | Proposal
     ) -> None:
@@ -181,7 +185,7 @@ class History:
             solution.mesh.interval_count,
             solution.mesh.point_count,
             solution.objective,
-            0 if any(solution is seen for seen in self._seen) else solution.iterations,
+            0 if self.knows(solution) else solution.iterations,
             solution.result,
             None if judged is None else judged.error,
             words,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.ocp_further import rayleigh, two_phase_waypoint
 from benchmarks.ocp_problems import goddard
+from benchmarks.ocp_textbook import long_hypersensitive, reorientation
 
 from showc import ocp
 
@@ -26,6 +27,13 @@ def test_records_are_the_meshes_that_were_solved(flown):
     last = flown.history[-1].phases[0]
     assert last.intervals[-1].end == flown.phases[0].end
     assert all(i.decision.step is ocp.Step.KEPT for i in last.intervals)
+
+
+@pytest.mark.parametrize("build", [rayleigh, reorientation, long_hypersensitive])
+def test_no_mesh_is_left_out_of_the_history(build):
+    """Failed trials, other starts and meshes that were no better included."""
+    solution = ocp.solve(build())
+    assert solution.iterations == sum(r.iterations for r in solution.history)
 
 
 def test_errors_of_intervals_make_up_the_error_of_the_mesh(flown):
