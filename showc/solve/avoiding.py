@@ -44,6 +44,9 @@ NEARNESS = 10.0
 STIFFNESS = 100.0
 """Price of the squared lack of distance behind a wall [1/m²]."""
 INTERVALS = 24
+FEWEST = 32
+"""Intervals of the coarsest program: more than most flights need, but one program
+serves a drone before and after walls are laid, and building two takes longer."""
 LONGEST = 0.35
 """Longest interval along a wall [s]: drones turn aside within about a second."""
 TOLERANCE = 1e-3
@@ -141,7 +144,8 @@ def _cut(
     touched = before[np.minimum(last, intervals)] > before[np.minimum(first, intervals)]
     widths = np.diff(borders)
     parts = np.where(touched, np.ceil(widths / LONGEST - 1e-9), 1.0).astype(np.int64)
-    count = next((c for c in COUNTS if c >= parts.sum()), None)
+    wanted = max(int(parts.sum()), FEWEST)
+    count = next((c for c in COUNTS if c >= wanted), None)
     if count is None:
         return widths
     while parts.sum() < count:

@@ -48,6 +48,7 @@ _MARGIN = 2e-3
 _INTERVAL = 0.15
 _PATIENCE = 6
 _STILL = 1e-9
+_FEW = 32
 _CLEARANCE = 0.04
 
 
@@ -165,7 +166,9 @@ class Repair:
             sorted(group, key=lambda row: (row not in self.shortest, row))
             for group in alike.values()
         ]
-        if not self._near([group[0] for group in groups]):
+        # With a few kinds of move it is building programs that takes the time.
+        bending = len(groups) < _FEW and len(self._conflicts()) > 0
+        if not self._near([group[0] for group in groups], bending=bending):
             return False
         broken = []
         for first, *others in groups:
@@ -180,9 +183,9 @@ class Repair:
                 self.flown[row], self.kind[row] = copied, self.kind[first]
                 if greatest_excess(self.aircraft, copied).relative > KEPT:
                     broken.append(row)
-        return self._near(broken)
+        return self._near(broken, bending=bending)
 
-    def _near(self, rows: list[int]) -> bool:
+    def _near(self, rows: list[int], *, bending: bool) -> bool:
         """Fly drones near the profile, each on its own."""
         self.progress.stage(f"{self.name}: drones without slack", len(rows))
         results: list[Outcome] = self.workers.run(
@@ -195,6 +198,7 @@ class Repair:
                     self.reference,
                     self.intervals,
                     self.shortest.get(row),
+                    bending,
                 )
                 for row in rows
             ],

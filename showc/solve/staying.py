@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.flight import Trajectory
 from showc.solve.avoiding import avoid
 from showc.solve.program import NO_WALLS, WALL_DEGREE
-from showc.solve.single import follow
+from showc.solve.single import follow, hover
 from showc.solve.spline import follow_spline
 from showc.solve.walls import NODES
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
@@ -20,14 +21,16 @@ from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.flight import Trajectory
     from showc.solve.program import Walls
     from showc.solve.single import Aircraft
 
     FloatArray = NDArray[np.float64]
 
+_MOMENT = 1.5e-3
+"""Time left over after a flight in which nothing but hovering is worth it [s]: what
+rounding up to whole milliseconds leaves."""
 STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
-Outcome = tuple[str, "Trajectory | None", str]
+Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 
 
@@ -38,6 +41,7 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
     reference: PiecewisePolynomial,
     intervals: int,
     shortest: Trajectory | None = None,
+    bending: bool = False,  # noqa: FBT001, FBT002 - as above
 ) -> Outcome:
     """Fly one drone as near as can be to the shared profile on its straight line.
 
@@ -46,8 +50,14 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
     shortest
         Its flight in least time, if it is known: then it is one of the slowest, for
         which splines are not supple enough, and they are not tried.
+    bending
+        Whether drones will have to be bent afterwards: then the program for it is used
+        here already, so that all processes build it at the same time.
     """
-    if shortest is None:
+    duration = reference.end
+    if shortest is not None and 0.0 <= duration - shortest.state.end < _MOMENT:
+        return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
+    if shortest is None and not bending:
         found = follow_spline(aircraft, start, goal, reference, intervals)
         if found is not None:
             return SPLINE, found.flight.trajectory(0), ""
@@ -55,9 +65,30 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
     if flight is not None:
         return OPTIMAL, flight, ""
     result = follow(
-        aircraft, start, goal, reference.end, reference=reference, shortest=shortest
+        aircraft, start, goal, duration, reference=reference, shortest=shortest
     )
     return OPTIMAL, result.trajectory if result.solved else None, result.message
+
+
+def _lingering(
+    aircraft: Aircraft, flight: Trajectory, goal: FloatArray, duration: float
+) -> Trajectory:
+    """Return a flight followed by a hover over what is left of the duration [s]."""
+    if duration == flight.state.end:
+        return flight
+    breaks = np.append(flight.state.breaks, duration)
+    still = hover(aircraft, goal, duration)
+
+    def longer(part: PiecewisePolynomial, rest: PiecewisePolynomial) -> FloatArray:
+        last = np.broadcast_to(
+            rest.coefficients[:, :1], (1, *part.coefficients[0].shape)
+        )
+        return np.concatenate([part.coefficients, last])
+
+    return Trajectory(
+        PiecewisePolynomial(breaks, longer(flight.state, still.state)),
+        PiecewisePolynomial(breaks, longer(flight.control, still.control)),
+    )
 
 
 def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
