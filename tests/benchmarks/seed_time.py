@@ -39,14 +39,18 @@ DIAGONAL = np.array([30.0, 20.0, 10.0])
 REFERENCE_FREE = 6.6665
 """Yaw free, (30, 20, 10) m, the model as printed: several solvers on fine meshes,
 +- 0.001 s; their controls leave the limits between the nodes [s]."""
-PARAGRAPH = """\
+MODELS = """\
 With yaw free the body turns so that both tilt axes push along the way; held, it
 cannot, which costs the difference. These flights keep the speed of each rotor within
 its own limits besides those of the table.
 
 The equations as they are widely printed count the arm twice in the torques and ask
-nothing of single rotors. For that model, yaw 0 at both ends, several\
-""".splitlines()
+nothing of single rotors. For that model, yaw 0 at both ends, several general solvers
+on fine meshes agree on {reference} s +- 0.001 s, with controls that leave their limits
+between the nodes and cannot be flown. `ocp.solve_graded` gives {printed:.4f} s for it:
+every limit kept at every instant, the controls integrated again to {missed:.1f} mm.
+Times of the two models are not to be compared.
+"""
 PAGE = Path(__file__).parents[2] / "showc" / "docs" / "seed.md"
 
 
@@ -157,12 +161,9 @@ def page() -> str:
             rule,
             *map(str, diagonal),
             "",
-            *PARAGRAPH,
-            f"general solvers on fine meshes agree on {REFERENCE_FREE} s +- 0.001 s,",
-            "with controls that leave their limits between the nodes and cannot be flown.",
-            f"`ocp.solve_graded` gives {printed:.4f} s for it: every limit kept at every",
-            f"instant, the controls integrated again to {1e3 * missed:.1f} mm. Times of",
-            "the two models are not to be compared.",
+            *MODELS.format(
+                reference=REFERENCE_FREE, printed=printed, missed=1e3 * missed
+            ).splitlines(),
             "",
             "All six drones, yaw held, controls integrated again: greatest position",
             f"error {1e3 * error:.4f} mm, least distance of a pair {nearest:.4f} m",
