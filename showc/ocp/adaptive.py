@@ -75,7 +75,7 @@ class _Refinement:
         base = self.options.solver
         for name, scale in self._other_durations(guess):
             self.history.note(
-                best, None, f"the solver failed; a duration of {scale:g} is tried"
+                solution, None, f"the solver failed; a duration of {scale:g} is tried"
             )
             self.attempts.scales[name] = scale
             solution = self.attempts.attempt(mesh, guess)
@@ -88,12 +88,13 @@ class _Refinement:
             (plain_mesh(self.auditors, 30, 3), {"mu_strategy": "monotone"}),
             (plain_mesh(self.auditors, 6, 6), {"mu_strategy": "adaptive"}),
         ):
-            self.history.note(best, None, "the solver failed; another way is tried")
+            self.history.note(solution, None, "the solver failed; another way is tried")
             extra = {**strategy, **base.extra}
             solver = replace(base, extra=extra, iterations=2 * base.iterations)
             solution = self.attempts.attempt(other, guess, solver=solver)
             if solution.result.usable:
                 return solution
+        self.history.note(solution, None, "the solver failed; no other way is left")
         return best
 
     def _unsymmetric(

@@ -36,6 +36,20 @@ def test_no_mesh_is_left_out_of_the_history(build):
     assert solution.iterations == sum(r.iterations for r in solution.history)
 
 
+def test_a_problem_without_solution_tells_all_that_was_tried():
+    problem = ocp.Problem("too far")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=5.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, u)
+    problem.minimise(phase.integral(u**2))
+    solution = ocp.solve(problem)
+    assert not solution.result.usable
+    assert solution.iterations == sum(r.iterations for r in solution.history)
+    assert len(solution.history) > 2
+    assert all(record.phases for record in solution.history)
+
+
 def test_errors_of_intervals_make_up_the_error_of_the_mesh(flown):
     for record in flown.history:
         intervals = record.phases[0].intervals
