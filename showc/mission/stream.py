@@ -322,12 +322,14 @@ class _Conductor:
     def _stop(self) -> None:
         """Tell everybody to hold, or to land again if the show has not begun.
 
-        More than once: links lose messages.
+        More than once: links lose messages. A vehicle that has left the mode of
+        setpoints is in somebody else's hands, or holds already: it is left alone.
         """
         for _ in range(3):
             for pilot in self.pilots:
                 if self.begun is not None:
-                    self._send(pilot, [pilot.hold()])
+                    if not pilot.off_mode():
+                        self._send(pilot, [pilot.hold()])
                 elif pilot.armed:
                     self._send(pilot, [pilot.land()])
             self._listen(0.1)

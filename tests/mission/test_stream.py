@@ -232,6 +232,18 @@ def test_leaving_the_corridor_stops_everybody(log, flight):
     assert all(vehicle.flown.modes[-1] == 17 for vehicle in vehicles)
 
 
+def test_a_vehicle_taken_over_stops_the_others_and_is_left_alone(log, flight):
+    port = free_port()
+    with ExitStack() as stack:
+        vehicles = fleet(stack, flight, port, faults={2: Faults(taken_over_at=5.5)})
+        report = stream(log, port)
+    assert report.reason == "drone 2 left its mode or disarmed"
+    assert 0.0 < report.show_time < flight.duration
+    assert vehicles[0].flown.modes[-1] == vehicles[2].flown.modes[-1] == 17
+    assert vehicles[1].flown.modes == [4]
+    assert vehicles[1].mode == 5
+
+
 def test_a_vehicle_beside_its_pad_is_not_armed(log, flight):
     port = free_port()
     with ExitStack() as stack:

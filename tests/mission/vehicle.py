@@ -32,6 +32,8 @@ class Faults:
     drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     drift_at: float = np.inf
     refuse_arming: bool = False
+    taken_over_at: float = np.inf
+    """When a pilot takes it over with the sticks: mode LOITER."""
 
 
 @dataclass
@@ -159,6 +161,9 @@ class Vehicle(threading.Thread):
 
     def step(self, dt: float, now: float) -> None:
         """Follow the target."""
+        if now > self.faults.taken_over_at and self.mode == 4:
+            self.mode, self.target = 5, None
+            self.faults.taken_over_at = np.inf
         if not self.armed or self.target is None or dt <= 0.0:
             return
         goal, speed, stamp = self.target
