@@ -16,6 +16,7 @@ import os
 import pickle
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,10 +85,10 @@ class Remembering:
         found: Callable[[int, Any], None] = lambda _, __: None,
     ) -> list[Any]:
         """See :class:`showc.solve.pool.Workers`."""
-        name = f"{function.__module__}.{function.__qualname__}"
         try:
+            name = _name(function)
             keys = [digest(self._key, name, *task) for task in tasks]
-        except TypeError:  # arguments that have no hash: nothing can be remembered
+        except (TypeError, AttributeError):  # what has no name or hash is not kept
             return self._workers.run(function, tasks, done, found)
         paths = [self._folder / f"{key}.part" for key in keys]
         results: dict[int, Any] = {}
@@ -114,6 +115,15 @@ class Remembering:
     def forget(self) -> None:
         """Remove all parts: the leg as a whole is kept."""
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _name(function: Callable[..., Any]) -> list[Any]:
+    """Return what a function is called, and what it was given beforehand."""
+    given: list[Any] = []
+    while isinstance(function, partial):
+        given += [function.args, function.keywords]
+        function = function.func
+    return [f"{function.__module__}.{function.__qualname__}", *given]
 
 
 def _read(path: Path) -> tuple[Any] | None:

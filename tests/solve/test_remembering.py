@@ -3,6 +3,7 @@
 import os
 import pickle
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,25 @@ def test_other_legs_and_other_tasks_have_parts_of_their_own(tmp_path):
         (result,) = crew.run(flight, [(1, (scale, str(log)))])
         assert result[1].state.coefficients[0, 0, 0] == scale
     assert len(log.read_text().split()) == 3
+
+
+def test_what_a_function_was_given_beforehand_counts(tmp_path):
+    log = tmp_path / "log"
+    for scale in (0.1, 0.2, 0.1):
+        crew = Remembering(InProcess(), tmp_path / "parts", KEY)
+        (result,) = crew.run(partial(flight, scale=(scale, str(log))), [(1,)])
+        assert result[1].state.coefficients[0, 0, 0] == scale
+    assert len(log.read_text().split()) == 2
+    # What has no name is done, and not kept.
+    (found,) = crew.run(Nameless(), [(7,)])
+    assert found == 8
+
+
+class Nameless:
+    """Something that can be called and has no name of its own."""
+
+    def __call__(self, number):
+        return number + 1
 
 
 def test_processes_tell_every_result_by_its_number():
