@@ -12,8 +12,7 @@ cache. What was compiled is proved by ``showc verify`` of the same run. Beside i
   the full dynamics.
 - ``law``: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way, the duration law of
   common show tools.
-- ``joint``: all drones in one problem of optimal control, in the same time, where that
-  still ends.
+- ``joint``: a few drones planned together; their common time, and how long that took.
 """
 
 from __future__ import annotations
@@ -62,8 +61,8 @@ together. In the first table the transition alone is missing in the cache: what 
 to solve it, and to write all files of the show. In the second, nothing is known before.
 `ruckig`: the shared straight-line profile under the same limits on velocity, level
 acceleration and jerk (drones beyond a limit of the full dynamics, and the worst use of
-one); `law`: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way; `joint`: all drones
-in one problem of optimal control, in the same time.
+one); `law`: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way; `joint`: a few
+drones planned together, their common time and how long that took.
 """
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TITLE = "## Fleets\n"
@@ -197,37 +196,36 @@ def _transition(
         f"{certificate['closest']['distance']:.3f}",
         f"{peer:.2f} ({beyond} beyond, {use:.2f})",
         f"{duration_law(way, leg):.2f}",
-        joint_problem(show, leg, time) if case.joint else "–",
+        joint_problem(show, leg) if case.joint else "–",
     )
 
 
-def joint_problem(show: FleetShow, leg: Leg, time: float) -> str:
+def joint_problem(show: FleetShow, leg: Leg) -> str:
     """Try all drones in one problem, in a process that can be stopped."""
     with tempfile.TemporaryDirectory(prefix="showc-joint-") as place:
         folder = Path(place)
         (folder / "show.yaml").write_text(show.script)
-        command = [
-            sys.executable, str(Path(__file__)), "--joint", str(leg.index), repr(time),
-        ]  # fmt: skip
+        command = [sys.executable, str(Path(__file__)), "--joint", str(leg.index)]
         needed = run(command, folder, limit=JOINT_LIMIT)
     if needed.code == -1:
         return f"no end in {JOINT_LIMIT:.0f} s"
+    said = _last(needed.output)[:80]
     if needed.code != 0:
-        return _last(needed.output)[:80]
-    return f"{_last(needed.output)} in {needed.wall:.1f} s, {needed.processor:.1f} CPU"
+        return said
+    return f"{said} in {needed.wall:.1f} s, {needed.processor:.1f} CPU"
 
 
-def solve_jointly(index: int, time: float) -> None:
-    """Solve a leg of the script here as one problem; print how that ended."""
-    from showc.solve.joint import joint
+def solve_jointly(index: int) -> None:
+    """Plan the drones of a leg of the script together; print how that ended."""
+    from showc.solve.joint import fly_jointly
     from showc.solve.leg import aircraft_of
 
     result = load_show("show.yaml")
     assert result.show is not None
     itinerary = build_itinerary(result.show)
     leg, show = itinerary.legs[index], itinerary.show
-    found = joint(aircraft_of(show, leg), leg.start, leg.goal, show.separation, time)
-    say(f"{found.status} at {time:.3f} s")
+    found = fly_jointly(aircraft_of(show, leg), leg.start, leg.goal, show.separation)
+    say(f"{found.duration:.3f} s" if found.solved else found.message)
 
 
 def ruckig_profile(way: np.ndarray, leg: Leg) -> tuple[float, int, float]:
@@ -331,10 +329,10 @@ def main() -> None:
     parser.add_argument(
         "--write", action="store_true", help="put the tables into the documentation"
     )
-    parser.add_argument("--joint", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--joint", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.joint:
-        solve_jointly(int(arguments.joint[0]), float(arguments.joint[1]))
+    if arguments.joint is not None:
+        solve_jointly(arguments.joint)
         return
     if unknown := set(arguments.shows) - set(shows):
         parser.error(f"no such show: {', '.join(sorted(unknown))}")
