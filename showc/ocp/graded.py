@@ -40,12 +40,13 @@ if TYPE_CHECKING:
 
 _SMALL_OBJECTIVE = 1e-3
 """Objectives below this are judged by their absolute change over it."""
-_STARTS: tuple[dict[str, object], ...] = (
-    {},
-    {"mu_strategy": "adaptive"},
-    {"mu_init": 1.0, "mu_linear_decrease_factor": 0.5},
+_STARTS: tuple[tuple[int, dict[str, object]], ...] = (
+    (0, {}),
+    (0, {"mu_strategy": "adaptive"}),
+    (1, {"mu_strategy": "adaptive"}),
+    (2, {"mu_init": 1.0, "mu_linear_decrease_factor": 0.5}),
 )
-"""Ways to start a first mesh, tried one after the other."""
+"""Ways to start, tried one after the other: which of the meshes, and how."""
 _QUICK: dict[str, object] = {
     "mu_strategy": "monotone",
     "mu_linear_decrease_factor": 0.2,
@@ -140,11 +141,13 @@ class _Work:
 
     def first(self, guess: Guess | Solution | None) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
-        mesh = self.options.first or self.even(self.options.intervals[0])
-        rough = len(self.options.intervals) > 1
-        for way in _STARTS:
-            extra = {**way, **({"tol": 1e-4} if rough else {})}
-            solution = self.attempt(mesh, guess, extra)
+        counts = self.options.intervals
+        rough: dict[str, object] = {"tol": 1e-4} if len(counts) > 1 else {}
+        for number, way in _STARTS:
+            mesh = self.even(counts[min(number, len(counts) - 1)])
+            if number == 0 and self.options.first is not None:
+                mesh = self.options.first
+            solution = self.attempt(mesh, guess, {**way, **rough})
             usable = solution.result.usable
             if usable or solution.result is Result.CONTRADICTION:
                 break
@@ -187,15 +190,27 @@ class _Work:
 
     def each(self, count: int) -> int:
         """Return the number of intervals of one phase."""
-        return max(8, -(-count // len(self.problem.phases)))
+        return max(10, -(-count // len(self.problem.phases)))
 
     def mesh_of(
         self, breaks: FloatArray, points: IntArray | list[int], auditor: PhaseAuditor
     ) -> PhaseMesh:
-        """Mesh with the controls linear whose degree is left to the solver."""
-        controls = auditor.phase.controls
-        free = tuple(name for name, item in controls.items() if item.degree is None)
-        return linear_mesh(breaks, points, free, self.options.margin)
+        """Mesh with the controls linear whose degree is left to the solver.
+
+        Equations on the way cannot be tightened, and determine controls at every
+        point: those in them stay polynomials of full degree.
+        """
+        bounds = auditor.path_bounds(self.table)
+        equations = bool(np.any(bounds[:, 1] <= bounds[:, 0]))
+        free = tuple(
+            name
+            for j, (name, item) in enumerate(auditor.phase.controls.items())
+            if item.degree is None
+            and not (equations and auditor.principle.path_bound[j])
+        )
+        return linear_mesh(
+            breaks, points, free, None if equations else self.options.margin
+        )
 
     def audit(self, solution: Solution) -> tuple[PhaseAudit, ...]:
         """Look between the nodes."""
@@ -205,15 +220,18 @@ class _Work:
         self, solution: Solution, audits: tuple[PhaseAudit, ...]
     ) -> tuple[Solution, tuple[PhaseAudit, ...]]:
         """Mend the last mesh where its controls, flown, miss the states or a limit."""
+        before = np.inf
         for _ in range(_REPAIRS):
             flown, path = _errors(audits)
-            if max(flown, path) <= self.options.accuracy:
+            if max(flown, path) <= self.options.accuracy or flown + path > before:
                 break
+            before = 0.5 * (flown + path)
             more = int(flown > self.options.accuracy)
             phases = []
             for part, audit in zip(solution.phases, audits, strict=True):
                 mesh = part.mesh
-                margins = np.asarray(mesh.path_margins) + 1.5 * audit.path
+                room = min(mesh.path_margins) > 0.0
+                margins = np.asarray(mesh.path_margins) + 1.5 * room * audit.path
                 phases.append(
                     replace(
                         mesh,

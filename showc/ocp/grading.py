@@ -133,11 +133,12 @@ def linear_mesh(
     breaks: FloatArray,
     points: IntArray | list[int],
     controls: tuple[str, ...],
-    margin: float,
+    margin: float | None,
 ) -> PhaseMesh:
     """Mesh with ``controls`` linear on each interval.
 
-    Path constraints hold at both ends of every interval too, with a ``margin``.
+    Path constraints hold at both ends of every interval too, with a ``margin``; at
+    the collocation points alone if that is ``None``.
     """
     count = breaks.size - 1
     plain = PhaseMesh.from_breaks(breaks, [int(n) for n in points])
@@ -145,6 +146,6 @@ def linear_mesh(
         plain.fractions,
         plain.points,
         control_degrees=dict.fromkeys(controls, (1,) * count),
-        path_points=((0.0, 1.0),) * count,
-        path_margins=(margin,) * count,
+        path_points=(() if margin is None else (0.0, 1.0),) * count,
+        path_margins=(margin or 0.0,) * count,
     )

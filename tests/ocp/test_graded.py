@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks import quadrotor
 from benchmarks.audit import report
+from benchmarks.ocp_further import FURTHER
 from benchmarks.peers.showc import answer, build
 
 from showc import ocp
@@ -68,6 +69,28 @@ def test_path_constraints_hold_between_the_points():
     x, v = part.states(times).T
     assert np.max(v - 1.5 - 0.02 * (x - 5.0) ** 2) < 2e-5
     assert v.max() > 1.5
+
+
+def test_equations_on_the_way_are_not_tightened():
+    problem = double_integrator()
+    phase = problem.phases[0]
+    push = phase.control("push", -0.5, 0.5)
+    phase.constrain(
+        phase.controls["u"].quantity.symbol - push, 0.0, 0.0, name="same", scale=1.0
+    )
+    solution = ocp.solve_graded(problem)
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective == pytest.approx(2.0 * sqrt(20.0), rel=3e-4)
+    u, push = solution.phases[0].controls.coefficients.transpose(2, 0, 1)
+    assert np.abs(u - push).max() < 1e-6
+
+
+def test_another_first_mesh_is_tried_where_the_solver_fails():
+    oscillator = next(b for b in FURTHER if b.name == "oscillator")
+    solution = ocp.solve_graded(oscillator.build())
+    assert solution.result is ocp.Result.SOLVED
+    assert not solution.history[0].result.usable
+    assert solution.objective == pytest.approx(oscillator.optimum, rel=2e-3)
 
 
 def test_contradicting_bounds_are_said_before_any_search():
