@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.separation import part_distance
+from showc.mission.distances import part_distance
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -194,7 +194,7 @@ class _Writer:
         if moment == "start":
             self.items.extend(lights)
         elif moment == "middle" and lights:
-            half = round(0.5 * float(stage.profile.duration[row]), 2)
+            half = round(float(stage.half_way[row]), 2)
             self.items.append(without_position(Command.CONDITION_DELAY, half))
             self.items.extend(lights)
         self.waypoint(stage.stored, row)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.mission.conflicts import conflict_colours
-from showc.mission.separation import part_distance
+from showc.mission.distances import part_distance
 from showc.mission.stagger import ordered
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.mission.distances import dot, part_distance, point_distance
 from showc.mission.following import SETTLING, SLOWEST, law_time
 
 if TYPE_CHECKING:
@@ -296,7 +297,7 @@ def _relative_speed(
     for speed_a in (reach.slow[one], reach.fast[one]):
         for speed_b in (reach.slow[other], reach.fast[other]):
             gap = speed_a[:, None] * first - speed_b[:, None] * second
-            greatest = np.maximum(greatest, _dot(gap, gap))
+            greatest = np.maximum(greatest, dot(gap, gap))
     return np.asarray(np.sqrt(greatest))
 
 
@@ -322,84 +323,8 @@ def _nearest_at_rest(
             (motion.begin, motion.window[0]),
             (motion.end, motion.window[1]),
         ):
-            value = _point_distance(points[a], points[b], separation)
+            value = point_distance(points[a], points[b], separation)
             if value.size and value.min() < best.distance:
                 least = int(np.argmin(value))
                 best = Closest(int(a[least]), int(b[least]), time, float(value[least]))
     return best
-
-
-def part_distance(
-    first: tuple[FloatArray, FloatArray],
-    second: tuple[FloatArray, FloatArray],
-    separation: Separation,
-) -> FloatArray:
-    """Least distance (m,) of straight parts, in the separation's metric.
-
-    Exact for the sphere and the ellipsoid; for the forms per axis the parts' boxes
-    give a lower bound.
-    """
-    if separation.shape in {"any-axis", "all-axes"}:
-        gap = np.maximum(
-            np.minimum(*first) - np.maximum(*second),
-            np.minimum(*second) - np.maximum(*first),
-        )
-        gap = np.maximum(gap, 0.0)
-        return np.asarray(
-            gap.max(axis=1) if separation.shape == "any-axis" else gap.min(axis=1)
-        )
-    scale = np.array(separation.metric_scale)
-    p, q = first[0] * scale, second[0] * scale
-    return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
-
-
-def _point_distance(
-    first: FloatArray, second: FloatArray, separation: Separation
-) -> FloatArray:
-    """Distance (m,) of points (m, 3), in the separation's metric."""
-    gap = np.abs(first - second)
-    if separation.shape == "any-axis":
-        return np.asarray(gap.max(axis=1))
-    if separation.shape == "all-axes":
-        return np.asarray(gap.min(axis=1))
-    gap *= np.array(separation.metric_scale)
-    return np.asarray(np.sqrt(_dot(gap, gap)))
-
-
-def segment_distance(
-    p: FloatArray, u: FloatArray, q: FloatArray, v: FloatArray
-) -> FloatArray:
-    """Least distance (m,) between segments p + [0, 1] u and q + [0, 1] v, all (m, 3).
-
-    Either the lines' common normal ends inside both, or the least distance is at an
-    end of one of them (Ericson 2005, Real-Time Collision Detection, section 5.1.9).
-    """
-    w = p - q
-    uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
-    uw, vw = _dot(u, w), _dot(v, w)
-    determinant = uu * vv - uv * uv
-    regular = determinant > 1e-12 * uu * vv
-    safe = np.where(regular, determinant, 1.0)
-    s = np.where(regular, (uv * vw - vv * uw) / safe, 0.0)
-    t = np.where(regular, (uu * vw - uv * uw) / safe, 0.0)
-    s, t = np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0)
-    gap = w + s[:, None] * u - t[:, None] * v
-    squared = _dot(gap, gap)
-    for point, base, along, length in (
-        (w, np.zeros_like(w), v, vv),
-        (w + u, np.zeros_like(w), v, vv),
-    ):
-        at = np.clip(
-            _dot(point - base, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0
-        )
-        rest = point - at[:, None] * along
-        squared = np.minimum(squared, _dot(rest, rest))
-    for point in (-w, v - w):
-        at = np.clip(_dot(point, u) / np.where(uu > 0.0, uu, 1.0), 0.0, 1.0)
-        rest = point - at[:, None] * u
-        squared = np.minimum(squared, _dot(rest, rest))
-    return np.asarray(np.sqrt(squared))
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("ij,ij->i", a, b))

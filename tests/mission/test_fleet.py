@@ -192,8 +192,11 @@ def test_fades_place_the_servo_items(fade, neighbours):
     assert (back, ahead) == neighbours
     if fade == "linear":
         pause = next(row[4] for row in table if row[3] == CONDITION_DELAY)
-        half = missions.prediction["legs"][0]["duration"] / 2
-        assert pause == pytest.approx(half, abs=0.02)
+        leg = missions.prediction["legs"][0]
+        lag = missions.prediction["clock_lag"] / 2
+        place = missions.predicted.position([leg["slot"] + lag + pause])[0, 0]
+        # Straight up from 6 to 8 m.
+        assert place[2] == pytest.approx(7.0, abs=0.03)
 
 
 def test_without_a_start_delays_are_relative_and_it_is_said(flight):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from showc.mission.distances import segment_distance
 from showc.mission.following import law_time, time_followed
 from showc.mission.law import leg_limits, profile
 from showc.mission.parameters import Parameters
@@ -14,7 +15,6 @@ from showc.mission.separation import (
     TOLERANCE,
     Motion,
     closest_encounter,
-    segment_distance,
 )
 from showc.vehicle import Separation
 
