@@ -27,7 +27,17 @@ _THREAD_VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
 )
 _DEATHS = 3
-_PRELOAD = ("showc.solve.single",)
+_PRELOAD = (
+    "showc.solve.staying",
+    "showc.solve.limiting",
+    "showc.ocp.staged",
+    "scipy.optimize",
+    "scipy.sparse.linalg",
+    "scipy.interpolate",
+    "clarabel",
+)
+"""What workers need sooner or later: imported once, by the server that they are forked
+from."""
 
 
 class Workers(Protocol):
