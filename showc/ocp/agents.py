@@ -46,10 +46,13 @@ class AgentsOptions:
     turn. Agents that all make the same move need no more than that time."""
     accuracy: float = 2e-5
     """Wanted error of the flown controls over each state's range."""
-    orders: int = 8
+    orders: int = 15
     """Orders of priority tried for each group of agents and time."""
     passes: int = 4
     """Times that the planes of one agent are laid anew about its way."""
+    together: int = 2
+    """Groups of at most so many are solved in one problem where no order works: takes
+    ten times as long as an order, but finds ways where both must give way at once."""
     round_up: float = 0.0
     """The common time is a multiple of this; 0: any."""
     progress: Callable[[str], None] | None = None
@@ -180,7 +183,9 @@ class _Work:
     def separate(self, plan: Plan) -> bool:
         """Plan those that come too near with regard to each other."""
         orders = Orders(self.programs(), self.agents, self.apart, plan)
-        done = orders.separate(self.options.orders, self.options.passes)
+        done = orders.separate(
+            self.options.orders, self.options.passes, self.options.together
+        )
         self.solves += orders.solves
         self.groups = tuple(sorted(orders.groups))
         self.joined = tuple(sorted(orders.joined))

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-LARGEST = 3
-"""Greatest number of agents that are put into one problem."""
 ITERATIONS = 100
 """Iterations of one solve."""
 ROUNDS = 4

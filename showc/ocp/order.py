@@ -2,8 +2,8 @@
 
 Each keeps to its side of planes between it and those planned before it; one that finds
 no way moves up in the order (van den Berg, Overmars 2005, Prioritized motion planning
-for multiple robots). If none of the orders works, all go on once more leaving room for
-those after them, and small groups are solved in one problem
+for multiple robots). If none of the orders works, those before leave room for those
+after them; in the end small groups are solved in one problem
 (:mod:`showc.ocp.joined`).
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.ocp.joined import LARGEST, solve_joined
+from showc.ocp.joined import solve_joined
 from showc.ocp.walls import ASIDE, Walls, bent, clusters, conflicts, sampled
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from showc.ocp.agent import Agent, LeastEffort
     from showc.ocp.solution import Solution
-    from showc.ocp.walls import Apart
+    from showc.ocp.walls import Apart, Side
 
     FloatArray = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Orders:
         """Groups solved in one problem."""
         self.message = ""
 
-    def separate(self, orders: int, passes: int) -> bool:
+    def separate(self, orders: int, passes: int, together: int) -> bool:
         """Plan those that come too near, until none do.
 
         Parameters
@@ -85,10 +85,10 @@ class Orders:
             Orders of priority tried for each group.
         passes
             Times that the planes of one agent are laid anew about its way.
+        together
+            Greatest size of a group that is solved in one problem.
         """
         plan = self.plan
-        breaks = plan.found[0].phases[0].states.breaks
-        fractions = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
         free = dict(plan.ways)
         pairs = conflicts(plan.ways, self.apart)
         known: set[tuple[int, int]] = set()
@@ -101,48 +101,71 @@ class Orders:
                     continue
                 self.groups = {g for g in self.groups if not set(g) <= set(group)}
                 self.groups.add(group)
-                wide = max(ASIDE, _ROUNDABOUT / np.sin(np.pi / len(group)))
-                starts = [
-                    bent(free, fractions, group, self.apart, aside)
-                    for aside in (ASIDE, wide)
-                ]
-                if not self._in_order(group, starts, orders, passes):
+                if not self._group(group, free, orders, passes, together):
                     return False
             pairs = conflicts(plan.ways, self.apart)
         return True
 
-    def _in_order(
+    def _group(
         self,
         group: tuple[int, ...],
-        starts: Sequence[dict[int, FloatArray]],
+        free: dict[int, FloatArray],
         orders: int,
         passes: int,
+        together: int,
     ) -> bool:
-        """Plan a group in order of priority; who finds no way moves up.
+        """Plan one group: bent aside in several ways, without and with room.
 
-        After half of the tries those before leave room for those after them.
+        ``free``: the ways without regard to each other.
         """
-        ease = {k: self.free[k].objective for k in group}
-        half = (orders + 1) // 2
-        failed = group[-1]
-        for room in (False, True):
-            order = sorted(group, key=lambda k: (-ease[k], k))
-            seen: set[tuple[int, ...]] = set()
-            for tries in range(half):
-                if tuple(order) in seen:
-                    break
-                seen.add(tuple(order))
-                failed = self._one_order(order, starts[room], passes, room=room)
-                if failed == NOBODY:
-                    return True
-                order.remove(failed)
-                order.insert(0 if 2 * tries > half else 1, failed)
-        if len(group) <= LARGEST and self._in_one_problem(group, starts[0]):
+        breaks = self.plan.found[0].phases[0].states.breaks
+        fractions = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
+        wide = max(ASIDE, _ROUNDABOUT / np.sin(np.pi / len(group)))
+        bends: list[tuple[Side, float, bool]] = [
+            ("right", ASIDE, False),
+            ("right", wide, True),
+        ]
+        if len(self.apart.metric) > 2:
+            bends = [
+                ("ring", wide, False),
+                bends[0],
+                ("over", ASIDE, False),
+                ("ring", wide, True),
+                bends[1],
+            ]
+        first = bent(free, fractions, group, self.apart)
+        for side, aside, room in bends:
+            start = bent(free, fractions, group, self.apart, side=side, aside=aside)
+            if self._in_order(group, start, max(orders // len(bends), 1), passes, room):
+                return True
+        if len(group) <= together and self._in_one_problem(group, first):
             return True
         self.message = (
             f"Agents {', '.join(str(k + 1) for k in group)} find no ways past each "
-            f"other in {self.plan.duration:.6g}; agent {failed + 1} is hemmed in."
+            f"other in {self.plan.duration:.6g}."
         )
+        return False
+
+    def _in_order(
+        self,
+        group: tuple[int, ...],
+        start: dict[int, FloatArray],
+        orders: int,
+        passes: int,
+        room: bool,  # noqa: FBT001 - handed on
+    ) -> bool:
+        """Plan a group in order of priority; who finds no way moves up."""
+        order = sorted(group, key=lambda k: (-self.free[k].objective, k))
+        seen: set[tuple[int, ...]] = set()
+        for tries in range(orders):
+            if tuple(order) in seen:
+                break
+            seen.add(tuple(order))
+            failed = self._one_order(order, start, passes, room=room)
+            if failed == NOBODY:
+                return True
+            order.remove(failed)
+            order.insert(0 if 2 * tries > orders else 1, failed)
         return False
 
     def _in_one_problem(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -39,6 +39,7 @@ ASIDE = 0.9
 """How far a way is bent to the agent's right where several meet, over the distance."""
 SPARE = 1e-5
 """How much more than the distance is kept, over it; the solver's tolerance is less."""
+Side = Literal["right", "over", "ring"]
 _SAMPLES = np.linspace(0.0, 1.0, 5)
 
 
@@ -112,14 +113,21 @@ def bent(
     breaks: FloatArray,
     group: Sequence[int],
     apart: Apart,
+    *,
+    side: Side = "right",
     aside: float = ASIDE,
 ) -> dict[int, FloatArray]:
-    """Sample ways of a group, each bent to its right as seen from their middle.
+    """Sample ways of a group, bent so that they pass each other.
 
     Parameters
     ----------
     breaks
         Of the mesh, as fractions of the duration, shape (K + 1,).
+    side
+        ``right``: each to its right as seen from their middle, in the first two
+        components. ``over``: along the third, to one side those that come from one
+        half of the directions, to the other side the rest. ``ring``: all in different
+        directions, across the component with the longest ways.
     aside
         How far, over the distance.
 
@@ -129,23 +137,51 @@ def bent(
         Places at five instants of each interval, shape (K, 5, n).
     """
     metric = np.asarray(apart.metric)
-    moves = {k: (ways[k][-1, -1] - ways[k][0, 0]) * metric for k in group}
-    mean = np.mean(list(moves.values()), axis=0)
-    widths = np.diff(breaks)[:, None]
-    at = breaks[:-1, None] + widths * _SAMPLES
-    bump = 16.0 * (at * (1.0 - at)) ** 2
-    found = {}
-    for k in group:
-        right = np.zeros(metric.size)
-        way = moves[k] - mean
-        level = float(np.hypot(*way[:2])) if metric.size > 1 else 0.0
-        if level > 1e-6 * apart.distance:
-            right[:2] = way[1] / level, -way[0] / level
-        elif np.linalg.norm(way) > 0.0:
-            right[0] = 1.0
-        shift = aside * apart.distance * bump[:, :, None] * right / metric
-        found[k] = sampled(ways[k]) + shift
-    return found
+    moves = np.stack([(ways[k][-1, -1] - ways[k][0, 0]) * metric for k in group])
+    relative = moves - moves.mean(axis=0)
+    small = 1e-6 * apart.distance
+    if side == "ring" and metric.size > 2:
+        directions = _ring(moves, relative)
+    elif side == "over" and metric.size > 2:
+        directions = np.zeros_like(moves)
+        for row, way in enumerate(relative):
+            leading = way[np.abs(way) > small]
+            directions[row, 2] = np.sign(leading[0]) if leading.size else 0.0
+    else:
+        directions = np.zeros_like(moves)
+        for row, way in enumerate(relative):
+            level = float(np.hypot(*way[:2])) if metric.size > 1 else 0.0
+            if level > small:
+                directions[row, :2] = way[1] / level, -way[0] / level
+            elif np.linalg.norm(way) > small:
+                directions[row, 0] = 1.0
+    at = breaks[:-1, None] + np.diff(breaks)[:, None] * _SAMPLES
+    bump = aside * apart.distance * 16.0 * (at * (1.0 - at)) ** 2
+    return {
+        k: sampled(ways[k]) + bump[:, :, None] * direction / metric
+        for k, direction in zip(group, directions, strict=True)
+    }
+
+
+def _ring(moves: FloatArray, relative: FloatArray) -> FloatArray:
+    """Directions evenly about a circle, in the order in which the agents come."""
+    longest = np.abs(moves).max(axis=0)
+    first, second = sorted(np.argsort(longest, kind="stable")[:2].tolist())
+    wide = np.argsort(-np.abs(relative).max(axis=0), kind="stable")
+    angle = np.arctan2(relative[:, wide[1]], relative[:, wide[0]])
+    rank = np.argsort(np.argsort(np.round(angle, 9), kind="stable"), kind="stable")
+    turn = 2.0 * np.pi * rank / rank.size
+    best = np.zeros_like(moves)
+    least = np.inf
+    for quarter in (0.0, 0.5 * np.pi):
+        directions = np.zeros_like(moves)
+        directions[:, first] = np.cos(turn + quarter)
+        directions[:, second] = np.sin(turn + quarter)
+        # Aside is across the way, not along it.
+        along = float(np.sum(np.einsum("kc,kc->k", directions, relative) ** 2))
+        if along < least - 1e-9:
+            best, least = directions, along
+    return best
 
 
 def sampled(way: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from showc.errors import SolveError
 from showc.flight import Certificate, ClosestEncounter, LegFlight, Trajectory
 from showc.plan.metric import measure
 from showc.solve.conflicts import Encounters, closest
+from showc.solve.joint import GAP, JointResult, fly_jointly, suits
 from showc.solve.limiting import Limiting, limiting_time
 from showc.solve.repair import Repair
 from showc.solve.single import Aircraft, hover
@@ -120,7 +122,25 @@ class _Solver:
         )
         if leg.duration is not None:
             return self._fixed(leg.duration, shared)
-        return self._shortest(self._limiting(solve=True), shared)
+        limiting = self._limiting(solve=True)
+        return self._jointly(limiting) or self._shortest(limiting, shared)
+
+    def _jointly(self, limiting: Limiting) -> LegFlight | None:
+        """Plan a few drones together where that is better; None elsewhere."""
+        leg = self.leg
+        if not suits(self.separation, leg.start, leg.goal, limiting.time):
+            return None
+        self.progress.stage(f"{leg.name}: drones planned together", 1)
+        task = (self.aircraft, leg.start, leg.goal, self.separation, leg.others_parked)
+        planning = partial(fly_jointly, gap=min(GAP, self.options.gap))
+        (found,) = self.workers.run(planning, [task], self.progress.advance)
+        self.tried.add("joint_solves", found.solves)
+        if not found.solved:
+            self.progress.note(
+                f"{leg.name}: not planned together ({found.message}); each on its own"
+            )
+            return None
+        return self._finish(found, limiting)
 
     def _limiting(self, *, solve: bool) -> Limiting:
         limiting = limiting_time(
@@ -251,7 +271,7 @@ class _Solver:
             name=self.leg.name,
         )
 
-    def _finish(self, repair: Repair, limiting: Limiting) -> LegFlight:
+    def _finish(self, repair: Repair | JointResult, limiting: Limiting) -> LegFlight:
         trajectories = repair.trajectories
         nearest = self._closest(trajectories)
         statistics = {
