@@ -82,7 +82,7 @@ def row(benchmark: Benchmark, repeats: int) -> str:
     if benchmark.optimum != 0.0:
         miss = abs(solution.objective - benchmark.optimum) / abs(benchmark.optimum)
         digits = benchmark.digits
-        off = f"{miss:.0e}" if miss > digits else f"< {digits:.0e}"
+        off = f"{miss:.0e}" if miss > digits or digits == 0.0 else f"< {digits:.0e}"
     coarse = "" if solution.result is ocp.Result.SOLVED else " (coarse)"
     return (
         f"| {benchmark.name}{coarse} | {solution.objective:.10g} | "
