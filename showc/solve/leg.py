@@ -128,10 +128,11 @@ class _Solver:
     def _jointly(self, limiting: Limiting) -> LegFlight | None:
         """Plan a few drones together where that is better; None elsewhere."""
         leg = self.leg
-        if not suits(self.separation, leg.start, leg.goal, limiting.time):
+        ends = leg.start, leg.goal
+        if not suits(self.aircraft, self.separation, *ends, limiting.time):
             return None
         self.progress.stage(f"{leg.name}: drones planned together", 1)
-        task = (self.aircraft, leg.start, leg.goal, self.separation, leg.others_parked)
+        task = (self.aircraft, *ends, self.separation, leg.others_parked)
         planning = partial(fly_jointly, gap=min(GAP, self.options.gap))
         (found,) = self.workers.run(planning, [task], self.progress.advance)
         self.tried.add("joint_solves", found.solves)

@@ -24,6 +24,7 @@ WIDE = replace(
     position_max=(200.0, 200.0, 200.0),
 )
 HELD = Aircraft(PRESET.vehicle, WIDE)
+FREE = replace(HELD, yaw="free")
 SPHERE = Separation(1.0)
 
 
@@ -64,13 +65,13 @@ def test_a_leg_says_that_its_drones_were_planned_together():
     start, goal = crossing()
     leg = make_leg(start, goal, limits=WIDE)
     listening = Listening()
-    show = make_show(3)
+    show = make_show(3, yaw="free")
     flight = solve_leg(leg, show, make_options(), InProcess(), listening)
     assert "planned together" in flight.certificate.method
     assert flight.certificate.statistics["joint_solves"] > 0
     assert any("planned together" in title for title, _ in listening.stages)
     assert flight.duration < 1.0045 * flight.certificate.single_drone_minimum
-    check(Aircraft(show.vehicle, WIDE), flight.trajectories, start, goal)
+    check(Aircraft(show.vehicle, WIDE, "free"), flight.trajectories, start, goal)
     assert nearest(flight.trajectories) >= 1.0
 
 
@@ -86,14 +87,15 @@ def test_a_parked_drone_is_not_planned_around():
 
 def test_where_it_suits():
     start, goal = crossing()
-    assert suits(SPHERE, start, goal, 7.0)
-    assert not suits(SPHERE, start, goal, 4.0)
-    assert not suits(SPHERE, start, start + [28.0, 9.0, 5.0], 7.0)
-    assert not suits(Separation(1.0, "any-axis"), start, goal, 7.0)
-    assert not suits(SPHERE, *crossing(FEW + 1), 7.0)
+    assert suits(FREE, SPHERE, start, goal, 7.0)
+    assert not suits(HELD, SPHERE, start, goal, 7.0)
+    assert not suits(FREE, SPHERE, start, goal, 4.0)
+    assert not suits(FREE, SPHERE, start, start + [28.0, 9.0, 5.0], 7.0)
+    assert not suits(FREE, Separation(1.0, "any-axis"), start, goal, 7.0)
+    assert not suits(FREE, SPHERE, *crossing(FEW + 1), 7.0)
     still = goal.copy()
     still[1] = start[1]
-    assert not suits(SPHERE, start, still, 7.0)
+    assert not suits(FREE, SPHERE, start, still, 7.0)
 
 
 def test_a_goal_outside_the_volume_is_named():
