@@ -33,8 +33,12 @@ if TYPE_CHECKING:
 
 _STEPS = 3
 """Runge-Kutta steps on each mesh interval."""
-_SAMPLES = tuple(float(s) for s in np.linspace(0.0, 1.0, 33))
-"""Places on each interval where path constraints are looked at."""
+_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(49) / 48.0)
+_SAMPLES = tuple(float(s) for s in _PLACES)
+"""Places on each interval where path constraints are looked at: closer at the ends,
+where the polynomials of neighbours meet and a constraint is left."""
+_SHARES = 0.5 * np.diff(_PLACES, prepend=0.0) + 0.5 * np.diff(_PLACES, append=1.0)
+"""Share of the interval that each place stands for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,7 +264,7 @@ class PhaseAuditor:
             constraints[int(c)].name if over > 0.0 else ""
             for c, over in zip(most, greatest, strict=True)
         )
-        return greatest, tuple(found), names, near.mean(axis=1), worst
+        return greatest, tuple(found), names, near @ _SHARES, worst
 
 
 def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
@@ -268,13 +272,15 @@ def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
     row = np.concatenate([[-np.inf], violation, [-np.inf]])
     peak = (violation > 0.0) & (violation >= row[:-2]) & (violation >= row[2:])
     found = []
-    step = places[1] - places[0]
     for at in np.flatnonzero(peak):
         place = float(places[at])
         if 0 < at < places.size - 1:
-            left, middle, right = violation[at - 1 : at + 2]
-            bend = left - 2.0 * middle + right
-            if bend < 0.0:
-                place += 0.5 * step * (left - right) / bend
+            before, after = places[at] - places[at - 1], places[at + 1] - places[at]
+            falls = (violation[at] - violation[at - 1]) / before
+            rises = (violation[at + 1] - violation[at]) / after
+            if rises < falls:
+                # Where the slope of the parabola through the three is zero.
+                slope = (falls * after + rises * before) / (before + after)
+                place += 0.5 * slope * (before + after) / (falls - rises)
         found.append(place)
     return tuple(found)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benchmarks.ocp_further import FURTHER
 from benchmarks.ocp_problems import BENCHMARKS, double_integrator_vmax, robot_arm
-from benchmarks.ocp_textbook import TEXTBOOK, reorientation
+from benchmarks.ocp_textbook import TEXTBOOK
 
 from showc import ocp
 
@@ -338,8 +338,8 @@ def test_multipliers_of_held_controls_do_not_count_as_errors(solved):
     assert len(solution.history) <= 6
 
 
-def test_a_symmetric_start_does_not_end_in_a_symmetric_trap():
-    solution = ocp.solve(reorientation())
+def test_a_symmetric_start_does_not_end_in_a_symmetric_trap(solved):
+    solution = solved("reorientation")
     assert "stayed at its guess" in solution.history[0].action
     assert solution.history[0].objective > 34.0
     assert solution.objective == pytest.approx(28.6304077, rel=1e-6)

@@ -135,3 +135,33 @@ def test_controls_that_enter_linearly_are_known():
         False,
         False,
     )
+
+
+def test_an_overshoot_just_behind_a_border_is_found():
+    """One that an even row of places would miss."""
+    problem = ocp.Problem("hump")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0)
+    u = phase.control("u")
+    phase.derivative(x, u)
+    place = 0.012
+    hump = ca.exp(-(((phase.time - place) / 0.004) ** 2))
+    phase.constrain(x + hump, None, 0.5, name="hump")
+    problem.minimise(phase.integral(u**2))
+    # The trajectory of a problem without the constraint.
+    free = ocp.Problem("hump")
+    same = free.phase(duration=1.0)
+    y = same.state("x", start=0.0)
+    v = same.control("u")
+    same.derivative(y, v)
+    free.minimise(same.integral(v**2))
+    solution = ocp.Transcription(free, ocp.Mesh.uniform(1, 4)).solve()
+    part = solution.phases[0]
+    part = replace(part, path_multipliers=np.zeros((part.costates.shape[0], 1)))
+    solution = replace(solution, phases=(part,))
+    auditor = PhaseAuditor(problem, phase, 0)
+    audit = auditor.audit(solution, Statement(problem).table(np.zeros(0)))
+    # The hump is as far above the bound as the bound is above zero, its scale.
+    assert 0.3 < audit.path.max() <= 1.0
+    (places,) = audit.path_places
+    assert min(abs(s - place) for s in places) < 0.003
