@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import accumulate
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, resource_tracker
 from typing import TYPE_CHECKING, Any, Protocol
 
 from showc.errors import UsageError
@@ -172,7 +173,7 @@ class Processes:
             context = get_context(method)
             if method == "forkserver":
                 context.set_forkserver_preload(list(_PRELOAD))
-            with _single_threaded():
+            with _single_threaded(), _undisturbed():
                 self._executor = ProcessPoolExecutor(
                     self._jobs, mp_context=context, initializer=_warm
                 )
@@ -181,6 +182,12 @@ class Processes:
                 for _ in range(self._jobs):
                     self._executor.submit(_warm)
         return self._executor
+
+    def stop(self) -> None:
+        """End the processes at once, whatever they are doing."""
+        if self._executor is not None:
+            for process in active_children():
+                process.terminate()
 
     def close(self) -> None:
         """Let the processes go."""
@@ -280,6 +287,9 @@ def workers(jobs: int | None, cluster: str | None) -> Iterator[Workers]:
     local = Processes(count)
     try:
         yield local
+    except BaseException:
+        local.stop()
+        raise
     finally:
         local.close()
 
@@ -304,6 +314,24 @@ def _single_threaded() -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Start processes that an interrupt from the keyboard does not reach.
+
+    It reaches the whole group; whoever reads this hears of it, and ends its workers.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    # Starting the tracker would let interrupts through again; it is started before.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _warm() -> None:

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,22 @@ def test_no_scheduler_is_a_fault_of_usage():
         workers(None, "nonsense://127.0.0.1:1"),
     ):
         pass
+
+
+def test_an_interrupt_does_not_wait_for_work_under_way():
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    tasks = [(0.0,)] + [(60.0,)] * 5
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), workers(2, None) as crew:
+        crew.run(time.sleep, tasks, interrupted)
+    assert time.monotonic() - begun < 45.0
+    assert active_children() == []
+
+
+def test_workers_do_not_hear_the_keyboard():
+    with workers(2, None) as crew:
+        masks = crew.run(signal.pthread_sigmask, [(signal.SIG_BLOCK, [])] * 2)
+    assert all(signal.SIGINT in mask for mask in masks)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
