@@ -163,9 +163,12 @@ class _Refinement:
         if switching:
             limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 150)))
         accuracy = base.tolerance
-        if unknowns > CHEAP:
-            far = current.greatest > 1e3 * self.options.tolerance
-            accuracy = max(accuracy, LOOSE if far else CLOSE)
+        error = current.error.objective / self.options.tolerance
+        if unknowns > CHEAP and error > 1.0:
+            # The program's objective is the problem's over this scale.
+            scale = self.attempts.scales.get("objective", 1.0)
+            share = min(1.0, abs(current.solution.objective) / scale)
+            accuracy = max(accuracy, share * (LOOSE if error > 1e3 else CLOSE))
         self.loose = accuracy > CLOSE
         solution = self.attempts.attempt(
             proposal.mesh,

@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.ocp.limits import Statement
 from showc.ocp.optimality import ranges
-from showc.ocp.options import EFFORT, Options
+from showc.ocp.options import CHEAP, EFFORT, Options
 from showc.ocp.proposal import with_ends
 from showc.ocp.solution import Solution
 from showc.ocp.transcription import Transcription
@@ -55,7 +55,7 @@ class Attempts:
         self.iterations = 0
         """Of all programs so far."""
         self.effort = 0.0
-        """Unknowns times iterations of all programs so far."""
+        """Unknowns times iterations of all programs so far that are not cheap."""
         self.latest: Transcription | None = None
         """The transcription solved last."""
         self.former: Transcription | None = None
@@ -88,7 +88,8 @@ class Attempts:
             former=self.former if isinstance(guess, Solution) else None,
         )
         self.iterations += solution.iterations
-        self.effort += solution.iterations * self.unknowns(mesh)
+        unknowns = self.unknowns(mesh)
+        self.effort += solution.iterations * unknowns if unknowns > CHEAP else 0.0
         self.latest = transcription
         return solution
 

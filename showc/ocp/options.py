@@ -63,8 +63,9 @@ class Options:
     points: int = 1000
     """Greatest number of collocation points; refinement stops there."""
     effort: float = 1e6
-    """Unknowns times iterations that refinement may cost; no further mesh is begun
-    beyond. A million are some seven seconds of CPU time; infinity: no limit."""
+    """Unknowns times iterations that refinement may cost, small programs not counted;
+    no further mesh is begun beyond. A million are some seven seconds of CPU time;
+    infinity: no limit."""
     scheme: Scheme = "gauss"
     """Collocation points."""
     rule: Rule = "decay"
