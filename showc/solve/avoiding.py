@@ -104,10 +104,8 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
         borders = np.concatenate([[0.0], np.cumsum(widths)])
     widths = _cut(borders, walls, duration, present.intervals if present else 1)
     guesses = [flat_guess(aircraft, start, goal, widths, reference)]
-    if earlier is not None:
-        guesses.insert(0, flown_guess(aircraft, earlier, widths))
-    elif shortest is not None:
-        guesses.append(flown_guess(aircraft, shortest, widths))
+    if (flown := earlier or shortest) is not None:
+        guesses.insert(0, flown_guess(aircraft, flown, widths))
     program = _built(aircraft.canonical(), widths.size)
     programs = Programs(aircraft, start, goal)
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
