@@ -141,7 +141,7 @@ class LeastEffort:
         (part,) = model.phases
         breaks = _divided((part.states.breaks - part.start) / part.duration)
         self._breaks = breaks
-        self._points = max(part.mesh.points)
+        self._points = int(np.median(part.mesh.points))
         self._build(part.duration, model)
 
     def _build(self, duration: float, model: Solution) -> None:
@@ -194,7 +194,7 @@ class LeastEffort:
 
     def refine(self) -> bool:
         """Give every interval one more point; False if that has been done enough."""
-        if self._points >= max(self._model.mesh.phases[0].points) + _REPAIRS:
+        if self._points >= int(np.median(self._model.mesh.phases[0].points)) + _REPAIRS:
             return False
         self._points += 1
         self._build(self._duration, self._model)

@@ -86,7 +86,7 @@ def suits(
     """Whether planning these drones together is better than repairing their ways.
 
     Measured to be so for a few drones with yaw free on ways of several seconds that
-    cross: as little as a third of the work, and less extra time. With yaw held the
+    cross: as little as half of the work, and less extra time. With yaw held the
     repair reaches the same time as quickly.
 
     Parameters
