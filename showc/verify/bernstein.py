@@ -85,7 +85,7 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
     """
     degree = coefficients.shape[1] - 1
     # Coefficient by coefficient, all pieces of one lie side by side.
-    result = np.ascontiguousarray(coefficients.transpose(1, 2, 0))
+    result = coefficients.transpose(1, 2, 0).copy(order="C")
     a = lower
     for step in range(degree):
         last = degree - step
