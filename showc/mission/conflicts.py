@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.distances import part_distance
+from showc.mission.distances import boxes_within, part_distance
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,6 +43,8 @@ def crossing_pairs(stage: Stage, separation: Separation, required: float) -> Pai
         )
         wanted = a < b
         a, b = a[wanted], b[wanted]
+        meet = boxes_within((stage.begin, farthest), (a, b), separation, required)
+        a, b = a[meet], b[meet]
         near = (
             part_distance(
                 (stage.begin[a], farthest[a]),

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 
 def part_distance(
@@ -36,6 +37,32 @@ def part_distance(
     scale = np.array(separation.metric_scale)
     p, q = first[0] * scale, second[0] * scale
     return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
+
+
+def boxes_within(
+    parts: tuple[FloatArray, FloatArray],
+    pairs: tuple[IntArray, IntArray],
+    separation: Separation,
+    distance: float,
+) -> NDArray[np.bool_]:
+    """Return which ``pairs`` of straight parts may be nearer than ``distance`` [m].
+
+    ``parts`` holds the two ends of each, (n, 3). Quick: boxes around the parts are no
+    farther from each other than the parts.
+    """
+    if separation.shape in {"any-axis", "all-axes"}:
+        return np.ones(pairs[0].size, dtype=np.bool_)
+    scale = np.array(separation.metric_scale)
+    low, high = np.minimum(*parts) * scale, np.maximum(*parts) * scale
+    one, other = pairs
+    squared = np.zeros(one.size)
+    for axis in range(3):
+        below, above = low[:, axis], high[:, axis]
+        gap = np.maximum(below[one] - above[other], below[other] - above[one])
+        np.maximum(gap, 0.0, out=gap)
+        squared += gap * gap
+    # Rounding must not hide a pair.
+    return np.asarray(squared <= (distance * (1.0 + 1e-9)) ** 2)
 
 
 def point_distance(

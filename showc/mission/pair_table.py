@@ -100,15 +100,15 @@ def pair_table(
     reach = max(1, ceil(stage.finish(2.0 * timing.spread) + timing.spread))
     proofs = 2 * NEAR_DIFFERENCE * a.size
     near = NEAR_DIFFERENCE if proofs <= MOST_PROOFS else MOST_PROOFS // (2 * a.size)
-    rows = np.arange(a.size)
+    count = stage.drones.size
     table = np.zeros((a.size, 2 * reach + 1), dtype=np.bool_)
     for later in range(-reach, reach + 1):
         # Differences in between count as too near: they are seldom the best.
         if near < abs(later) < reach:
             continue
-        motion = _pair_motion(stage, timing, (a, b), float(later))
+        motion = _twice(stage, timing, float(later))
         table[:, later + reach] = pairs_apart(
-            motion, separation, (rows, a.size + rows), required
+            motion, separation, (a, count + b), required
         )
     return PairTable(stage.drones.size, a, b, reach, table)
 
@@ -117,21 +117,19 @@ def _as_pairs(one: IntArray, other: IntArray) -> list[tuple[int, int]]:
     return list(zip(one.tolist(), other.tolist(), strict=True))
 
 
-def _pair_motion(
-    stage: Stage, timing: Timing, pairs: tuple[IntArray, IntArray], later: float
-) -> Motion:
-    """Return each pair on its own: first ones at rows 0.., second ones behind them.
+def _twice(stage: Stage, timing: Timing, later: float) -> Motion:
+    """Return every drone of the stage twice, the second time ``later`` [s] released.
 
-    The second ones leave ``later`` [s] after the first ones.
+    A pair's first drone is looked up in the first half, its second one in the other.
     """
-    both = np.concatenate(pairs)
-    start = np.repeat([0.0, later], pairs[0].size)
+    count = stage.drones.size
+    both = np.tile(np.arange(count), 2)
     overshoot = stage.overshoot[both]
     return Motion(
         stage.begin[both],
         stage.end[both],
         stage.profile.select(both),
-        start,
+        np.repeat([0.0, later], count),
         stage.level[both],
         np.full(both.size, timing.spread),
         overshoot if timing.overshoots else np.zeros(both.size),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.distances import dot, part_distance, point_distance
+from showc.mission.distances import boxes_within, dot, part_distance, point_distance
 from showc.mission.following import SETTLING, SLOWEST, law_time
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 TOLERANCE = 2e-3
 """How far below the true least distance the proved one may lie [m]."""
 
-FIRST_PIECES = 32
+FIRST_PIECES = 8
 """Pieces of the window that a pair is looked at in first."""
 
 SHORTEST_PIECE = 4e-3
@@ -102,7 +102,9 @@ def closest_encounter(
     everywhere = np.nextafter(best.distance, np.inf)
     farthest = motion.begin + motion.stretch[:, None] * (motion.end - motion.begin)
     found_a, found_b, swept = [], [], []
-    for a, b in _pairs(moving):
+    for pairs in _pairs(moving):
+        meet = boxes_within((motion.begin, farthest), pairs, separation, everywhere)
+        a, b = pairs[0][meet], pairs[1][meet]
         bound = part_distance(
             (motion.begin[a], farthest[a]), (motion.begin[b], farthest[b]),
             separation,
