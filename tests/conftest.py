@@ -4,12 +4,9 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[1]
-SHOWS = sorted((ROOT / "shows").glob("*.yaml"))
+from repository import ROOT
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 

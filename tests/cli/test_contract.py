@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import ROOT
+from repository import ROOT
 
 GRID = ROOT / "shows" / "grid.yaml"
 VERBS = (

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from conftest import ROOT
+from repository import ROOT
 
 CHAPTERS = ROOT / "shows" / "chapters.yaml"
 

@@ -4,7 +4,7 @@ import hashlib
 import json
 
 import pytest
-from conftest import SHOWS
+from repository import SHOWS
 
 NAMES = [show.stem for show in SHOWS]
 

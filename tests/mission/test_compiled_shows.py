@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SHOWS
 from mission.conftest import free_port
 from mission.vehicle import Vehicle
 from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from repository import SHOWS
 
 from showc.mission.upload import upload_missions
 from showc.script import load_show

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import ROOT, SHOWS
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import ROOT, SHOWS
 
 from showc.script import load_show
 from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour

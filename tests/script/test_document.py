@@ -4,9 +4,9 @@ import random
 
 import pytest
 import yaml
-from conftest import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from repository import ROOT
 
 from showc.script import read_show
 from showc.script.document import MAX_BYTES, Mapping, Scalar, Sequence, parse_document

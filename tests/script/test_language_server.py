@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from conftest import ROOT
+from repository import ROOT
 
 SCHEMA = ROOT / "schemas" / "show.schema.json"
 

@@ -5,7 +5,7 @@ import random
 
 import pytest
 import yaml
-from conftest import ROOT
+from repository import ROOT
 
 from showc.script import read_show
 

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 import yaml
-from conftest import ROOT, SHOWS
 from generate import GENERATED
 from jsonschema import Draft7Validator
+from repository import ROOT, SHOWS
 
 from showc.script import read_show
 from showc.script.schema import show_schema
