@@ -53,6 +53,7 @@ def run(
     """
     ctypes.CDLL(None).prctl(_ADOPT, 1, 0, 0, 0)
     output = folder / "output.txt"
+    others = set(descendants())  # children of this process that are none of its
     before = _ended()
     begun = time.perf_counter()
     memory = 0.0
@@ -64,21 +65,29 @@ def run(
             stderr=subprocess.STDOUT,
             env={**os.environ, **(environment or {})},
         )
-        stopped = False
-        while process.poll() is None:
-            family = descendants()
+        stopped, wall = False, None
+        while True:
+            family = set(descendants()) - others
             memory = max(memory, sum(map(_memory, family)))
-            if time.perf_counter() - begun > limit:
+            if wall is None and process.poll() is not None:
+                wall = time.perf_counter() - begun
+            if wall is None and time.perf_counter() - begun > limit:
                 stopped = True
                 for member in family:
                     with suppress(OSError):
                         os.kill(member, 9)
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(_EVERY)
-    wall = time.perf_counter() - begun
-    with suppress(ChildProcessError):
-        while True:  # orphans that were adopted count when they have ended
-            os.wait()
+            # Orphans that were adopted count when they have ended.
+            orphans = family - {process.pid}
+            for member in orphans:
+                with suppress(ChildProcessError):
+                    os.waitpid(member, os.WNOHANG)
+            if wall is None:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(_EVERY)
+            elif orphans:
+                time.sleep(0.1 * _EVERY)
+            else:
+                break
     code = -1 if stopped else process.returncode
     return Needed(
         code, output.read_text(errors="replace"), wall, _ended() - before, memory
