@@ -24,9 +24,9 @@ def burn(seconds):
         sum(range(1000))
 if os.fork() == 0:
     if os.fork() == 0:
-        burn(0.8)
+        burn(1.2)
     os._exit(0)
-burn(0.4)
+burn(0.8)
 """
 
 
@@ -55,7 +55,7 @@ def test_random_places_are_two_metres_apart():
 def test_a_household_counts_those_that_outlive_their_parents(tmp_path):
     needed = run([sys.executable, "-c", ORPHAN], tmp_path)
     assert needed.code == 0
-    assert 1.1 < needed.processor < 3.0
+    assert 1.9 < needed.processor < 4.0
     assert needed.memory > 80.0
 
 
