@@ -31,6 +31,17 @@ MAY_IMPORT = {
     "verify": {"errors", "_version", "log.showc_pb2"},
 }
 
+# What each part of the optimal control core may import, besides the statement of
+# problems and solutions, which lies in the core's own folder.
+CORE = {
+    "collocation": set(),
+    "staged": set(),
+    "audit": {"collocation"},
+    "adaptive": {"collocation", "audit"},
+    "graded": {"collocation", "audit"},
+    "agents": {"collocation", "audit", "adaptive", "graded"},
+}
+
 
 def imports(path):
     """Modules of showc that a file imports, as dotted names without the package."""
@@ -81,6 +92,23 @@ def test_every_part_has_a_rule():
         if path.suffix == ".py" or (path.is_dir() and (path / "__init__.py").exists())
     }
     assert parts - set(MAY_IMPORT) <= {"__init__", "__main__", "cli", "api"}
+
+
+@pytest.mark.parametrize("part", CORE)
+def test_the_core_is_built_in_layers(part):
+    against = [
+        f"{path.name} imports showc.{name}"
+        for path in (PACKAGE / "ocp" / part).glob("*.py")
+        for name in imports(path)
+        for other in [name.removeprefix("ocp.").split(".")[0]]
+        if name.startswith("ocp.") and other in CORE.keys() - CORE[part] - {part}
+    ]
+    assert against == []
+
+
+def test_every_part_of_the_core_has_a_rule():
+    folders = {path.parent.name for path in (PACKAGE / "ocp").glob("*/__init__.py")}
+    assert folders == set(CORE)
 
 
 def loaded(statement):

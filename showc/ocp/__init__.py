@@ -4,17 +4,19 @@ Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of yo
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
 """
 
-from showc.ocp.agent import Agent
-from showc.ocp.agents import AgentsOptions, AgentsSolution, solve_agents
+from showc.ocp.adaptive.constraint_generation import solve
+from showc.ocp.adaptive.options import Options
+from showc.ocp.agents.agent import Agent
+from showc.ocp.agents.common_time import AgentsOptions, AgentsSolution, solve_agents
+from showc.ocp.audit.margins import Margin, margins
+from showc.ocp.collocation.limits import Overrides
+from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
+from showc.ocp.collocation.transcription import Transcription
 from showc.ocp.coupling import Imposed
-from showc.ocp.graded import GradedOptions, solve_graded
+from showc.ocp.graded.loop import GradedOptions, solve_graded
 from showc.ocp.guess import Guess
 from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord, Step
-from showc.ocp.lazily import solve
-from showc.ocp.limits import Overrides
-from showc.ocp.margins import Margin, margins
 from showc.ocp.mesh import Mesh, PhaseMesh
-from showc.ocp.options import Options
 from showc.ocp.problem import Phase, Problem
 from showc.ocp.quantity import HalfSpaces
 from showc.ocp.solution import (
@@ -24,8 +26,6 @@ from showc.ocp.solution import (
     Result,
     Solution,
 )
-from showc.ocp.solver import SolverMissingError, SolverOptions
-from showc.ocp.transcription import Transcription
 
 __all__ = [
     "Agent",

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from showc.ocp.audit import PhaseAudit
-    from showc.ocp.judgement import Judgement
-    from showc.ocp.proposal import Proposal
+    from showc.ocp.adaptive.judgement import Judgement
+    from showc.ocp.adaptive.proposal import Proposal
+    from showc.ocp.audit.residuals import PhaseAudit
     from showc.ocp.solution import ErrorEstimate, PhaseSolution, Result, Solution
 
 

@@ -153,7 +153,8 @@ class Phase:
         """State a candidate constraint between subsystems, imposed where it is needed.
 
         :func:`showc.ocp.solve` leaves it out until an audit in continuous time finds
-        it violated, and then imposes it where it is; see :mod:`showc.ocp.lazily`.
+        it violated, and then imposes it where it is; see
+        :mod:`showc.ocp.adaptive.constraint_generation`.
 
         Parameters
         ----------

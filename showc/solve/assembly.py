@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.ocp.staged import StagedSolution
+    from showc.ocp.staged.transcription import StagedSolution
     from showc.solve.model import Aircraft
 
     FloatArray = NDArray[np.float64]

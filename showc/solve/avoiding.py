@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from showc.flight import Trajectory
     from showc.ocp.problem import Problem
-    from showc.ocp.staged import StagedTranscription
+    from showc.ocp.staged.transcription import StagedTranscription
     from showc.solve.model import Aircraft
     from showc.solve.program import Walls
     from showc.trajectory import PiecewisePolynomial
@@ -187,7 +187,7 @@ def _laid(
 @lru_cache(maxsize=16)
 def _built(aircraft: Aircraft, intervals: int) -> StagedTranscription:
     # The core loads casadi, which checking a script must not.
-    from showc.ocp.staged import StagedOptions, StagedTranscription  # noqa: PLC0415
+    from showc.ocp.staged.transcription import StagedOptions, StagedTranscription  # noqa: PLC0415
 
     return StagedTranscription(
         _problem(aircraft),

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.ocp.staged import StagedGuess, StagedSolution, StagedSolver
+    from showc.ocp.staged.transcription import StagedGuess, StagedSolution, StagedSolver
     from showc.solve.model import Aircraft
     from showc.solve.result import HalfSpace, Result
 

@@ -1,7 +1,7 @@
 """Least time of one drone on graded meshes: the way that never fails to converge.
 
-The core's :func:`showc.ocp.graded.solve_graded` needs a new program for every move, but
-few iterations whatever the move, yaw free or held.
+The core's :func:`showc.ocp.solve_graded` needs a new program for every move, but few
+iterations whatever the move, yaw free or held.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from showc.ocp.guess import Curve, Guess
     from showc.ocp.solution import Solution
-    from showc.ocp.staged import StagedSolution
+    from showc.ocp.staged.transcription import StagedSolution
     from showc.solve.model import Aircraft
     from showc.solve.programs import Programs
 
@@ -71,8 +71,8 @@ def solve_on_graded_meshes(
         States of degree ``points`` or more, inputs linear on each interval.
     """
     # The core loads casadi, which checking a script must not.
-    from showc.ocp.graded import GradedOptions, solve_graded  # noqa: PLC0415
-    from showc.ocp.grading import linear_mesh  # noqa: PLC0415
+    from showc.ocp.graded.grading import linear_mesh  # noqa: PLC0415
+    from showc.ocp.graded.loop import GradedOptions, solve_graded  # noqa: PLC0415
     from showc.ocp.mesh import Mesh  # noqa: PLC0415
 
     aircraft = programs.aircraft
@@ -120,7 +120,7 @@ def staged_form(solution: Solution) -> StagedSolution:
     One phase, all states of one degree and all controls of another.
     """
     from showc.ocp.solution import Result  # noqa: PLC0415 - as above
-    from showc.ocp.staged import StagedSolution  # noqa: PLC0415
+    from showc.ocp.staged.transcription import StagedSolution  # noqa: PLC0415
 
     part = solution.phases[0]
     states, controls = part.states.coefficients, part.controls.coefficients

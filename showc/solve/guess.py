@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.flight import Trajectory
-    from showc.ocp.staged import StagedGuess
+    from showc.ocp.staged.transcription import StagedGuess
     from showc.solve.model import Aircraft
     from showc.trajectory import PiecewisePolynomial
 
@@ -100,7 +100,7 @@ def flat_guess(
     reference: PiecewisePolynomial | None = None,
 ) -> StagedGuess:
     """States and inputs of flying along the reference, cut off inside the limits."""
-    from showc.ocp.staged import StagedGuess  # noqa: PLC0415 - loads casadi
+    from showc.ocp.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
 
     times = np.concatenate([[0.0], np.cumsum(widths)])
     position, velocity, acceleration = along(aircraft, start, goal, times, reference)
@@ -143,7 +143,7 @@ def flown_guess(
 
     The flight is stretched to the duration of the intervals.
     """
-    from showc.ocp.staged import StagedGuess  # noqa: PLC0415 - loads casadi
+    from showc.ocp.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
 
     names = state_names(aircraft)
     order = {

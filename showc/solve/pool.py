@@ -31,7 +31,7 @@ _DEATHS = 3
 _PRELOAD = (
     "showc.solve.staying",
     "showc.solve.limiting",
-    "showc.ocp.staged",
+    "showc.ocp.staged.transcription",
     "scipy.optimize",
     "scipy.sparse.linalg",
     "scipy.interpolate",

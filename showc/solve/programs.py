@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from showc.ocp.staged import (
+    from showc.ocp.staged.stages import TimeKind
+    from showc.ocp.staged.transcription import (
         StagedGuess,
         StagedSolution,
         StagedSolver,
         StagedTranscription,
     )
-    from showc.ocp.stages import TimeKind
     from showc.solve.model import Aircraft
 
     FloatArray = NDArray[np.float64]
@@ -35,7 +35,7 @@ def _built(
     solver: StagedSolver,
 ) -> StagedTranscription:
     # The core loads casadi, which checking a script must not.
-    from showc.ocp.staged import StagedOptions, StagedTranscription  # noqa: PLC0415
+    from showc.ocp.staged.transcription import StagedOptions, StagedTranscription  # noqa: PLC0415
 
     timed = time != "given"
     return StagedTranscription(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.ocp.staged import StagedGuess, StagedSolution
+    from showc.ocp.staged.transcription import StagedGuess, StagedSolution
     from showc.solve.model import Aircraft
     from showc.solve.result import Result
 

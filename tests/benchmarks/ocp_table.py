@@ -27,8 +27,8 @@ from benchmarks.ocp_quadrotor import quadrotor, solve_quadrotor
 from benchmarks.ocp_textbook import TEXTBOOK
 
 from showc import ocp
-from showc.ocp.audit import PhaseAuditor
-from showc.ocp.limits import Statement
+from showc.ocp.audit.residuals import PhaseAuditor
+from showc.ocp.collocation.limits import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

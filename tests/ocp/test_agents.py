@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from showc import ocp
-from showc.ocp.agent import LeastEffort, least_time, shiftable, shifted
-from showc.ocp.joined import solve_joined
-from showc.ocp.walls import Apart, Walls, bent, clusters, conflicts, sampled
+from showc.ocp.agents.agent import LeastEffort, least_time, shiftable, shifted
+from showc.ocp.agents.joined import solve_joined
+from showc.ocp.agents.walls import Apart, Walls, bent, clusters, conflicts, sampled
 
 
 def integrator(*, low=None, high=None):

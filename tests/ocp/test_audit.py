@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from showc import ocp
-from showc.ocp.audit import PhaseAuditor
-from showc.ocp.limits import Statement
+from showc.ocp.audit.residuals import PhaseAuditor
+from showc.ocp.collocation.limits import Statement
 from showc.trajectory import PiecewisePolynomial
 
 

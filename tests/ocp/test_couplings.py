@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from showc import ocp
+from showc.ocp.adaptive.constraint_generation import Couplings, enforce
+from showc.ocp.audit.couplings import CouplingAuditor
+from showc.ocp.collocation.limits import Statement
 from showc.ocp.coupling import Imposed, merged, polynomial_degree
-from showc.ocp.coupling_audit import CouplingAuditor
-from showc.ocp.lazily import Couplings, enforce
-from showc.ocp.limits import Statement
 
 
 def across(angles):

@@ -9,11 +9,15 @@ import casadi
 import numpy as np
 import pytest
 
-from showc.ocp.cascade import Cascade, Composition, elevate, value_at
-from showc.ocp.guarded import AVAILABLE, Guarded
 from showc.ocp.problem import Problem
 from showc.ocp.solution import Result
-from showc.ocp.staged import StagedGuess, StagedOptions, StagedTranscription
+from showc.ocp.staged.cascade import Cascade, Composition, elevate, value_at
+from showc.ocp.staged.guarded import AVAILABLE, Guarded
+from showc.ocp.staged.transcription import (
+    StagedGuess,
+    StagedOptions,
+    StagedTranscription,
+)
 from showc.trajectory import bernstein_basis
 
 

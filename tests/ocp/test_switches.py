@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc import ocp
+from showc.ocp.adaptive.switches import detect
 from showc.ocp.solution import PhaseSolution
-from showc.ocp.switches import detect
 from showc.trajectory import PiecewisePolynomial
 
 

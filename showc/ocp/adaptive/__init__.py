@@ -1,0 +1,1 @@
+"""The mesh found by solving: audit, refine, place switches, impose couplings."""

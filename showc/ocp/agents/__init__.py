@@ -1,0 +1,1 @@
+"""Several systems of one kind in the least common time, apart from each other."""

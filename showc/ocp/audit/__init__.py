@@ -1,0 +1,1 @@
+"""What a solution is worth between its nodes, without the program that made it."""

@@ -1,0 +1,289 @@
+"""The gap in Pontryagin's minimum principle, integrated over each mesh interval.
+
+With costate l and Hamiltonian H = L + l . f, the objective exceeds the optimum to first
+order by
+
+    sum over intervals of |l . (re-integrated - polynomial state)|          (dynamics)
+    integral of H(x, u, l) - min over v in bounds of H(x, v, l)             (control)
+
+The second is computed here. Where a state is at its bound the costates of a discrete
+program are determined only as far as its controls can tell them apart, and what is left
+oscillates; there they are replaced by their best approximation by polynomials of the
+controls' degree.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import casadi
+import numpy as np
+from numpy.polynomial import legendre
+
+from showc.ocp import scaling
+from showc.ocp.nodes import bernstein_values, collocation
+from showc.trajectory import bernstein_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.audit.residuals import PhaseAuditor
+    from showc.ocp.collocation.limits import Table
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.solution import PhaseSolution
+
+    FloatArray = NDArray[np.float64]
+
+_MOST_CORNERS = 6
+"""Controls in path constraints up to which all corners of their box are looked at."""
+_MOSTLY = 0.5
+"""Share of an interval from which a state counts as being at its bound on it."""
+
+
+class MinimumPrinciple:
+    """Hamiltonian of one phase as compiled functions; made once per problem.
+
+    Parameters
+    ----------
+    problem, phase
+        Whose Hamiltonian.
+    symbols
+        States, controls, time and parameters (statics last), each a column.
+    auditor
+        Of the same phase: its dynamics and path constraints are used.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        phase: Phase,
+        symbols: tuple[Any, Any, Any, Any],
+        auditor: PhaseAuditor,
+    ) -> None:
+        self.phase, self.auditor = phase, auditor
+        x, u, t, p = symbols
+        f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+        costate = casadi.SX.sym("l", x.numel())
+        running = casadi.SX(0)
+        if phase.integrals:
+            symbols = casadi.vertcat(*[s for s, _ in phase.integrals])
+            factors = casadi.jacobian(problem.objective, symbols)
+            sign = -1.0 if problem.maximises else 1.0
+            integrands = casadi.vertcat(*[e for _, e in phase.integrals])
+            running = sign * casadi.mtimes(factors, integrands)
+        path = casadi.vertcat(
+            casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
+        )
+        pressure = casadi.SX.sym("m", path.numel())
+        hamiltonian = running + casadi.dot(costate, f)
+        if phase.path_constraints:
+            hamiltonian += casadi.dot(pressure, path)
+        costate = casadi.vertcat(costate, pressure)
+        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
+        self.has_gap = {str(s) for s in casadi.symvar(hamiltonian)} <= known
+        if not self.has_gap:
+            hamiltonian = casadi.SX(0)
+        bends = casadi.jacobian(casadi.gradient(hamiltonian, u), u)
+        limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
+        self.affine = tuple(
+            bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0 for j in range(u.numel())
+        )
+        """For each control: whether it enters the Hamiltonian linearly, so that an
+        arc off its bounds is singular or bound by a state."""
+        self.path_bound = tuple(
+            casadi.jacobian(path, u)[:, j].nnz() > 0 for j in range(u.numel())
+        )
+        """For each control: whether a path constraint may determine it."""
+        slopes = casadi.jacobian(path, u)
+        self.mixed = np.array(
+            [slopes[c, :].nnz() > 0 for c in range(path.numel())], dtype=bool
+        )
+        """For each path constraint: whether a control enters it."""
+        slope = casadi.gradient(hamiltonian, u)
+        bend = casadi.diag(casadi.jacobian(slope, u))
+        self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])
+        self.h_slopes = casadi.Function("hs", [x, u, t, p, costate], [slope, bend])
+
+    def gap(self, phase: PhaseSolution, p: FloatArray, table: Table) -> FloatArray:
+        """Integral over each interval of the gap in the minimum principle."""
+        count = phase.states.intervals
+        if not self.has_gap or not phase.control_names:
+            return np.zeros(count)
+        nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
+        x = flat(values_at(phase.states.coefficients, nodes))
+        u = flat(values_at(phase.controls.coefficients, nodes))
+        places = tuple(map(float, nodes))
+        blocked = self._blocked(phase, x, table)
+        along = np.any(blocked != 0.0, axis=0).reshape(count, -1).mean(axis=1)
+        costates = self._settled(phase, along > _MOSTLY)
+        costate = flat(
+            np.concatenate(
+                [
+                    interpolated(phase, places, costates),
+                    interpolated(phase, places, phase.path_multipliers),
+                ],
+                axis=2,
+            )
+        )
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
+        parameters = np.repeat(p[:, None], t.size, axis=1)
+        lower, upper = self.auditor.control_bounds(table)
+        vertices = self._vertices(lower, upper)
+        pinned: NDArray[np.bool_] = np.zeros(t.size, dtype=bool)
+        if vertices:
+            # Where every control of a path constraint is held at its bound, the
+            # multiplier of that constraint is not determined.
+            near = 1e-9 * (upper - lower)[:, None]
+            held = (u <= lower[:, None] + near) | (u >= upper[:, None] - near)
+            pinned = np.asarray(held[list(self.path_bound)].all(axis=0))
+            pressures = costate[len(phase.state_names) :]
+            pressures[np.ix_(self.mixed, pinned)] = 0.0
+        h = self.h.map(t.size)
+        here = np.asarray(h(x, u, t, parameters, costate)).ravel()
+        slope, bend = (
+            np.asarray(a)
+            for a in self.h_slopes.map(t.size)(x, u, t, parameters, costate)
+        )
+        gap = np.zeros(t.size)
+        rate = np.asarray(self.auditor.f.map(t.size)(x, u, t, parameters))
+        for j in range(u.shape[0]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = np.where(bend[j] > 0.0, u[j] - slope[j] / bend[j], u[j])
+            best = here.copy()
+            for candidate in (newton, lower[j], upper[j]):
+                if not np.all(np.isfinite(candidate)):
+                    continue
+                trial = u.copy()
+                trial[j] = np.clip(candidate, lower[j], upper[j])
+                value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
+                change = (
+                    np.asarray(self.auditor.f.map(t.size)(x, trial, t, parameters))
+                    - rate
+                )
+                # A change that drives a state through its bound is no candidate.
+                value[np.any(blocked * change > 1e-12, axis=0)] = np.inf
+                best = np.fmin(best, value)
+            gap += np.where(pinned & self.path_bound[j], 0.0, here - best)
+        if pinned.any():
+            at = (x[:, pinned], t[:, pinned], parameters[:, pinned])
+            gap[pinned] += self._vertex_gap(
+                vertices, u[:, pinned], at, costate[:, pinned], table
+            )
+        return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+
+    def _settled(self, phase: PhaseSolution, along: NDArray[np.bool_]) -> FloatArray:
+        """Costates at the points, shape (points, states), without their oscillation.
+
+        ``along``: on which intervals a state is at its bound, shape (K,). Free
+        coefficients of a control of degree d make the quadrature of costates times
+        any polynomial of degree d what it should be, and no more; so on those
+        intervals the best approximation of that degree is taken.
+        """
+        settled = phase.costates.copy()
+        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
+        given = phase.mesh.control_degrees
+        for k in np.flatnonzero(along):
+            n = phase.mesh.points[k]
+            degrees = [
+                given[name][k] if name in given else control.degree
+                for name, control in self.phase.controls.items()
+            ]
+            free = [n - 1 if d is None or d < 0 else d for d in degrees]
+            degree = max(1, *free)
+            if degree >= n - 1:
+                continue
+            nodes, weights = collocation(phase.scheme, n)
+            basis = legendre.legvander(2.0 * nodes - 1.0, degree)
+            weighted = basis.T * weights
+            here = slice(first[k], first[k + 1])
+            fitted = np.linalg.solve(weighted @ basis, weighted @ settled[here])
+            settled[here] = basis @ fitted
+        return settled
+
+    def _vertices(self, lower: FloatArray, upper: FloatArray) -> list[FloatArray]:
+        """Corners of the box of the controls that path constraints may determine.
+
+        None where there are no such controls, or too many, or one without bounds.
+        """
+        chosen = list(self.path_bound)
+        box = list(zip(lower[chosen], upper[chosen], strict=True))
+        if not 0 < len(box) <= _MOST_CORNERS or not np.all(np.isfinite(box)):
+            return []
+        return [np.array(corner) for corner in product(*box)]
+
+    def _vertex_gap(
+        self,
+        vertices: list[FloatArray],
+        u: FloatArray,
+        at: tuple[FloatArray, FloatArray, FloatArray],
+        costate: FloatArray,
+        table: Table,
+    ) -> FloatArray:
+        """Gap against the corners that keep the path constraints, shape (n,).
+
+        ``at``: states, times and parameters, with ``u`` all of n columns.
+        """
+        x, t, p = at
+        count = t.size
+        h, path = self.h.map(count), self.auditor.path.map(count)
+        bounds = self.auditor.path_bounds(table)
+        scale = np.array([scaling.of_path(*pair) for pair in bounds])[:, None]
+
+        def broken(control: FloatArray) -> FloatArray:
+            values = np.asarray(path(x, control, t, p))
+            over = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:])
+            return np.asarray((over / scale)[self.mixed].max(axis=0))
+
+        here = np.asarray(h(x, u, t, p, costate)).ravel()
+        allowed = np.maximum(broken(u), 0.0) + 1e-7
+        best = here.copy()
+        for vertex in vertices:
+            trial = u.copy()
+            trial[list(self.path_bound)] = vertex[:, None]
+            value = np.asarray(h(x, trial, t, p, costate)).ravel()
+            best = np.fmin(best, np.where(broken(trial) <= allowed, value, np.inf))
+        return np.asarray(here - best)
+
+    def _blocked(self, phase: PhaseSolution, x: FloatArray, table: Table) -> FloatArray:
+        """Sign of the direction in which each state may not move, else 0."""
+        pairs = np.array([table["bounds", phase.name, n] for n in phase.state_names])
+        near = 1e-5 * ranges(phase.states)[:, None]
+        at_lower = x < pairs[:, :1] + near
+        at_upper = x > pairs[:, 1:] - near
+        return at_upper.astype(np.float64) - at_lower.astype(np.float64)
+
+
+def interpolated(
+    phase: PhaseSolution, places: tuple[float, ...], nodal: FloatArray
+) -> FloatArray:
+    """Values at fractions of each interval from values at the points."""
+    first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
+    out = []
+    for k, n in enumerate(phase.mesh.points):
+        nodes = collocation(phase.scheme, n)[0]
+        from_nodes = np.linalg.inv(bernstein_basis(n - 1, nodes))
+        matrix = bernstein_values(n - 1, places) @ from_nodes
+        out.append(matrix @ nodal[first[k] : first[k + 1]])
+    return np.stack(out)
+
+
+def ranges(states: Any) -> FloatArray:  # noqa: ANN401
+    """Range of each state over the phase; its magnitude, or 1, where constant."""
+    low, high = states.bounds()
+    size = np.maximum(np.abs(low), np.abs(high))
+    span = high - low
+    span = np.where(span > 1e-6 * size, span, size)
+    return np.where(span > 0.0, span, 1.0)
+
+
+def values_at(coefficients: FloatArray, places: FloatArray) -> FloatArray:
+    """Values (K, places, components) of Bernstein polynomials."""
+    basis = bernstein_basis(coefficients.shape[1] - 1, places)
+    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
+
+
+def flat(values: FloatArray) -> FloatArray:
+    """Columns for a mapped function: (components, K * places)."""
+    return values.reshape(-1, values.shape[-1]).T

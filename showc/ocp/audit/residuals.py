@@ -1,0 +1,292 @@
+"""Proof of a solution between its nodes: dynamics, path constraints, optimality.
+
+Dynamics: the controls, clipped to their bounds, are integrated with the explicit
+Runge-Kutta method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner 1993,
+section II.5) from the start of every interval, and once through from the start of
+the phase; both are compared with the polynomials of the states.
+
+Optimality: the dual-weighted residual |l . (re-integrated - polynomial state)| of every
+interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum principle
+(:mod:`showc.ocp.audit.optimality`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi
+import numpy as np
+from scipy.integrate import DOP853
+
+from showc.ocp import scaling
+from showc.ocp.audit.optimality import (
+    MinimumPrinciple,
+    flat,
+    interpolated,
+    ranges,
+    values_at,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.collocation.limits import Table
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.solution import PhaseSolution, Solution
+
+    FloatArray = NDArray[np.float64]
+
+_STEPS = 3
+"""Runge-Kutta steps on each mesh interval."""
+_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(49) / 48.0)
+_SAMPLES = tuple(float(s) for s in _PLACES)
+"""Places on each interval where path constraints are looked at: closer at the ends,
+where the polynomials of neighbours meet and a constraint is left."""
+_SHARES = 0.5 * np.diff(_PLACES, prepend=0.0) + 0.5 * np.diff(_PLACES, append=1.0)
+"""Share of the interval that each place stands for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseAudit:
+    """Errors of one phase, interval by interval."""
+
+    dynamics: FloatArray
+    """Greatest error of a state over its range, shape (K,)."""
+    objective_dynamics: FloatArray
+    """Dual-weighted residual, in units of the objective, shape (K,)."""
+    objective_control: FloatArray
+    """Gap in the minimum principle, in units of the objective, shape (K,)."""
+    path: FloatArray
+    """Greatest violation of a path constraint over its scale, shape (K,)."""
+    path_places: tuple[tuple[float, ...], ...]
+    """Fractions of each interval with a local maximum of a violation."""
+    path_names: tuple[str, ...]
+    """Path constraint that is violated most on each interval; empty if none is."""
+    path_active: FloatArray
+    """Share of each interval on which a path constraint is about at its bound."""
+    worst_path: str
+    """Which path constraint is violated most, and when; empty if none."""
+    shooting: float
+    """Greatest error over range of one integration through the phase."""
+    shooting_end: FloatArray
+    """State where that integration ends, shape (states,)."""
+
+
+class PhaseAuditor:
+    """Compiled functions of a phase for audits; made once per problem."""
+
+    def __init__(self, problem: Problem, phase: Phase, index: int) -> None:
+        self.problem, self.phase, self.index = problem, phase, index
+        self.least_range: FloatArray | float = 0.0
+        """Range from which on errors of a state are relative to its own range."""
+        x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
+        u = casadi.vertcat(
+            casadi.SX(0, 1), *[c.quantity.symbol for c in phase.controls.values()]
+        )
+        p = casadi.vertcat(
+            casadi.SX(0, 1),
+            *[s for s, _ in problem.parameters.values()],
+            *[s.symbol for s in problem.statics],
+        )
+        t = phase.time
+        f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+        self.f = casadi.Function("f", [x, u, t, p], [f])
+        self.path = casadi.Function(
+            "path",
+            [x, u, t, p],
+            [
+                casadi.vertcat(
+                    casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
+                )
+            ],
+        )
+        self.principle = MinimumPrinciple(problem, phase, (x, u, t, p), self)
+        self.sweep = self._sweep_function(x.numel(), u.numel(), p.numel())
+
+    def _sweep_function(self, nx: int, nu: int, np_: int) -> Any:  # noqa: ANN401
+        """(x0, controls at stages, t0, width, p) -> states after every step."""
+        x0 = casadi.MX.sym("x", nx)
+        stages = _STEPS * DOP853.n_stages
+        u = casadi.MX.sym("u", nu, stages)
+        t0, width, p = casadi.MX.sym("t"), casadi.MX.sym("h"), casadi.MX.sym("p", np_)
+        h = width / _STEPS
+        x, out = x0, []
+        for step in range(_STEPS):
+            slopes: list[Any] = []
+            for i in range(DOP853.n_stages):
+                at = x
+                for j in range(i):
+                    if DOP853.A[i, j] != 0.0:
+                        at += h * DOP853.A[i, j] * slopes[j]
+                time = t0 + h * (step + DOP853.C[i])
+                number = step * DOP853.n_stages + i
+                slopes.append(self.f(at, u[:, number], time, p))
+            for j in range(DOP853.n_stages):
+                if DOP853.B[j] != 0.0:
+                    x += h * DOP853.B[j] * slopes[j]
+            out.append(x)
+        function = casadi.Function("sweep", [x0, u, t0, width, p], [casadi.hcat(out)])
+        return function.expand()
+
+    def audit(
+        self, solution: Solution, table: Table, *, shoot: bool = False
+    ) -> PhaseAudit:
+        """Audit one phase of ``solution``."""
+        phase = solution.phases[self.index]
+        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        breaks = phase.states.breaks
+        widths = np.diff(breaks)
+        count = widths.size
+        control, step_states = self._stage_controls(phase, table), None
+        starts = phase.states.coefficients[:, 0, :]
+        swept = np.asarray(
+            self.sweep.map(count)(
+                starts.T,
+                control.transpose(2, 0, 1).reshape(
+                    control.shape[2], count * control.shape[1]
+                ),
+                breaks[:-1][None, :],
+                widths[None, :],
+                np.repeat(p[:, None], count, axis=1),
+            )
+        )
+        step_states = swept.reshape(starts.shape[1], count, _STEPS)
+        places = np.arange(1, _STEPS + 1) / _STEPS
+        polynomial = values_at(phase.states.coefficients, places)
+        deviation = np.nan_to_num(
+            step_states.transpose(1, 2, 0) - polynomial, nan=1e9, posinf=1e9, neginf=1e9
+        )
+        reference = np.maximum(ranges(phase.states), self.least_range)
+        dynamics = np.abs(deviation / reference).max(axis=(1, 2))
+        costate_end = interpolated(phase, (1.0,), phase.costates)
+        residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
+        path, path_places, path_names, active, worst = self._path(phase, p, table)
+        shooting, end = 0.0, starts[-1]
+        if shoot:
+            shooting, end = self._shoot(phase, control, p, reference)
+        return PhaseAudit(
+            dynamics,
+            residual,
+            self.principle.gap(phase, p, table),
+            path,
+            path_places,
+            path_names,
+            active,
+            worst,
+            shooting,
+            end,
+        )
+
+    def _stage_controls(self, phase: PhaseSolution, table: Table) -> FloatArray:
+        """Clip controls at all Runge-Kutta stages: (K, stages, controls)."""
+        c = DOP853.C[: DOP853.n_stages]
+        places = np.concatenate([(step + c) / _STEPS for step in range(_STEPS)])
+        values = values_at(phase.controls.coefficients, places)
+        lower, upper = self.control_bounds(table)
+        return np.clip(values, lower, upper)
+
+    def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the controls, each of shape (controls,)."""
+        pairs = [table["bounds", self.phase.name, name] for name in self.phase.controls]
+        bounds = np.array(pairs).reshape(-1, 2)
+        return bounds[:, 0], bounds[:, 1]
+
+    def _shoot(
+        self,
+        phase: PhaseSolution,
+        control: FloatArray,
+        p: FloatArray,
+        reference: FloatArray,
+    ) -> tuple[float, FloatArray]:
+        x = phase.states.coefficients[0, 0]
+        breaks, worst = phase.states.breaks, 0.0
+        for k in range(phase.states.intervals):
+            width = breaks[k + 1] - breaks[k]
+            x = np.asarray(self.sweep(x, control[k].T, breaks[k], width, p))[:, -1]
+            error = np.abs(x - phase.states.coefficients[k, -1]) / reference
+            worst = max(worst, float(np.nan_to_num(error, nan=1e9).max()))
+        return worst, x
+
+    def path_values(self, solution: Solution, times: FloatArray) -> FloatArray:
+        """Values of the path constraints at ``times``: (constraints, n)."""
+        phase = solution.phases[self.index]
+        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        return np.asarray(
+            self.path.map(times.size)(
+                phase.states(times).T,
+                phase.controls(times).T,
+                times[None, :],
+                np.repeat(p[:, None], times.size, axis=1),
+            )
+        )
+
+    def path_bounds(self, table: Table) -> FloatArray:
+        """Bounds of the path constraints, shape (constraints, 2)."""
+        constraints = self.phase.path_constraints
+        pairs = [table["path", self.phase.name, c.name] for c in constraints]
+        return np.array(pairs).reshape(-1, 2)
+
+    def _path(
+        self, phase: PhaseSolution, p: FloatArray, table: Table
+    ) -> tuple[
+        FloatArray, tuple[tuple[float, ...], ...], tuple[str, ...], FloatArray, str
+    ]:
+        count = phase.states.intervals
+        constraints = self.phase.path_constraints
+        if not constraints:
+            return np.zeros(count), ((),) * count, ("",) * count, np.zeros(count), ""
+        places = np.array(_SAMPLES)
+        x = flat(values_at(phase.states.coefficients, places))
+        u = flat(values_at(phase.controls.coefficients, places))
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
+        values = np.asarray(
+            self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
+        ).reshape(len(constraints), count, places.size)
+        bounds = self.path_bounds(table)
+        scale = np.array([scaling.of_path(*pair) for pair in bounds])[:, None, None]
+        violation = (
+            np.maximum(
+                bounds[:, 0, None, None] - values, values - bounds[:, 1, None, None]
+            )
+            / scale
+        )
+        top = violation.max(axis=0)
+        found = [_peaks(places, top[k]) for k in range(count)]
+        worst = ""
+        if violation.max() > 0.0:
+            at = np.unravel_index(int(np.argmax(violation)), violation.shape)
+            c, k, s = (int(number) for number in at)
+            time = phase.states.breaks[k] + widths[k] * places[s]
+            worst = (
+                f"{constraints[c].name!r} at t = {time:.6g} in phase "
+                f"{phase.name!r}, by {violation.max() * scale[c, 0, 0]:.3g}"
+            )
+        greatest = np.maximum(top.max(axis=1), 0.0)
+        near = top > -np.maximum(greatest, 1e-4)[:, None]
+        most = np.argmax(violation.max(axis=2), axis=0)
+        names = tuple(
+            constraints[int(c)].name if over > 0.0 else ""
+            for c, over in zip(most, greatest, strict=True)
+        )
+        return greatest, tuple(found), names, near @ _SHARES, worst
+
+
+def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:
+    """Places of the local maxima of a positive violation, by a parabola's vertex."""
+    row = np.concatenate([[-np.inf], violation, [-np.inf]])
+    peak = (violation > 0.0) & (violation >= row[:-2]) & (violation >= row[2:])
+    found = []
+    for at in np.flatnonzero(peak):
+        place = float(places[at])
+        if 0 < at < places.size - 1:
+            before, after = places[at] - places[at - 1], places[at + 1] - places[at]
+            falls = (violation[at] - violation[at - 1]) / before
+            rises = (violation[at + 1] - violation[at]) / after
+            if rises < falls:
+                # Where the slope of the parabola through the three is zero.
+                slope = (falls * after + rises * before) / (before + after)
+                place += 0.5 * slope * (before + after) / (falls - rises)
+        found.append(place)
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Controls linear on each interval, on meshes graded by what they cost."""

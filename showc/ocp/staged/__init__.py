@@ -1,0 +1,1 @@
+"""Cascades with their inner unknowns eliminated, one stage a mesh interval."""
