@@ -189,3 +189,45 @@ def test_the_child_ends_with_its_guard():
     del guarded
     with pytest.raises(ProcessLookupError):
         os.kill(child, 0)
+
+
+def tilting(kind):
+    """A cascade with all that a program can have: half-spaces, an ending, limits."""
+    problem = Problem("tilting")
+    phase = problem.phase("flight", duration=(0.1, 10.0))
+    price = problem.parameter("price", 2.0)
+    x = phase.state("x", -3.0, 3.0, start=0.0, end=1.0, scale=2.0)
+    v = phase.state("v", -2.0, 2.0, start=0.0, scale=1.5)
+    angle = phase.state("angle", -0.9, 0.9, start=0.0, end=0.0)
+    rate = phase.control("rate", -1.0, 1.0, degree=1)
+    phase.derivative(x, v)
+    phase.derivative(v, 9.81 * casadi.tan(angle))
+    phase.derivative(angle, rate)
+    phase.half_space("wall", [x], 2)
+    effort = phase.integral(price * rate**2 + casadi.sin(angle) ** 2)
+    time = 0.0 if kind == "given" else phase.duration
+    problem.minimise(effort + 0.3 * price * phase.final(v) ** 2 + time)
+    return problem
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("kind", ["given", "free", "movable"])
+def test_derivatives_of_the_chain_are_those_that_casadi_derives(solver, kind):
+    program = StagedTranscription(tilting(kind), 5, time=kind)
+    chain = program._chain
+    options = {"structure_detection": "auto", "equality": program._equal.tolist()}
+    derived = casadi.nlpsol(
+        "derived", solver, chain.program, options if solver == "fatrop" else {}
+    )
+    rng = np.random.default_rng(3)
+    sizes = [chain.program[name].numel() for name in ("x", "p", "f", "g")]
+    point = [0.3 * rng.normal(size=size) for size in sizes]
+    for name, ours in chain.derivatives(solver).items():
+        theirs = derived.get_function(name)
+        assert ours.name_in() == theirs.name_in()
+        assert ours.name_out() == theirs.name_out()
+        given = point[: ours.n_in()]
+        for mine, expected in zip(ours.call(given), theirs.call(given), strict=True):
+            np.testing.assert_allclose(
+                mine.full(), expected.full(), rtol=1e-12, atol=1e-12
+            )

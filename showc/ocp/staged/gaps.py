@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 from scipy.sparse import linalg
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
@@ -31,20 +28,14 @@ class Gaps:
 
     Parameters
     ----------
-    program
-        CasADi expressions x, p, g.
+    slopes
+        CasADi function (x, p) -> (g, dg/dx).
     equal
         Which rows of g are equations.
     """
 
-    def __init__(self, program: Mapping[str, Any], equal: NDArray[np.bool_]) -> None:
-        self._equal = equal
-        w, p, g = program["x"], program["p"], program["g"]
-        equations = g[np.flatnonzero(equal).tolist()]
-        self._slopes = casadi.Function(
-            "slopes", [w, p], [casadi.jacobian(equations, w)]
-        )
-        self._rows = casadi.Function("rows", [w, p], [g])
+    def __init__(self, slopes: Any, equal: NDArray[np.bool_]) -> None:  # noqa: ANN401
+        self._slopes, self._equal = slopes, equal
 
     def closed(
         self,
@@ -68,8 +59,9 @@ class Gaps:
             gap = rows[self._equal] - wanted
             if not CLOSED < np.abs(gap).max() < NEAR:
                 break
-            slopes = self._slopes(unknowns, parameters).sparse()
+            matrix = self._slopes(unknowns, parameters)[1]
+            slopes = matrix.sparse().tocsr()[self._equal].tocsc()
             multipliers = linalg.spsolve((slopes @ slopes.T).tocsc(), gap)
             unknowns = unknowns - slopes.T @ multipliers
-            rows = np.array(self._rows(unknowns, parameters)).ravel()
+            rows = np.array(self._slopes(unknowns, parameters)[0]).ravel()
         return unknowns, rows

@@ -9,22 +9,21 @@ import casadi
 from showc.ocp.staged.guarded import AVAILABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from showc.ocp.staged.solution import StagedOptions
+    from showc.ocp.staged.chain import Chain
+    from showc.ocp.staged.solution import StagedOptions, StagedSolver
 
 
 def make_staged_solver(
-    program: Mapping[str, Any], equal: list[bool], options: StagedOptions
+    chain: Chain, equal: list[bool], options: StagedOptions
 ) -> tuple[Any, bool]:
     """Make the solver of a program, and say whether it must run in a child process.
 
     Parameters
     ----------
-    program
-        CasADi expressions x, p, f, g.
+    chain
+        The program.
     equal
-        Which rows of g are equations.
+        Which of its rows are equations.
     """
     # Where no child can be forked, IPOPT does the work.
     forked = options.solver == "fatrop" and AVAILABLE
@@ -60,5 +59,7 @@ def make_staged_solver(
             "max_cpu_time": options.seconds,
             **options.extra,
         }
-    solver = casadi.nlpsol("staged", "fatrop" if forked else "ipopt", program, common)
+    name: StagedSolver = "fatrop" if forked else "ipopt"
+    common["cache"] = chain.derivatives(name)
+    solver = casadi.nlpsol("staged", name, chain.program, common)
     return solver, forked

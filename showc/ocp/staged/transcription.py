@@ -18,6 +18,7 @@ import casadi
 import numpy as np
 
 from showc.ocp.solution import Result
+from showc.ocp.staged.chain import Chain, lay_out
 from showc.ocp.staged.ends import is_fixed, within
 from showc.ocp.staged.gaps import Gaps
 from showc.ocp.staged.guarded import Guarded
@@ -95,73 +96,29 @@ class StagedTranscription:
             width_weight=self.options.width_weight,
         )
         self._coefficients = self.stage.coefficients.map(intervals)
-        self._gaps: Gaps | None = None
         self._guarded: Guarded | None = None
         self._pattern = b""
         self._assemble()
 
     def _assemble(self) -> None:
-        stage, count = self.stage, self.intervals
-        phase = self.problem.phases[0]
-        states = list(phase.states.values())
-        p = casadi.SX.sym("p", len(self.problem.parameters))
-        data, unknowns, g = [], [], []
-        rows: list[Row] = []
-        equal: list[bool] = []
-        interval: list[int] = []
-        cost = casadi.SX(0)
-        x = casadi.SX.sym("x0", stage.states)
-        for k in range(count):
-            u = casadi.SX.sym(f"u{k}", stage.inputs)
-            q = casadi.SX.sym(f"q{k}", stage.data)
-            after = casadi.SX.sym(f"x{k + 1}", stage.states)
-            following, limits, share = stage.function(x, u, q, p)
-            unknowns += [x, u]
-            data.append(q)
-            g.append(after - following)
-            names = (*stage.state_names, *(["duration"] if self.time == "free" else []))
-            rows += [Row(("dynamics", name), 1.0) for name in names]
-            equal += [True] * stage.states
-            if k == 0:
-                for index, name in enumerate(stage.state_names):
-                    g.append(x[index])
-                    rows.append(Row(("start", name), stage.state_scales[index]))
-                    equal.append(is_fixed(states[index].start))
-            keep = [
-                r
-                for r, row in enumerate(stage.rows)
-                if not (k == 0 and row.at_start) and not (k == count - 1 and row.at_end)
-            ]
-            g.append(limits[keep])
-            rows += [stage.rows[r] for r in keep]
-            equal += [False] * len(keep)
-            interval += [k] * (len(rows) - len(interval))
-            cost += share
-            x = after
-        unknowns.append(x)
-        cost += stage.terminal(x, p)
-        for index, name in enumerate(stage.state_names):
-            g.append(x[index])
-            rows.append(Row(("end", name), stage.state_scales[index]))
-            equal.append(is_fixed(states[index].end))
-        if self.time == "free":
-            g.append(x[-1])
-            rows.append(Row(("duration",), 1.0))
-            equal.append(False)
-        interval += [count] * (len(rows) - len(interval))
-        self._rows = rows
-        self._interval = np.array(interval)
-        self._equal = np.array(equal)
-        self._scale = np.array([row.scale for row in rows])
-        self._program = {
-            "x": casadi.vertcat(*unknowns),
-            "p": casadi.vertcat(p, *data),
-            "f": cost,
-            "g": casadi.vertcat(*g),
-        }
+        layout = lay_out(self.stage, self.intervals, self.time)
+        self._chain = Chain(self.stage, layout, len(self.problem.parameters))
+        self._rows, self._interval = layout.rows, layout.interval
+        self._equal = np.array([self._is_equation(row) for row in layout.rows])
+        self._scale = np.array([row.scale for row in layout.rows])
+        self._gaps = Gaps(self._chain.slopes, self._equal)
         self._table()
         self._solver: Any = None
         self._forked = False
+
+    def _is_equation(self, row: Row) -> bool:
+        kind, name = row.key[0], row.key[-1]
+        states = self.problem.phases[0].states
+        if kind == "start":
+            return is_fixed(states[name].start)
+        if kind == "end":
+            return is_fixed(states[name].end)
+        return kind == "dynamics"
 
     def _table(self) -> None:
         """Index the bounds that rows refer to, as a function of the parameters."""
@@ -265,8 +222,6 @@ class StagedTranscription:
         given = np.concatenate([values, data.ravel()])
         arguments = {"x0": start, "p": given, "lbg": lower, "ubg": upper}
         answer = self._call(solver, arguments)
-        if self._gaps is None:
-            self._gaps = Gaps(self._program, self._equal)
         wanted = lower[self._equal]
         unknowns, rows = self._gaps.closed(answer.unknowns, answer.rows, given, wanted)
         return self._unpack(
@@ -332,7 +287,7 @@ class StagedTranscription:
     def _make_solver(self) -> Any:  # noqa: ANN401
         if self._solver is None:
             self._solver, self._forked = make_staged_solver(
-                self._program, self._equal.tolist(), self.options
+                self._chain, self._equal.tolist(), self.options
             )
         return self._solver
 
