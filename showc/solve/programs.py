@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+FINE, ROUGH = 1e-6, 1e-5
+"""Tolerance of a solve at a given time, and of the search for the least: there it
+decides whether borders that hardly matter come to rest, and costs 1e-5 of the time."""
 SLOTS = (0, 2, 4, 8, 16)
 """Numbers of half-spaces for an interval that programs are built with."""
 
@@ -46,9 +49,11 @@ def _built(
         options=StagedOptions(
             solver=solver,
             iterations=120 if solver == "fatrop" else 300,
-            barrier=1e-3 if time == "movable" else 1e-2,
-            width_range=(0.25, 2.0),
-            width_weight=1e-3,
+            tolerance=ROUGH if time == "movable" else FINE,
+            inset=ROUGH if time == "movable" else FINE,
+            barrier=1e-4 if time == "movable" else 1e-2,
+            width_range=(0.3, 1.8),
+            width_weight=3e-3,
         ),
     )
 

@@ -45,7 +45,7 @@ PROMISING = 0.95
 """A first flight with movable borders is built upon if it takes no longer than this
 times the one it started from."""
 SETTLED = 2.0
-"""Gain of a pass over the tolerance below which borders have settled: another pass
+"""Change by a pass over the tolerance below which borders have settled: another pass
 gains a tenth of that."""
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
@@ -156,13 +156,13 @@ def _moving(
     until that gains little: one pass with a wide range often ends nowhere.
     """
     program = programs.program(widths.size, "movable")
-    for attempt in range(PASSES):
+    best: StagedSolution | None = None
+    for _ in range(PASSES):
         moved = programs.solve(program, widths, guess, {"effort": EFFORT})
         gain = 1.0 - moved.duration / float(widths.sum())
-        wanted = 0.0 if attempt else 1.0 - PROMISING
-        if not moved.result.usable or gain < wanted:
+        if not moved.result.usable or (best is None and gain < 1.0 - PROMISING):
             break
-        if gain < SETTLED * tolerance:
-            return moved
-        widths, guess = moved.widths, moved.guess
+        if best is not None and abs(gain) < SETTLED * tolerance:
+            return min(best, moved, key=lambda flight: flight.duration)
+        best, widths, guess = moved, moved.widths, moved.guess
     return None

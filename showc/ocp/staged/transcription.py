@@ -149,6 +149,18 @@ class StagedTranscription:
         )
         self._slots = slots
         self._slot = np.array([slots.get(row.key, 0) for row in self._rows])
+        self._beside = {
+            (kind, name): np.array(
+                [
+                    i
+                    for i, row in enumerate(self._rows)
+                    if row.key == ("bounds", name) and self._interval[i] == k
+                ],
+                dtype=np.int64,
+            )
+            for name in phase.states
+            for kind, k in (("start", 0), ("end", self.intervals - 1))
+        }
         self._half = {
             (group.name, r): np.array(
                 [
@@ -160,6 +172,21 @@ class StagedTranscription:
             for group in phase.half_spaces
             for r in range(group.rows)
         }
+
+    def _touching(self, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+        """Find limits of states that stand on them at that end of the phase.
+
+        Nothing in the interval beside could keep the inset from them: how far the state
+        moves away there is for the controls to say.
+        """
+        touching = np.zeros(self._equal.size, dtype=bool)
+        for (kind, name), rows in self._beside.items():
+            fixed, bounds = self._slots[kind, name], self._slots["bounds", name]
+            room = min(low[fixed] - low[bounds], high[bounds] - high[fixed])
+            scale = self._scale[rows].max(initial=0.0)
+            if low[fixed] == high[fixed] and room < self.options.inset * scale:
+                touching[rows] = True
+        return touching
 
     def solve(
         self,
@@ -214,9 +241,10 @@ class StagedTranscription:
                 part = stage.half_space_slices[group]
                 on = np.where(np.isfinite(bound)[:, :, None], normals, 0.0)
                 data[:, part] = on.reshape(count, -1)
-        free = ~self._equal
-        lower[free] += self.options.inset
-        upper[free] -= self.options.inset
+        inset = np.where(self._equal, 0.0, self.options.inset)
+        inset[self._touching(low, high)] = 0.0
+        lower += inset
+        upper -= inset
         start = self._pack(guess, float(widths.sum()))
         solver = self._make_solver()
         given = np.concatenate([values, data.ravel()])
