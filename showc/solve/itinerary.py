@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.errors import SolveError
 from showc.flight import Flight, LegFlight
+from showc.progress import Silent
 from showc.solve.cache import Cache, leg_key
 from showc.solve.leg import solve_leg
-from showc.solve.pool import workers
+from showc.solve.pool import InProcess, workers
 from showc.solve.remembering import Remembering
 
 if TYPE_CHECKING:
-    from showc.plan.itinerary import Itinerary
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from showc.plan.itinerary import Itinerary, Leg
     from showc.progress import Progress
+    from showc.script.show import Show
     from showc.solve.options import SolveOptions
+    from showc.solve.pool import Workers
+
+SMALL = 128
+"""Drones up to which a leg is one task: little could be shared out within it."""
 
 
 def solve_itinerary(
@@ -25,7 +37,8 @@ def solve_itinerary(
     """Solve all legs of ``itinerary`` and lay them on one timeline.
 
     Legs solved before, by this or another compile, come from the cache, and so does
-    what an interrupted one had found of a leg. The result
+    what an interrupted one had found of a leg. Legs of a few drones are solved side by
+    side, those of many one after the other, their drones side by side. The result
     depends on the itinerary and on how to solve it, never on where the work is done.
 
     Returns
@@ -42,26 +55,113 @@ def solve_itinerary(
     """
     show = itinerary.show
     cache = Cache.of(options)
-    flights: list[LegFlight] = []
+    keys = [leg_key(leg, show, options) for leg in itinerary.legs]
+    found: dict[str, LegFlight] = {}
+    missing: dict[str, Leg] = {}
     with workers(options.jobs, options.cluster) as crew:
-        for leg in itinerary.legs:
+        for key, leg in zip(keys, itinerary.legs, strict=True):
+            if key in found or key in missing:
+                continue
             progress.stage(f"{leg.name}: looking up")
-            key = leg_key(leg, show, options)
             flight = cache.find(key, leg)
             if flight is None:
                 crew.prepare()
-                folder = cache.parts(key)
-                if folder is None:
-                    flight = solve_leg(leg, show, options, crew, progress)
-                else:
-                    remembering = Remembering(crew, folder, key)
-                    flight = solve_leg(leg, show, options, remembering, progress)
-                    cache.keep(key, flight)
-                    remembering.forget()
+                missing[key] = leg
             else:
                 progress.note(f"{leg.name}: taken from the cache")
-                flight = replace(flight, leg=leg)
-            flights.append(flight)
+                found[key] = flight
+        tasks = {
+            key: _Task(leg, show, options, key, cache.parts(key))
+            for key, leg in missing.items()
+        }
+        few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
+        if len(few) > 1:
+            together = [tasks.pop(key) for key in few]
+            found |= _side_by_side(together, cache, crew, progress)
+        for key, task in tasks.items():
+            found[key] = task.solve(crew, progress)
+            cache.keep(key, found[key])
+    flights = tuple(
+        replace(found[key], leg=leg)
+        for key, leg in zip(keys, itinerary.legs, strict=True)
+    )
+    return Flight(itinerary, flights, _starts(flights))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """One leg to solve."""
+
+    leg: Leg
+    show: Show
+    options: SolveOptions
+    key: str
+    """Name of the leg's entry in the cache."""
+    parts: Path | None
+    """Where to keep what is found on the way, if anywhere."""
+
+    def solve(self, crew: Workers, progress: Progress) -> LegFlight:
+        """Solve the leg, going on where an interrupted compile stopped."""
+        given = self.leg, self.show, self.options
+        if self.parts is None:
+            return solve_leg(*given, crew, progress)
+        remembering = Remembering(crew, self.parts, self.key)
+        flight = solve_leg(*given, remembering, progress)
+        remembering.forget()
+        return flight
+
+
+class _Notes(Silent):
+    """Keeps what was said worth a line, for whoever watches elsewhere."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Keep it."""
+        self.lines.append(text)
+
+
+def _alone(task: _Task) -> tuple[LegFlight | SolveError, list[str]]:
+    """Solve a leg in this process; what it refuses is a result like any other."""
+    notes = _Notes()
+    try:
+        return task.solve(InProcess(), notes), notes.lines
+    except SolveError as error:
+        return error, notes.lines
+
+
+def _side_by_side(
+    tasks: Sequence[_Task], cache: Cache, crew: Workers, progress: Progress
+) -> dict[str, LegFlight]:
+    """Solve legs of a few drones, a process for each.
+
+    Raises
+    ------
+    SolveError
+        That of the first leg that has no solution; the others are kept nevertheless.
+    """
+    found: dict[str, LegFlight] = {}
+
+    def keep(number: int, outcome: tuple[LegFlight | SolveError, list[str]]) -> None:
+        flight, key = outcome[0], tasks[number].key
+        if isinstance(flight, LegFlight):
+            found[key] = flight
+            cache.keep(key, flight)
+
+    names = ", ".join(task.leg.name for task in tasks)
+    progress.stage(f"side by side: {names}", len(tasks))
+    outcomes = crew.run(_alone, [(task,) for task in tasks], progress.advance, keep)
+    for flight, notes in outcomes:
+        for line in notes:
+            progress.note(line)
+        if isinstance(flight, SolveError):
+            raise flight
+    return found
+
+
+def _starts(flights: Sequence[LegFlight]) -> NDArray[np.float64]:
+    """Return when each leg starts: when all that it waits for have ended [s]."""
     starts = np.zeros(len(flights))
     for index, flight in enumerate(flights):
         ends = [
@@ -69,4 +169,4 @@ def solve_itinerary(
         ]
         starts[index] = round(max(ends, default=0.0), 3)
     starts.setflags(write=False)
-    return Flight(itinerary, tuple(flights), starts)
+    return starts

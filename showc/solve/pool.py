@@ -14,6 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import accumulate
 from multiprocessing import active_children, get_context, resource_tracker
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, Protocol
 
 from showc.errors import UsageError
@@ -121,10 +122,12 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._executor: ProcessPoolExecutor | None = None
+        self._starting = Lock()
 
     def prepare(self) -> None:
         """See :class:`Workers`; the processes start while the caller goes on."""
-        self._pool()
+        if self._executor is None:
+            Thread(target=self._pool, daemon=True).start()
 
     def run(
         self,
@@ -168,32 +171,41 @@ class Processes:
         return [value for result in results if result is not None for value in result]
 
     def _pool(self) -> ProcessPoolExecutor:
-        if self._executor is None:
-            method = "forkserver" if os.name == "posix" else "spawn"
-            context = get_context(method)
-            if method == "forkserver":
-                context.set_forkserver_preload(list(_PRELOAD))
-            with _single_threaded(), _undisturbed():
-                self._executor = ProcessPoolExecutor(
-                    self._jobs, mp_context=context, initializer=_warm
-                )
-                # The server and its workers inherit the environment of this moment;
-                # that they import what they need is not waited for.
-                for _ in range(self._jobs):
-                    self._executor.submit(_warm)
-        return self._executor
+        # A first submission waits until the server of the processes has imported what
+        # they need; ``prepare`` lets a thread wait for it.
+        with self._starting:
+            if self._executor is None:
+                self._executor = _started(self._jobs)
+            return self._executor
 
     def stop(self) -> None:
         """End the processes at once, whatever they are doing."""
-        if self._executor is not None:
-            for process in active_children():
-                process.terminate()
+        with self._starting:
+            if self._executor is not None:
+                for process in active_children():
+                    process.terminate()
 
     def close(self) -> None:
         """Let the processes go."""
-        if self._executor is not None:
-            self._executor.shutdown(wait=True, cancel_futures=True)
-            self._executor = None
+        with self._starting:
+            if self._executor is not None:
+                self._executor.shutdown(wait=True, cancel_futures=True)
+                self._executor = None
+
+
+def _started(jobs: int) -> ProcessPoolExecutor:
+    """Start so many processes, each with one thread."""
+    method = "forkserver" if os.name == "posix" else "spawn"
+    context = get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload(list(_PRELOAD))
+    with _single_threaded(), _undisturbed():
+        executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_warm)
+        # The server and its workers inherit the environment of this moment; that they
+        # import what they need is not waited for.
+        for _ in range(jobs):
+            executor.submit(_warm)
+    return executor
 
 
 class Cluster:
