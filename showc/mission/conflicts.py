@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.distances import boxes_within, part_distance
+from showc.mission.distances import near_pairs, part_distance
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
     Pairs = tuple[IntArray, IntArray]
 
-ROWS = 256
-"""Drones whose pairs are looked at together."""
-
 
 def crossing_pairs(stage: Stage, separation: Separation, required: float) -> Pairs:
     """Pairs of a stage's drones whose lines come nearer than ``required`` [m].
@@ -34,28 +31,16 @@ def crossing_pairs(stage: Stage, separation: Separation, required: float) -> Pai
     tuple of ndarray
         Positions in the stage, first below second, each of shape (m,).
     """
-    count = stage.drones.size
     farthest = stage.farthest
-    found_a, found_b = [], []
-    for top in range(0, count, ROWS):
-        a, b = np.meshgrid(
-            np.arange(top, min(top + ROWS, count)), np.arange(count), indexing="ij"
+    everyone = np.ones(stage.drones.size, dtype=np.bool_)
+    a, b = near_pairs((stage.begin, farthest), separation, required, everyone)
+    near = (
+        part_distance(
+            (stage.begin[a], farthest[a]), (stage.begin[b], farthest[b]), separation
         )
-        wanted = a < b
-        a, b = a[wanted], b[wanted]
-        meet = boxes_within((stage.begin, farthest), (a, b), separation, required)
-        a, b = a[meet], b[meet]
-        near = (
-            part_distance(
-                (stage.begin[a], farthest[a]),
-                (stage.begin[b], farthest[b]),
-                separation,
-            )
-            < required
-        )
-        found_a.append(a[near])
-        found_b.append(b[near])
-    return np.concatenate(found_a), np.concatenate(found_b)
+        < required
+    )
+    return a[near], b[near]
 
 
 def conflict_colours(stage: Stage, separation: Separation, required: float) -> IntArray:

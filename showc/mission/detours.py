@@ -16,16 +16,13 @@ if TYPE_CHECKING:
 
     from showc.flight import LegFlight
     from showc.mission.encoding import Surroundings
-    from showc.mission.stage import Stage, StageBuilder
+    from showc.mission.stage import Lines, Stage, StageBuilder
     from showc.plan.itinerary import Leg
 
     FloatArray = NDArray[np.float64]
 
-BENDS = (1.0, 1.15, 1.3, 1.6, 2.0)
+BENDS = (1.0, 1.15, 1.3, 1.6, 2.0, 2.5, 3.2, 4.0)
 """Factors on the sideways part of the solved flight's bend."""
-
-BEND_STRETCHES = (1.0, 1.6, 2.5, 4.0)
-"""Factors on the times of the legs of a bend."""
 
 STRAIGHT = 0.05
 """A solved flight that leaves the straight line by less has no bend to follow [m]."""
@@ -36,9 +33,7 @@ def bends(
     flight: LegFlight,
     builder: StageBuilder,
     around: Surroundings,
-    *,
-    stretches: tuple[float, ...] = BEND_STRETCHES,
-) -> Iterator[tuple[str, list[Stage]]]:
+) -> Iterator[tuple[str, list[Lines]]]:
     """Two or three straight legs along the solved flight, or outside it."""
     start, goal = around.positions[leg.drones], leg.goal
     low, high = np.array(leg.limits.position_min), np.array(leg.limits.position_max)
@@ -65,14 +60,12 @@ def bends(
                 for places, line in zip(solved, lines, strict=True)
             ]
             name = f"{len(stops) + 1} legs, bend x {bend:g}"
-            yield from _stretched(
-                name, leg, builder, [start, *corners, goal], stretches
-            )
+            yield name, _ways(leg, builder, [start, *corners, goal])
 
 
 def layers(
     leg: Leg, builder: StageBuilder, around: Surroundings, straight: Stage
-) -> Iterator[tuple[str, list[Stage]]]:
+) -> Iterator[tuple[str, list[Lines]]]:
     """Apart in height, across, and back: drones whose lines meet get other layers."""
     colour = conflict_colours(straight, around.separation, around.required)
     separation = around.separation
@@ -94,31 +87,15 @@ def layers(
             continue
         places = [start, start + rise, goal + rise, goal]
         name = f"{int(colour.max()) + 1} layers"
-        yield from _stretched(name, leg, builder, places, BEND_STRETCHES)
+        yield name, _ways(leg, builder, places)
 
 
-def _stretched(
-    name: str,
-    leg: Leg,
-    builder: StageBuilder,
-    places: Sequence[FloatArray],
-    stretches: tuple[float, ...],
-) -> Iterator[tuple[str, list[Stage]]]:
-    """Straight legs from place to place, in the shortest time and in longer ones."""
-    quick = [
-        builder.build(leg.drones, begin, end, leg.limits)
+def _ways(leg: Leg, builder: StageBuilder, places: Sequence[FloatArray]) -> list[Lines]:
+    """Straight legs from place to place."""
+    return [
+        builder.lines(leg.drones, begin, end, leg.limits)
         for begin, end in pairwise(places)
     ]
-    for stretch in stretches:
-        stages = quick
-        if stretch != 1.0:
-            stages = [
-                builder.build(
-                    leg.drones, begin, end, leg.limits, duration=stretch * one.duration
-                )
-                for (begin, end), one in zip(pairwise(places), quick, strict=True)
-            ]
-        yield f"{name}, time x {stretch:g}", stages
 
 
 def _nearest_on_line(

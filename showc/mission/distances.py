@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
+
+ROWS = 128
+"""Drones whose distances from all others are looked at together."""
 
 
 def part_distance(
@@ -39,43 +44,82 @@ def part_distance(
     return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
 
 
-def boxes_within(
+def nearest_pair(
+    points: FloatArray, separation: Separation, moving: NDArray[np.bool_]
+) -> tuple[int, int, float]:
+    """Return the nearest two of ``points`` (n, 3) with a mover, and their distance.
+
+    ``moving`` (n,) says who moves. Infinite where there is no such pair.
+    """
+    best = 0, 0, np.inf
+    for top, gap in _gaps(points, points, separation, moving):
+        row, column = np.unravel_index(int(gap.argmin()), gap.shape)
+        value = float(gap[row, column])
+        if value < best[2]:
+            best = top + int(row), top + int(column), value
+    return best
+
+
+def near_pairs(
     parts: tuple[FloatArray, FloatArray],
-    pairs: tuple[IntArray, IntArray],
     separation: Separation,
     distance: float,
-) -> NDArray[np.bool_]:
-    """Return which ``pairs`` of straight parts may be nearer than ``distance`` [m].
+    moving: NDArray[np.bool_],
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs with a mover whose straight parts may be within ``distance``.
 
     ``parts`` holds the two ends of each, (n, 3). Quick: boxes around the parts are no
-    farther from each other than the parts.
+    farther from each other than the parts. First below second, each of shape (m,).
     """
-    if separation.shape in {"any-axis", "all-axes"}:
-        return np.ones(pairs[0].size, dtype=np.bool_)
-    scale = np.array(separation.metric_scale)
-    low, high = np.minimum(*parts) * scale, np.maximum(*parts) * scale
-    one, other = pairs
-    squared = np.zeros(one.size)
-    for axis in range(3):
-        below, above = low[:, axis], high[:, axis]
-        gap = np.maximum(below[one] - above[other], below[other] - above[one])
-        np.maximum(gap, 0.0, out=gap)
-        squared += gap * gap
+    found_a, found_b = [], []
+    low, high = np.minimum(*parts), np.maximum(*parts)
     # Rounding must not hide a pair.
-    return np.asarray(squared <= (distance * (1.0 + 1e-9)) ** 2)
+    limit = distance * (1.0 + 1e-9)
+    for top, gap in _gaps(low, high, separation, moving):
+        a, b = np.nonzero(gap <= limit)
+        found_a.append(a + top)
+        found_b.append(b + top)
+    return np.concatenate(found_a), np.concatenate(found_b)
 
 
-def point_distance(
-    first: FloatArray, second: FloatArray, separation: Separation
-) -> FloatArray:
-    """Distance (m,) of points (m, 3), in the separation's metric."""
-    gap = np.abs(first - second)
-    if separation.shape == "any-axis":
-        return np.asarray(gap.max(axis=1))
-    if separation.shape == "all-axes":
-        return np.asarray(gap.min(axis=1))
-    gap *= np.array(separation.metric_scale)
-    return np.asarray(np.sqrt(dot(gap, gap)))
+def _gaps(
+    low: FloatArray,
+    high: FloatArray,
+    separation: Separation,
+    moving: NDArray[np.bool_],
+) -> Iterator[tuple[int, FloatArray]]:
+    """Distances between boxes from ``low`` to ``high`` (n, 3), block by block.
+
+    Yields
+    ------
+    int
+        First row and first column of the block.
+    ndarray
+        Shape (rows, columns) [m]; infinite where the column is not behind the row, or
+        neither moves.
+    """
+    per_axis = separation.shape in {"any-axis", "all-axes"}
+    scale = np.array(separation.metric_scale)
+    join = np.minimum if separation.shape == "all-axes" else np.maximum
+    below = np.ascontiguousarray((low * scale).T)
+    above = np.ascontiguousarray((high * scale).T)
+    for top in range(0, moving.size, ROWS):
+        rows, columns = slice(top, top + ROWS), slice(top, None)
+        axes = []
+        for axis in range(3):
+            gap = below[axis, rows, None] - above[axis, None, columns]
+            other = below[axis, None, columns] - above[axis, rows, None]
+            np.maximum(gap, other, out=gap)
+            np.maximum(gap, 0.0, out=gap)
+            axes.append(gap if per_axis else np.square(gap, out=gap))
+        if per_axis:
+            found = join(join(axes[0], axes[1]), axes[2])
+        else:
+            found = np.sqrt(axes[0] + axes[1] + axes[2])
+        count = found.shape[0]
+        found[:, :count][np.tril_indices(count)] = np.inf
+        found[~(moving[rows, None] | moving[None, columns])] = np.inf
+        yield top, found
 
 
 def segment_distance(

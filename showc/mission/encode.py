@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import timedelta
-from math import degrees, nan
+from math import degrees, floor, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -248,7 +248,10 @@ class _Writer:
         """Hold until ``release``, mission time [s]."""
         start = self.encoder.start
         if start is not None and self.encoder.autopilot == "ardupilot":
-            moment = start + timedelta(seconds=release)
+            # Autopilots wait for whole seconds of the clock, and for parts after them.
+            whole = floor(release + 1e-6)
+            part = round(release - whole, 3)
+            moment = start + timedelta(seconds=whole)
             self.items.append(
                 without_position(
                     Command.NAV_DELAY,
@@ -258,6 +261,10 @@ class _Writer:
                     float(moment.second),
                 )
             )
+            if part > 0.0:
+                self.items.append(
+                    without_position(Command.NAV_DELAY, part, -1.0, -1.0, -1.0)
+                )
             return
         pause = round(max(release - self.clock, 0.0), 3)
         if pause > 0.0:

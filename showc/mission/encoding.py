@@ -1,53 +1,59 @@
 """How one leg of the show becomes stages that an autopilot flies apart.
 
 The straight line in the shortest common time comes first. Where the predicted flights
-come too near, the encoding changes: more time (delays then cost less distance), drones
-that leave one after the other, a bend along the solved flight, layers of height. The
-first that is proved is taken.
+come too near, the encoding changes: drones leave one after the other, fly in other
+times, along the solved flight's bend, in layers of height, or above the others. The
+quickest that is proved is taken, up to the moment at which the next leg may begin;
+candidates are worked out no sooner than their turn may come.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import ExportError
 from showc.mission.detours import bends, layers
+from showc.mission.gaps import release_gaps
 from showc.mission.geodesy import POSITION_RESOLUTION
 from showc.mission.hops import hops
 from showc.mission.law import LegProfile
-from showc.mission.pair_table import pair_table
 from showc.mission.separation import (
     TOLERANCE,
     Closest,
     Motion,
     closest_encounter,
 )
-from showc.mission.stagger import staggered
-from showc.mission.timing import EXACT
+from showc.mission.stagger import MARGIN, staggered
+from showc.mission.timing import CLOCK_LAG, EXACT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import NDArray
 
     from showc.flight import LegFlight
-    from showc.mission.pair_table import PairTable
-    from showc.mission.stage import Stage, StageBuilder
+    from showc.mission.gaps import Gaps
+    from showc.mission.stage import Lines, Stage, StageBuilder
     from showc.mission.timing import Timing
     from showc.plan.itinerary import Leg
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
+    Choice = tuple[float, str, "list[Stage] | Callable[[], Iterable[Choice]]"]
 
-STRETCHES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
-"""Factors on the time of a straight leg."""
+STRETCHES = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
+"""Factors on the times of legs that take longer than they must."""
 
-STOP = 4.0
-"""About what a further stage costs besides its flying: slack and a whole second [s]."""
+BRISK = (1.0, 0.8, 0.6, 0.4)
+"""Factors on the common time in which legs that are short enough are flown."""
+
+MARGINS = (MARGIN, 0.1, 0.3)
+"""How much farther than their gaps releases are apart, if less is not proved [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +78,8 @@ class Surroundings:
     """What every pair keeps."""
     timing: Timing
     """How surely legs are flown on time."""
+    pause: float = 0.0
+    """Least time between the latest end of a stage and the next release [s]."""
 
     @property
     def required(self) -> float:
@@ -159,66 +167,153 @@ def choose_encoding(
 def _candidates(
     leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
 ) -> Iterator[tuple[str, list[Stage]]]:
-    """All encodings, simplest first."""
-    drones = leg.drones
-    start, goal = around.positions[drones], leg.goal
-
-    def straight(duration: float) -> Stage:
-        return builder.build(drones, start, goal, leg.limits, duration=duration)
-
-    first = straight(flight.duration)
+    """All encodings: the straight one, then the quickest first."""
+    straight = builder.lines(
+        leg.drones, around.positions[leg.drones], leg.goal, leg.limits
+    )
+    first = straight.lasting(max(flight.duration, straight.together))
     yield "straight", [first]
     if first.drones.size == 0:
         return
-    found = list(_slower(first, straight, around))
-    # Who flies by turns flies as fast as may be.
-    swift = straight(0.0)
-    table = _table(swift, around)
-    waits = staggered(table)
-    if waits is not None:
-        name = f"straight, staggered by up to {waits.max():g} s"
-        found.append((name, [swift.waiting(waits)]))
-    else:
-        found.extend(
-            (name, [_staggered_stage(one, around) for one in stages])
-            for name, stages in hops(leg, builder, around, swift, table)
+    choices = _Choices(leg, flight, builder, around)
+    waiting: list[tuple[float, int, Choice]] = []
+    made = 0
+    for choice in choices.straight(straight, first):
+        heappush(waiting, (choice[0], made := made + 1, choice))
+    while waiting:
+        _, _, (_, name, found) = heappop(waiting)
+        if isinstance(found, list):
+            yield name, found
+            continue
+        for choice in found():
+            heappush(waiting, (choice[0], made := made + 1, choice))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Choices:
+    """Encodings of one leg with what they cost: time until the next may begin.
+
+    What is not worked out yet stands as a function, with the least that it may cost.
+    """
+
+    leg: Leg
+    flight: LegFlight
+    builder: StageBuilder
+    around: Surroundings
+
+    def straight(self, lines: Lines, first: Stage) -> Iterator[Choice]:
+        """Straight lines, some drones later or in other times; and all other ways."""
+        least, stop = self._cost([first]), self._cost([])
+        for brisk in BRISK:
+            times = np.maximum(lines.shortest, brisk * first.duration)
+            name = "straight" if brisk == 1.0 else "straight, own times"
+            yield self._staggered(name, [lines.lasting(times)], least)
+        # Time scales a flight nearly without changing its shape: it helps little where
+        # drones meet even without any delay.
+        if self._apart(first, self.around.positions):
+            for stretch in STRETCHES:
+                longer = lines.lasting(stretch * first.duration)
+                name = f"straight, time x {stretch:g}"
+                yield self._staggered(name, [longer], self._cost([longer]))
+        yield least + stop, "bends", self._bends
+        yield least + 2.0 * stop, "layers", lambda: self._layers(first)
+        yield least + 2.0 * stop, "hops", lambda: self._hops(first)
+
+    def _cost(self, stages: list[Stage]) -> float:
+        """Time [s] from the first release until the next leg may begin, about.
+
+        Of no stages, that of a further stop.
+        """
+        pause = CLOCK_LAG + self.around.pause
+        if not stages:
+            return pause
+        late = self.around.timing.spread
+        return sum(stage.finish(late) + pause for stage in stages)
+
+    def _apart(self, stage: Stage, positions: FloatArray) -> bool:
+        """Whether the stage's drones keep apart if all delays are as expected."""
+        required = self.around.required
+        found = closest_encounter(
+            stage_motion(stage, positions, EXACT),
+            self.around.separation,
+            enough=required,
         )
-    found.extend(bends(leg, flight, builder, around))
-    found.extend(layers(leg, builder, around, first))
-    # Quickest first, every stop paid for; equal ones in the order of their making.
-    yield from sorted(
-        found, key=lambda item: sum(stage.duration + STOP for stage in item[1])
-    )
-    for name, stages in bends(leg, flight, builder, around, stretches=(1.0,)):
-        yield f"{name}, staggered", [_staggered_stage(one, around) for one in stages]
+        return found is None or found.distance >= required
 
+    def _gaps(self, stage: Stage) -> Gaps:
+        # The proof of the whole stage falls short of the pairs' by its tolerance.
+        apart = self.around.required + TOLERANCE
+        return release_gaps(stage, self.around.separation, self.around.timing, apart)
 
-def _slower(
-    first: Stage, straight: Callable[[float], Stage], around: Surroundings
-) -> Iterator[tuple[str, list[Stage]]]:
-    """Straight lines with more time."""
-    exact = closest_encounter(
-        stage_motion(first, around.positions, EXACT),
-        around.separation,
-        enough=around.required,
-    )
-    # Time scales a flight without changing its shape: it helps only against delays.
-    if exact is None or exact.distance >= around.required:
-        for stretch in STRETCHES[1:]:
-            longer = straight(first.duration * stretch)
-            yield f"straight, time x {stretch:g}", [longer]
+    def _staggered(self, name: str, stages: list[Stage], least: float) -> Choice:
+        """Promise the stages with waits."""
 
+        def work_out() -> Iterator[Choice]:
+            gaps = [self._gaps(stage) for stage in stages]
+            return self._with_waits(name, stages, gaps, 0)
 
-def _table(stage: Stage, around: Surroundings) -> PairTable:
-    """When the drones of a stage may leave so that all keep apart."""
-    # The proof of the whole stage falls short of the pairs' by its tolerance.
-    apart = around.required + TOLERANCE
-    return pair_table(stage, around.separation, around.timing, apart)
+        return least, name, work_out
 
+    def _with_waits(
+        self, name: str, stages: list[Stage], gaps: list[Gaps], retry: int
+    ) -> Iterator[Choice]:
+        waits = [
+            staggered(gap, stage.followed, MARGINS[retry])
+            for stage, gap in zip(stages, gaps, strict=True)
+        ]
+        later = [
+            stage.waiting(wait)
+            for stage, wait in zip(stages, waits, strict=True)
+            if wait is not None
+        ]
+        if len(later) < len(stages):
+            return
+        cost = self._cost(later)
+        longest = max(float(stage.wait.max(initial=0.0)) for stage in later)
+        full = f"{name}, staggered by up to {longest:g} s" if longest else name
+        yield cost, full, later
+        if retry + 1 < len(MARGINS):
+            yield (
+                cost,
+                name,
+                lambda: self._with_waits(name, stages, gaps, retry + 1),
+            )
 
-def _staggered_stage(stage: Stage, around: Surroundings) -> Stage:
-    waits = staggered(_table(stage, around))
-    return stage if waits is None else stage.waiting(waits)
+    def _bends(self) -> Iterator[Choice]:
+        for name, ways in bends(self.leg, self.flight, self.builder, self.around):
+            yield from self._stretched(name, ways)
+
+    def _layers(self, straight: Stage) -> Iterator[Choice]:
+        for name, ways in layers(self.leg, self.builder, self.around, straight):
+            yield from self._stretched(name, ways)
+
+    def _hops(self, straight: Stage) -> Iterator[Choice]:
+        gaps = self._gaps(straight)
+        if staggered(gaps, straight.followed) is not None:
+            return
+        for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
+            stages = [lines.lasting(lines.together) for lines in ways]
+            yield self._staggered(name, stages, self._cost(stages))
+
+    def _stretched(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
+        """Ways of several legs: in their shortest times, staggered, in longer ones."""
+        quick = [lines.lasting(lines.together) for lines in ways]
+        cost = self._cost(quick)
+        yield cost, name, quick
+        yield self._staggered(name, quick, cost)
+
+        def longer() -> Iterator[Choice]:
+            positions = self.around.positions
+            for stage in quick:
+                if not self._apart(stage, positions):
+                    return
+                positions = positions.copy()
+                positions[stage.drones] = stage.end
+            for stretch in STRETCHES:
+                slow = [lines.lasting(stretch * lines.together) for lines in ways]
+                yield self._cost(slow), f"{name}, time x {stretch:g}", slow
+
+        yield cost, name, longer
 
 
 def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportError:

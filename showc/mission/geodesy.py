@@ -46,6 +46,12 @@ class GlobalPoints:
     def __len__(self) -> int:
         return int(self.latitude.size)
 
+    def select(self, chosen: NDArray[np.bool_] | IntArray) -> GlobalPoints:
+        """Return the ``chosen`` ones: a mask (n,), or indices."""
+        return GlobalPoints(
+            self.latitude[chosen], self.longitude[chosen], self.height[chosen]
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class SiteFrame:

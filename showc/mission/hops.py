@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.mission.encoding import Surroundings
-    from showc.mission.pair_table import PairTable
-    from showc.mission.stage import Stage, StageBuilder
+    from showc.mission.gaps import Gaps
+    from showc.mission.stage import Lines, Stage, StageBuilder
     from showc.plan.itinerary import Leg
 
     FloatArray = NDArray[np.float64]
@@ -49,17 +49,17 @@ def hops(
     builder: StageBuilder,
     around: Surroundings,
     straight: Stage,
-    table: PairTable,
-) -> Iterator[tuple[str, list[Stage]]]:
+    gaps: Gaps,
+) -> Iterator[tuple[str, list[Lines]]]:
     """Return the encoding with the fewest drones above the others, if there is one.
 
-    ``straight`` is the stage of straight lines, ``table`` says who of it may fly when.
+    ``straight`` is the stage of straight lines, ``gaps`` says who of it may pass whom.
     """
     start, goal = around.positions.copy(), around.positions.copy()
     goal[leg.drones] = leg.goal
     low = float(max(start[:, 2].max(), goal[:, 2].max()))
     ways = _Ways(start, goal, straight.drones, around, low)
-    chosen = _who_hops(table, ways, _blocked(straight, start, around))
+    chosen = _who_hops(gaps, ways, _blocked(straight, start, around))
     if chosen is None or not chosen.size:
         return
     drones = straight.drones[chosen]
@@ -88,7 +88,7 @@ def hops(
     yield (
         name,
         [
-            builder.build(leg.drones, begin, end, leg.limits)
+            builder.lines(leg.drones, begin, end, leg.limits)
             for begin, end in pairwise(stops)
         ],
     )
@@ -116,14 +116,14 @@ def _blocked(stage: Stage, places: FloatArray, around: Surroundings) -> set[int]
     return set(row[near].tolist())
 
 
-def _who_hops(table: PairTable, ways: _Ways, blocked: set[int]) -> IntArray | None:
+def _who_hops(gaps: Gaps, ways: _Ways, blocked: set[int]) -> IntArray | None:
     """Positions in the stage of drones without which the others can be put in order.
 
     Those that are ``blocked``, and greedily: of each pair that meets in either order
     the busier one, then whoever is in most orders of those that go round in circles.
     None if some of them cannot hop.
     """
-    before, hopeless = table.order(), table.hopeless()
+    before, hopeless = gaps.order(), gaps.hopeless()
     chosen = set(blocked)
     if any(ways.of(drone) is None for drone in chosen):
         return None
@@ -138,14 +138,14 @@ def _who_hops(table: PairTable, ways: _Ways, blocked: set[int]) -> IntArray | No
     while left := [pair for pair in hopeless if chosen.isdisjoint(pair)]:
         if not take(Counter(drone for pair in left for drone in pair)):
             return None
-    rank = range(table.drones)
+    rank = range(gaps.drones)
     while True:
         before = [pair for pair in before if chosen.isdisjoint(pair)]
-        stuck = set(ordered(table.drones, before, rank)[1])
+        stuck = set(ordered(gaps.drones, before, rank)[1])
         # Backwards, too: what is only behind a circle is in none.
         inside = [pair for pair in before if stuck.issuperset(pair)]
         turned = [(later, earlier) for earlier, later in inside]
-        stuck = set(ordered(table.drones, turned, rank)[1])
+        stuck = set(ordered(gaps.drones, turned, rank)[1])
         if not stuck:
             return np.array(sorted(chosen), dtype=np.int64)
         inside = [pair for pair in inside if stuck.issuperset(pair)]

@@ -18,12 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.distances import boxes_within, dot, part_distance, point_distance
+from showc.mission.distances import dot, near_pairs, nearest_pair, part_distance
 from showc.mission.following import SETTLING, SLOWEST, law_time
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from showc.mission.law import LegProfile
@@ -99,51 +97,17 @@ def closest_encounter(
     if motion.begin.shape[0] < 2 or not np.any(moving):
         return None
     best = _nearest_at_rest(motion, separation, moving)
+    if best.distance < enough:
+        return best
     everywhere = np.nextafter(best.distance, np.inf)
     farthest = motion.begin + motion.stretch[:, None] * (motion.end - motion.begin)
-    found_a, found_b, swept = [], [], []
-    for pairs in _pairs(moving):
-        meet = boxes_within((motion.begin, farthest), pairs, separation, everywhere)
-        a, b = pairs[0][meet], pairs[1][meet]
-        bound = part_distance(
-            (motion.begin[a], farthest[a]), (motion.begin[b], farthest[b]),
-            separation,
-        )  # fmt: skip
-        near = bound < everywhere
-        found_a.append(a[near])
-        found_b.append(b[near])
-        swept.append(bound[near])
-    a, b = np.concatenate(found_a), np.concatenate(found_b)
+    a, b = near_pairs((motion.begin, farthest), separation, everywhere, moving)
+    bound = part_distance(
+        (motion.begin[a], farthest[a]), (motion.begin[b], farthest[b]), separation
+    )
+    near = bound < everywhere
+    a, b = a[near], b[near]
     return _branch_and_bound(motion, separation, (a, b), best, enough)
-
-
-def pairs_apart(
-    motion: Motion,
-    separation: Separation,
-    pairs: tuple[IntArray, IntArray],
-    required: float,
-) -> NDArray[np.bool_]:
-    """Return which of the ``pairs`` are proved to keep ``required`` [m], shape (m,).
-
-    A pair that is undecided when the pieces are shorter than ``SHORTEST_PIECE`` counts
-    as too near.
-    """
-    apart = np.ones(pairs[0].size, dtype=np.bool_)
-    pieces = FIRST_PIECES
-    which = np.repeat(np.arange(pairs[0].size), pieces)
-    piece = np.tile(np.arange(pieces), pairs[0].size)
-    span = motion.window[1] - motion.window[0]
-    while which.size and span / pieces > SHORTEST_PIECE:
-        chosen = pairs[0][which], pairs[1][which]
-        bound, value = _examine(motion, separation, chosen, piece, span / pieces)
-        apart[which[value < required]] = False
-        left = (bound < required) & apart[which]
-        which = np.repeat(which[left], 2)
-        piece = np.repeat(2 * piece[left], 2)
-        piece[1::2] += 1
-        pieces *= 2
-    apart[which] = False
-    return apart
 
 
 def _branch_and_bound(
@@ -303,30 +267,15 @@ def _relative_speed(
     return np.asarray(np.sqrt(greatest))
 
 
-def _pairs(moving: NDArray[np.bool_]) -> Iterator[tuple[IntArray, IntArray]]:
-    """All pairs of which at least one moves, in blocks."""
-    count = moving.size
-    rows = max(1, BLOCK // count)
-    for top in range(0, count, rows):
-        a, b = np.meshgrid(
-            np.arange(top, min(top + rows, count)), np.arange(count), indexing="ij"
-        )
-        wanted = (a < b) & (moving[a] | moving[b])
-        yield a[wanted], b[wanted]
-
-
 def _nearest_at_rest(
     motion: Motion, separation: Separation, moving: NDArray[np.bool_]
 ) -> Closest:
     """Nearest pair before the window's legs begin or after they end."""
-    best = Closest(0, 0, motion.window[0], np.inf)
-    for a, b in _pairs(moving):
-        for points, time in (
-            (motion.begin, motion.window[0]),
-            (motion.end, motion.window[1]),
-        ):
-            value = point_distance(points[a], points[b], separation)
-            if value.size and value.min() < best.distance:
-                least = int(np.argmin(value))
-                best = Closest(int(a[least]), int(b[least]), time, float(value[least]))
-    return best
+    before, after = (
+        Closest(*found[:2], time, found[2])
+        for found, time in (
+            (nearest_pair(motion.begin, separation, moving), motion.window[0]),
+            (nearest_pair(motion.end, separation, moving), motion.window[1]),
+        )
+    )
+    return after if after.distance < before.distance else before

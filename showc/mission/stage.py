@@ -10,11 +10,12 @@ import numpy as np
 from showc.mission import law
 from showc.mission.following import law_time, leg_overshoot, time_followed
 from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
+from showc.mission.speeds import fitting_speed, speed_for
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.mission.law import LegProfile
+    from showc.mission.law import LegLimits, LegProfile
     from showc.mission.parameters import Parameters
     from showc.vehicle import Limits
 
@@ -55,7 +56,8 @@ class Stage:
     command: FloatArray
     """Commanded horizontal or vertical speed, shape (n,) [m/s]."""
     wait: FloatArray
-    """How long after the stage's release each one leaves, shape (n,), whole [s]."""
+    """How long after the stage's release each one leaves, shape (n,), multiples of
+    0.1 s [s]."""
 
     @property
     def duration(self) -> float:
@@ -102,6 +104,68 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Straight legs of n drones that move, before it is said how long they take."""
+
+    drones: IntArray
+    """Who flies, counting from 0, shape (n,)."""
+    begin: FloatArray
+    """Where from, shape (n, 3), show frame [m], on the mission's grid."""
+    end: FloatArray
+    """Where to, likewise."""
+    stored: GlobalPoints
+    """The ends as the mission stores them."""
+    limits: LegLimits
+    """What the autopilot and the show allow along each leg."""
+    fastest: FloatArray
+    """Greatest cruise speed that each leg has room for, shape (n,) [m/s]."""
+    shortest: FloatArray
+    """Shortest time of each leg, shape (n,) [s]."""
+    parameters: Parameters
+    """The autopilot's."""
+
+    @property
+    def together(self) -> float:
+        """Shortest time in which all of them can be flown [s]."""
+        return float(self.shortest.max(initial=0.0))
+
+    def lasting(self, duration: float | FloatArray) -> Stage:
+        """Return the stage whose legs take ``duration`` [s], one for all or (n,).
+
+        A leg that needs longer takes its shortest time; none is slower than
+        autopilots heed.
+        """
+        level, climb = self.limits.level, self.limits.climb
+        by_climb = level < STEEP
+        steering = np.where(by_climb, np.abs(climb), level)
+        wanted = np.maximum(duration, self.shortest)
+        chosen = speed_for(
+            self.limits,
+            self.parameters,
+            wanted,
+            SLOWEST_COMMAND / steering,
+            self.fastest,
+        )
+        command = np.maximum(
+            np.floor(chosen * steering / COMMAND_STEP + 1e-6) * COMMAND_STEP,
+            SLOWEST_COMMAND,
+        )
+        cruise = np.minimum(command / steering, self.fastest)
+        return Stage(
+            self.drones,
+            self.begin,
+            self.end,
+            self.stored,
+            law.profile(self.limits, self.parameters, cruise),
+            level,
+            climb,
+            by_climb,
+            command,
+            np.zeros(self.drones.size),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class StageBuilder:
     """What stages of one show have in common."""
 
@@ -120,6 +184,46 @@ class StageBuilder:
         stored = self.frame.round_points(points, home)
         return stored, self.frame.place(stored, home)
 
+    def lines(
+        self,
+        drones: IntArray,
+        begin: FloatArray,
+        end: FloatArray,
+        limits: Limits,
+        *,
+        speed: float = np.inf,
+    ) -> Lines:
+        """Return the straight legs of those drones that move.
+
+        Parameters
+        ----------
+        drones
+            Shape (n,). Those that do not move are left out.
+        begin, end
+            Shape (n, 3), show frame [m].
+        limits
+            Whose velocities hold.
+        speed
+            Further limit of the speed along the leg [m/s].
+        """
+        start, begin = self.on_grid(drones, begin)
+        goal, end = self.on_grid(drones, end)
+        moves = (
+            (start.latitude != goal.latitude)
+            | (start.longitude != goal.longitude)
+            | (start.height != goal.height)
+        )
+        start, goal = start.select(moves), goal.select(moves)
+        begin, end = begin[moves], end[moves]
+        displacement = autopilot_displacement(start, goal, self.frame.latitude)
+        allowed = np.minimum(_box_speed(end - begin, limits), speed)
+        leg = law.leg_limits(displacement, self.parameters, allowed)
+        fastest = fitting_speed(leg, self.parameters)
+        shortest = law.profile(leg, self.parameters, fastest).duration
+        return Lines(
+            drones[moves], begin, end, goal, leg, fastest, shortest, self.parameters
+        )
+
     def build(
         self,
         drones: IntArray,
@@ -132,58 +236,11 @@ class StageBuilder:
     ) -> Stage:
         """Return the stage that takes ``duration`` [s], or the shortest that may be.
 
-        Parameters
-        ----------
-        drones
-            Shape (n,). Those that do not move are left out.
-        begin, end
-            Shape (n, 3), show frame [m].
-        limits
-            Whose velocities hold.
-        duration
-            Wanted time [s]; where a drone needs longer, all take as long as it does.
-        speed
-            Further limit of the speed along the leg [m/s].
+        Where a drone needs longer, all take as long as it does; the other parameters
+        are those of :meth:`lines`.
         """
-        start, _ = self.on_grid(drones, begin)
-        goal, _ = self.on_grid(drones, end)
-        moves = (
-            (start.latitude != goal.latitude)
-            | (start.longitude != goal.longitude)
-            | (start.height != goal.height)
-        )
-        drones = drones[moves]
-        start, begin = self.on_grid(drones, begin[moves])
-        goal, end = self.on_grid(drones, end[moves])
-        displacement = autopilot_displacement(start, goal, self.frame.latitude)
-        fastest = np.minimum(_box_speed(end - begin, limits), speed)
-        leg = law.leg_limits(displacement, self.parameters, fastest)
-        shortest = law.profile(leg, self.parameters)
-        wanted = max(duration, float(shortest.duration.max(initial=0.0)))
-        by_climb = leg.level < STEEP
-        steering = np.where(by_climb, np.abs(leg.climb), leg.level)
-        chosen = law.speed_for(
-            leg,
-            self.parameters,
-            np.full(drones.size, wanted),
-            SLOWEST_COMMAND / steering,
-        )
-        command = np.maximum(
-            np.floor(chosen * steering / COMMAND_STEP + 1e-6) * COMMAND_STEP,
-            SLOWEST_COMMAND,
-        )
-        return Stage(
-            drones,
-            begin,
-            end,
-            goal,
-            law.profile(leg, self.parameters, command / steering),
-            leg.level,
-            leg.climb,
-            by_climb,
-            command,
-            np.zeros(drones.size),
-        )
+        lines = self.lines(drones, begin, end, limits, speed=speed)
+        return lines.lasting(max(duration, lines.together))
 
 
 def _box_speed(displacement: FloatArray, limits: Limits) -> FloatArray:

@@ -1,10 +1,12 @@
-"""Whose straight legs can pass each other by leaving at different whole seconds.
+"""When the drones of a stage leave, so that those whose lines meet pass one by one.
 
-For every pair of drones whose lines come too near, a table says at which differences of
-their releases the pair is proved apart. Giving out the releases is then a colouring
-with these tables as constraints, done greedily in several orders. Where a line passes
-another drone's start or end, only one of the two can fly first; orders that respect all
-of this exist unless it goes round in circles, and then every drone finds a release.
+Every pair whose lines come too near has an interval of differences of release that are
+forbidden. Giving out releases is scheduling with such pairs as constraints: each drone
+in turn takes the first release that those before it allow. The order counts: those on
+whom the longest chains of others wait come first, and some other orders are tried, too.
+Where a line passes another drone's start or end, only one of the two can pass first;
+orders that respect all of this exist unless it goes round in circles, and then every
+drone finds a release.
 """
 
 from __future__ import annotations
@@ -15,50 +17,98 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from showc.mission.pair_table import PairTable
+    from showc.mission.gaps import Gaps
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
-    Neighbours = list[list[tuple[int, BoolArray]]]
+    Near = list[list[tuple[int, int, int]]]
+
+STEP = 0.1
+"""Releases are whole multiples of this [s]."""
 
 LONGEST_WAIT = 600
 """Nobody leaves later than this after the first [s]."""
 
 SHUFFLES = 20
-"""Random orders that are tried, besides the orderly ones."""
+"""Orders with something random in them that are tried, besides the orderly one."""
 
 MOST_TRIES = 200_000
-"""Drones placed in all orders together: with more drones, fewer orders are tried."""
+"""Pairs looked at in all orders together: with more pairs, fewer orders are tried."""
+
+MARGIN = 0.01
+"""How much farther than their gap two releases are apart [s]."""
+
+NEVER = 10**9
 
 
-def staggered(table: PairTable) -> FloatArray | None:
+def staggered(
+    gaps: Gaps, takes: FloatArray, margin: float = MARGIN
+) -> FloatArray | None:
     """Return how long each drone of a stage waits, so that all keep apart.
+
+    Parameters
+    ----------
+    gaps
+        Of the stage's n drones.
+    takes
+        How long each one flies, shape (n,) [s]: the last arrival is to be early.
+    margin
+        How much farther than their gap two releases are apart [s].
 
     Returns
     -------
     ndarray or None
-        Whole seconds, shape (n,), least zero; None if no such waits are found.
+        Multiples of ``STEP``, shape (n,) [s], least zero; None if there are no such
+        waits, or none is found.
     """
-    if not table.first.size or not np.all(table.allowed.any(axis=1)):
+    if gaps.hopeless():
         return None
-    neighbours = table.neighbours()
-    conflicts = sum(len(near) for near in neighbours)
-    shuffles = min(SHUFFLES, MOST_TRIES // max(conflicts, 1))
-    found = [
-        waits
-        for order, forward in _orders(table, neighbours, shuffles)
-        if (waits := _give_out(order, neighbours, table.reach, forward=forward))
-        is not None
-    ]
-    if not found:
+    after, before = (
+        np.where(
+            np.isfinite(gap),
+            np.ceil((gap + margin) / STEP - 1e-9),
+            np.sign(gap) * NEVER,
+        ).astype(np.int64)
+        for gap in (gaps.after, gaps.before)
+    )
+    first, second = gaps.first, gaps.second
+    # Whom each drone is near, how much later it may leave, and how much sooner.
+    near: Near = [[] for _ in range(gaps.drones)]
+    for one, other, a, b in zip(
+        first.tolist(), second.tolist(), after.tolist(), before.tolist(), strict=True
+    ):
+        near[one].append((other, b, a))
+        near[other].append((one, a, b))
+    order = gaps.order()
+    flights = np.ceil(takes / STEP).astype(np.int64)
+    tails = _tails(near, order, flights.tolist())
+    if tails is None:
         return None
-    best = min(found, key=lambda waits: (waits.max(), waits.sum()))
-    return np.asarray(best, dtype=np.float64)
+    best: tuple[float, list[int]] | None = None
+    shuffle = np.random.default_rng(0)
+    spread = max(tails) - min(tails) + 1
+    for attempt in range(1 + min(SHUFFLES, MOST_TRIES // max(2 * first.size, 1))):
+        chance = shuffle.random(gaps.drones)
+        rank = -np.array(tails, dtype=np.float64)
+        if attempt:
+            rank += (0.02 + 0.04 * (attempt % 4)) * spread * chance
+        turns, _ = ordered(gaps.drones, order, rank.tolist())
+        waits = _give_out(turns, near)
+        if waits is None:
+            continue
+        end = float((np.array(waits) * STEP + takes).max(initial=0.0))
+        if best is None or end < best[0]:
+            best = end, waits
+        if not any(waits) or max(waits) * STEP > LONGEST_WAIT:
+            break
+    if best is None or max(best[1], default=0) * STEP > LONGEST_WAIT:
+        return None
+    found = np.array(best[1], dtype=np.float64)
+    return np.asarray(np.round((found - found.min(initial=0.0)) * STEP, 6))
 
 
 def ordered(
@@ -92,52 +142,40 @@ def ordered(
     return order, [item for item in range(count) if missing[item]]
 
 
-def _orders(
-    table: PairTable, neighbours: Neighbours, shuffles: int
-) -> Iterator[tuple[list[int], bool]]:
-    """Orders in which releases are given out, and whether only forward in time."""
-    count = len(neighbours)
-    busy = [-len(near) for near in neighbours]
-    shuffle = np.random.default_rng(0)
-    ranks: list[Sequence[float]] = [busy, range(count)]
-    ranks += [shuffle.random(count).tolist() for _ in range(shuffles)]
-    before = table.order()
-    for rank in ranks:
-        yield sorted(range(count), key=lambda drone: (rank[drone], drone)), False
-        order, circles = ordered(count, before, rank)
-        if before and not circles:
-            yield order, True
+def _tails(
+    near: Near, order: list[tuple[int, int]], flights: list[int]
+) -> list[int] | None:
+    """From each drone's release to the end of the longest chain that waits for it.
 
-
-def _give_out(
-    order: list[int], neighbours: Neighbours, reach: int, *, forward: bool
-) -> IntArray | None:
-    """Give each drone in turn the first release that its neighbours allow.
-
-    Unless ``forward``, releases may come before the first one's: the least is moved to
-    zero at the end.
+    In steps; None if what must come first goes round in circles.
     """
-    given: dict[int, int] = {}
-    if forward:
-        tries: Sequence[int] = range(LONGEST_WAIT + 1)
-    else:
-        around = range(-3 * reach, 3 * reach + 1)
-        tries = sorted(around, key=lambda k: (abs(k), k < 0))
-    for drone in order:
-        near = [
-            (given[other], allowed)
-            for other, allowed in neighbours[drone]
-            if other in given
-        ]
-        for wait in tries:
-            if all(
-                allowed[min(max(wait - other, -reach), reach) + reach]
-                for other, allowed in near
-            ):
-                given[drone] = wait
+    turns, circles = ordered(len(near), order, range(len(near)))
+    if circles:
+        return None
+    tails = list(flights)
+    for drone in reversed(turns):
+        for other, ahead, behind in near[drone]:
+            # The other one can only come after this one.
+            if ahead >= NEVER > behind:
+                tails[drone] = max(tails[drone], behind + tails[other])
+    return tails
+
+
+def _give_out(turns: list[int], near: Near) -> list[int] | None:
+    """Give each drone in turn the first release, in steps, that the others allow."""
+    given = [-1] * len(near)
+    for drone in turns:
+        wait = 0
+        forbidden = sorted(
+            (given[other] - behind, given[other] + ahead)
+            for other, ahead, behind in near[drone]
+            if given[other] >= 0
+        )
+        for low, high in forbidden:
+            if low >= wait:
                 break
-        else:
+            wait = max(wait, high)
+        if wait >= NEVER // 2:
             return None
-    waits = np.array([given[drone] for drone in range(len(order))], dtype=np.int64)
-    waits -= waits.min()
-    return waits if waits.max() <= LONGEST_WAIT else None
+        given[drone] = wait
+    return given

@@ -18,6 +18,7 @@ from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stag
 from showc.mission.following import SETTLING
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import Closest, Motion, closest_encounter
+from showc.mission.stagger import STEP
 from showc.mission.timing import ANYTIME, CLOCK_LAG, CLOCKED, SPIN_UP
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class ScheduledLeg:
     encoding: Encoding
     """How it is flown."""
     releases: tuple[float, ...]
-    """Mission time at which each stage is released, whole seconds [s]."""
+    """Mission time at which each stage is released, multiples of 0.1 s [s]."""
     planned_start: float
     """Show time at which the solved leg starts [s]."""
     planned_duration: float
@@ -129,6 +130,8 @@ class _Layout:
         self.builder = builder
         self.progress = progress
         self.show = flight.itinerary.show
+        # Drones settle before others fly, however little slack the show gives.
+        self.pause = max(self.show.mission.slack, SETTLING)
         self.arrival = 0.0
         self.free = 0.0
 
@@ -214,7 +217,7 @@ class _Layout:
         self, item: LegFlight, planned_start: float, positions: FloatArray
     ) -> tuple[ScheduledLeg | None, FloatArray]:
         """Encode one leg and put its stages on the clock."""
-        around = Surroundings(positions, self.show.separation, CLOCKED)
+        around = Surroundings(positions, self.show.separation, CLOCKED, self.pause)
         encoding = choose_encoding(item.leg, item, self.builder, around)
         stages = [stage for stage in encoding.stages if stage.drones.size]
         if not stages:
@@ -223,7 +226,7 @@ class _Layout:
         releases = []
         positions = positions.copy()
         for stage in stages:
-            release = float(ceil(self.free - 1e-6))
+            release = round(ceil(self.free / STEP - 1e-6) * STEP, 6)
             releases.append(release)
             self._reached(
                 release + stage.finish() + 0.5 * CLOCK_LAG,
@@ -247,8 +250,7 @@ class _Layout:
     def _reached(self, likely: float, latest: float) -> None:
         """Note an arrival: the next release waits for the slack."""
         self.arrival = likely
-        # Drones settle before others fly, however little slack the show gives.
-        self.free = latest + max(self.show.mission.slack, SETTLING)
+        self.free = latest + self.pause
 
 
 def _at_rest(motion: Motion) -> Motion:

@@ -87,14 +87,27 @@ def test_every_leg_waits_for_its_clock_slot_with_its_speed_already_set(missions)
     assert len(slots) == 3
     for slot in slots:
         assert order[slot - 1] == SPEED
-        after = [c for c in order[slot + 1 :] if c not in {SERVO, CONDITION_DELAY}]
+        between = {SERVO, CONDITION_DELAY, DELAY}
+        after = [c for c in order[slot + 1 :] if c not in between]
         assert after[0] == WAYPOINT
-    clock = [
-        START.replace(hour=int(row[5]), minute=int(row[6]), second=int(row[7]))
-        for row in (table[i] for i in slots)
-    ]
+    moments = [START + timedelta(seconds=second) for second in released(table)]
     slots_utc = [leg["slots_utc"][0] for leg in missions.prediction["legs"]]
-    assert [moment.isoformat() for moment in clock] == slots_utc
+    assert [moment.isoformat() for moment in moments] == slots_utc
+
+
+def released(table):
+    """Mission times at which the timed legs of a file begin [s]."""
+    found = []
+    for number, row in enumerate(table):
+        if row[3] == DELAY and row[4] < 0:
+            clock = [int(value) for value in row[5:8]]
+            moment = START.replace(hour=clock[0], minute=clock[1], second=clock[2])
+            later = table[number + 1]
+            # The clock counts whole seconds; what is missing is waited for after it.
+            part = later[4] if later[3] == DELAY else 0.0
+            assert 0.0 <= part < 1.0
+            found.append((moment - START).total_seconds() + part)
+    return found
 
 
 def test_slots_leave_the_slack_after_the_latest_arrival(missions, flight):
@@ -117,7 +130,7 @@ def straight_leg_times(missions, drone):
         if row[3] == SPEED:
             limits[int(row[4])] = row[5]
         if row[3] == DELAY:
-            timed = row[4] < 0
+            timed = timed or row[4] < 0
         if row[3] in {TAKEOFF, WAYPOINT}:
             here = np.array(
                 [
@@ -293,16 +306,10 @@ def test_crossing_lines_are_flown_one_after_the_other():
     # The slots in the files are as far apart as the prediction says.
     first = staggered[0]
     number = legs.index(first)
-    released = set()
-    for drone in first["drones"]:
-        table = rows(text(missions, drone))
-        slots = [row for row in table if row[3] == DELAY and row[4] < 0]
-        _, hour, minute, second = slots[number][4:8]
-        moment = START.replace(hour=int(hour), minute=int(minute), second=int(second))
-        released.add((moment - START).total_seconds())
+    slots = {released(rows(text(missions, drone)))[number] for drone in first["drones"]}
     longest = float(first["encoding"].split()[-2])
-    assert min(released) == first["slot"]
-    assert max(released) == first["slot"] + longest
+    assert min(slots) == pytest.approx(first["slot"])
+    assert max(slots) == pytest.approx(first["slot"] + longest)
     places = missions.predicted.position(
         np.arange(0.0, missions.predicted.duration, 0.05)
     )
