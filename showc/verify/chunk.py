@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -93,7 +94,7 @@ def inflate(view: memoryview, head: ChunkHead) -> bytes:
             f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused",
         )
     if head.compression == "zstd":
-        data = _decompress(bytes(view[start:stop]), size, start)
+        data = _decompress(view[start:stop], size, start)
     elif not head.compression:
         data = bytes(view[start:stop])
     else:
@@ -105,18 +106,23 @@ def inflate(view: memoryview, head: ChunkHead) -> bytes:
     return data
 
 
-def _decompress(packed: bytes, size: int, offset: int) -> bytes:
+@lru_cache(maxsize=1)
+def _unpacker() -> zstandard.ZstdDecompressor:
+    # Its tables take longer to make than a small chunk to unpack.
+    return zstandard.ZstdDecompressor()
+
+
+def _decompress(packed: memoryview, size: int, offset: int) -> bytes:
     try:
         declared = zstandard.get_frame_parameters(packed).content_size
         if declared == size:
-            unpacker = zstandard.ZstdDecompressor()
-            return bytes(unpacker.decompress(packed, max_output_size=size))
+            return _unpacker().decompress(packed, max_output_size=size)
         if declared != zstandard.CONTENTSIZE_UNKNOWN:
             raise Damage(
                 offset, f"a chunk declares {size:,} bytes, its packing {declared:,}"
             )
         # One byte more than declared lets an overlong stream show itself.
-        with zstandard.ZstdDecompressor().stream_reader(packed) as stream:
+        with _unpacker().stream_reader(packed) as stream:
             return bytes(stream.read(size + 1))
     except (zstandard.ZstdError, MemoryError, ValueError) as error:
         raise Damage(offset, f"a chunk does not unpack ({error})") from error

@@ -1,6 +1,6 @@
 """The container: every byte of an MCAP file accounted for.
 
-Reads the file from the first byte to the last, once, and believes nothing that it has
+Reads the file from the first byte to the last and believes nothing that it has
 not recomputed: magics, lengths, CRCs, message indexes, sequence numbers, order in time,
 and the whole summary. What it cannot confirm is damage (:class:`DamagedLogError`);
 only a CRC that the writer left out is no more than a warning.
@@ -11,16 +11,17 @@ from __future__ import annotations
 import mmap
 import zlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import UsageError
-from showc.verify.chunk import ChunkHead, Messages, inflate, scan
 from showc.verify.damage import Damage, DamagedLogError
+from showc.verify.indexes import MessageIndexes
 from showc.verify.logfile import Chunk, LogFile, release
 from showc.verify.order import Order
+from showc.verify.outline import Outline, content, next_record
 from showc.verify.records import (
-    HEAD,
     MAGIC,
     Attachment,
     Channel,
@@ -31,14 +32,26 @@ from showc.verify.records import (
     Schema,
 )
 from showc.verify.summary import Contents, check_summary
+from showc.verify.unpack import unpack
+
+if TYPE_CHECKING:
+    from showc.verify.outline import Record
+    from showc.verify.unpack import Unpacked
 
 _TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
 that stand beside those that move."""
 
 
-def open_log(path: Path) -> LogFile:
+def open_log(path: Path, jobs: int | None = 1) -> LogFile:
     """Read every byte of the file and return it with all its contents located.
+
+    Parameters
+    ----------
+    path
+        The file.
+    jobs
+        Processes to share the work; None: one for each core.
 
     Raises
     ------
@@ -61,7 +74,7 @@ def open_log(path: Path) -> LogFile:
     view = memoryview(mapped)
     walk = _Walk(path, view)
     try:
-        return walk.run()
+        return walk.run(jobs)
     except Damage as damage:
         raise DamagedLogError(
             str(path), damage.text, damage.offset, walk.good_until
@@ -82,11 +95,12 @@ class _Walk:
         self._epoch: int | None = None
         self._strict = np.ones(1 << 16, dtype=bool)
         # The chunk whose message indexes are being read.
-        self._open: tuple[int, int, Messages, ChunkHead] | None = None
-        self._open_indexes: dict[int, int] = {}
+        self._open: tuple[Record, Unpacked, MessageIndexes] | None = None
         self._open_end = 0
+        self._unpacked: dict[int, Unpacked | Damage] = {}
+        self._crc = 0
 
-    def run(self) -> LogFile:
+    def run(self, jobs: int | None) -> LogFile:
         view = self.view
         if len(view) == 0:
             raise Damage(0, "the file is empty")
@@ -98,18 +112,16 @@ class _Walk:
         if position == len(view):
             raise Damage(position, "the file ends after its first eight bytes")
         position = self._header(position)
-        position = self._data_section(position)
+        position = self._data_section(position, jobs)
         check_summary(view, position, self.contents, self.warnings)
         release(view)
         return LogFile(self.path, view, self.contents, self.chunks, self.warnings)
 
-    def _record(self, position: int) -> tuple[int, Cursor]:
-        return next_record(self.view, position)
-
     def _header(self, position: int) -> int:
-        opcode, cursor = self._record(position)
-        if opcode != Opcode.HEADER:
+        record = next_record(self.view, position)
+        if record.opcode != Opcode.HEADER:
             raise Damage(position, "the first record is not a header")
+        cursor = content(self.view, record)
         profile, library = cursor.text("profile"), cursor.text("library")
         cursor.close("header")
         if profile or not library.startswith("showc"):
@@ -120,48 +132,56 @@ class _Walk:
             )
         return cursor.stop
 
-    def _data_section(self, position: int) -> int:
+    def _data_section(self, position: int, jobs: int | None) -> int:
         """Read up to and with the Data End record; return where the summary begins."""
-        while True:
-            opcode, cursor = self._record(position)
-            if opcode != Opcode.MESSAGE_INDEX:
-                self._close_chunk(position)
-            if opcode == Opcode.CHUNK:
-                self._chunk(position, cursor)
-            elif opcode == Opcode.MESSAGE_INDEX:
-                self._message_index(position, cursor)
-            elif opcode == Opcode.SCHEMA:
-                self.contents.add_schema(Schema.read(cursor), position)
-            elif opcode == Opcode.CHANNEL:
-                self._channel(Channel.read(cursor), position)
-            elif opcode == Opcode.ATTACHMENT:
-                self._attachment(position, cursor)
-            elif opcode == Opcode.METADATA:
-                self._metadata(position, cursor)
-            elif opcode == Opcode.DATA_END:
-                self._data_end(position, cursor)
-                return cursor.stop
-            else:
-                raise Damage(
-                    position,
-                    f"a record of kind {opcode} stands where the data of the show "
-                    "should go on or end",
-                )
-            position = cursor.stop
+        outline = Outline(self.view, position)
+        self._unpacked, self._crc = unpack(self.view, outline, jobs)
+        for record in outline:
+            self._take(record)
+            position = record.stop
+        return position
+
+    def _take(self, record: Record) -> None:
+        """Take the next record, in the order of the file."""
+        opcode, position = record.opcode, record.position
+        cursor = content(self.view, record)
+        if opcode != Opcode.MESSAGE_INDEX:
+            self._close_chunk(position)
+        if opcode == Opcode.CHUNK:
+            self._chunk(record)
+        elif opcode == Opcode.MESSAGE_INDEX:
+            self._message_index(position, cursor)
+        elif opcode == Opcode.SCHEMA:
+            self.contents.add_schema(Schema.read(cursor), position)
+        elif opcode == Opcode.CHANNEL:
+            self._channel(Channel.read(cursor), position)
+        elif opcode == Opcode.ATTACHMENT:
+            self._attachment(position, cursor)
+        elif opcode == Opcode.METADATA:
+            self._metadata(position, cursor)
+        elif opcode == Opcode.DATA_END:
+            self._data_end(position, cursor)
+        else:
+            raise Damage(
+                position,
+                f"a record of kind {opcode} stands where the data of the show should "
+                "go on or end",
+            )
 
     def _channel(self, channel: Channel, position: int) -> None:
         self.contents.add_channel(channel, position)
         self._strict[channel.number] = channel.topic not in _TIES_ALLOWED
 
-    def _chunk(self, position: int, cursor: Cursor) -> None:
-        head = ChunkHead.read(cursor)
+    def _chunk(self, record: Record) -> None:
+        unpacked, position = self._unpacked[record.position], record.position
+        if isinstance(unpacked, Damage):
+            raise unpacked
+        head, messages = unpacked.head, unpacked.messages
         if not head.crc:
             self.warnings.append((position, "a chunk has no CRC"))
-        data = inflate(self.view, head)
-        messages, schemas, channels = scan(data, position)
-        for schema in schemas:
+        for schema in unpacked.schemas:
             self.contents.add_schema(schema, position)
-        for channel in channels:
+        for channel in unpacked.channels:
             self._channel(channel, position)
         self.order.add(
             head.start_time,
@@ -172,9 +192,8 @@ class _Walk:
             offset=position,
         )
         self.chunks.append(Chunk(head, messages))
-        self._open = (position, cursor.stop, messages, head)
-        self._open_indexes = {}
-        self._open_end = cursor.stop
+        self._open = (record, unpacked, MessageIndexes(messages))
+        self._open_end = record.stop
 
     def _message_index(self, position: int, cursor: Cursor) -> None:
         if self._open is None:
@@ -182,42 +201,27 @@ class _Walk:
         channel = cursor.number(2, "channel of a message index")
         start, stop = cursor.raw(4, "entries of a message index")
         cursor.close("message index")
-        if (stop - start) % 16 or channel in self._open_indexes:
-            raise Damage(position, "a message index is malformed")
-        entries = np.frombuffer(self.view[start:stop], dtype="<u8").reshape(-1, 2)
-        messages = self._open[2]
-        mine = messages.channel == channel
-        times = messages.log_time[mine].astype(np.uint64)
-        records = messages.record[mine].astype(np.uint64)
-        by_place = np.argsort(entries[:, 1], kind="stable")
-        if not (
-            np.array_equal(entries[by_place, 0], times)
-            and np.array_equal(entries[by_place, 1], records)
-        ):
-            raise Damage(
-                position,
-                "a message index does not say where the messages of its chunk lie",
-            )
-        self._open_indexes[channel] = position
+        _, _, indexes = self._open
+        indexes.take(channel, bytes(self.view[start:stop]), position)
         self._open_end = cursor.stop
 
     def _close_chunk(self, position: int) -> None:
         """All message indexes of the last chunk are read: hold them against it."""
         if self._open is None:
             return
-        offset, after, messages, head = self._open
+        record, (head, messages, _, _), indexes = self._open
         self._open = None
-        if set(self._open_indexes) != set(np.unique(messages.channel).tolist()):
+        if not indexes.complete:
             raise Damage(position, "a chunk lacks the index of one of its channels")
         start, stop = head.data
         self.contents.chunks.append(
             ChunkIndex(
                 start_time=head.start_time,
                 end_time=head.end_time,
-                offset=offset,
-                length=after - offset,
-                index_offsets=tuple(sorted(self._open_indexes.items())),
-                index_length=self._open_end - after,
+                offset=record.position,
+                length=record.stop - record.position,
+                index_offsets=tuple(sorted(indexes.positions.items())),
+                index_length=self._open_end - record.stop,
                 compression=head.compression,
                 compressed_size=stop - start,
                 uncompressed_size=head.uncompressed_size,
@@ -272,27 +276,9 @@ class _Walk:
         cursor.close("data end")
         if not crc:
             self.warnings.append((position, "the data as a whole have no CRC"))
-        elif zlib.crc32(self.view[:position]) != crc:
+        elif self._crc != crc:
             raise Damage(
                 position,
                 "the CRC of the data as a whole does not fit: metadata, an index or "
                 "the head of a record was altered",
             )
-
-
-def next_record(view: memoryview, position: int) -> tuple[int, Cursor]:
-    """Opcode and content of the record at ``position``."""
-    left = len(view) - position
-    if left == 0:
-        raise Damage(position, "the file ends where a record should follow: it was cut")
-    if left < HEAD.size:
-        raise Damage(position, f"the file ends {left} bytes into a record: it was cut")
-    opcode, size = HEAD.unpack_from(view, position)
-    if size > left - HEAD.size:
-        raise Damage(
-            position,
-            f"a record of {size:,} bytes begins where {left - HEAD.size:,} are left: "
-            "the file was cut or altered",
-        )
-    start = position + HEAD.size
-    return opcode, Cursor(view, start, start + size)

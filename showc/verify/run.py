@@ -108,7 +108,7 @@ def verify_log(
     """
     watch = progress or _Silent()
     watch.stage("reading every byte")
-    log = open_log(Path(path))
+    log = open_log(Path(path), jobs)
     try:
         # What overflows is infinite or undefined, and no check passes with that.
         with np.errstate(all="ignore"):
