@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
-from collections import defaultdict
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
 from showc.verify.damage import Damage
-from showc.verify.show import (
-    CONTROL_COMPONENTS,
-    STATE_COMPONENTS,
-    LoggedShow,
-    PieceTable,
-    Segment,
-)
-from showc.verify.wire import numbers_and_doubles
+from showc.verify.show import LARGEST, LoggedShow
+from showc.verify.trajectories import read_segments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,21 +26,9 @@ FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
 
 RULES, SEGMENTS = "/show/rules", "/show/segments"
-TRAJECTORY = re.compile(r"/drone/(\d+)/trajectory")
 
-LARGEST, SMALLEST = 1e9, 1e-15
-"""Range of numbers that a show can hold (SI): beyond it products leave float64."""
-
-_LARGEST_DEGREE = 60
-"""Beyond it binomials lose digits; no useful polynomial has it."""
-
-
-class _Trajectory(NamedTuple):
-    segment: int
-    drone: int
-    breaks: FloatArray
-    state: FloatArray
-    control: FloatArray
+SMALLEST = 1e-15
+"""Least number that what is positive can be (SI): below it quotients leave float64."""
 
 
 def read_show(log: LogFile) -> LoggedShow:
@@ -71,7 +51,7 @@ def read_show(log: LogFile) -> LoggedShow:
         raise Damage(
             0, f"the last segment ends at {end} s, the show at {rules.duration} s"
         )
-    segments = _trajectories(log, rules, messages, epoch)
+    segments = read_segments(log, rules, messages, epoch)
     return LoggedShow(
         rules, tuple(segment for _, segment in sorted(segments.items())), epoch
     )
@@ -198,126 +178,3 @@ def _check_segment(message: pb.Segment, rules: pb.Rules, offset: int) -> None:
         and math.isfinite(certificate.single_drone_minimum)
     ):
         raise Damage(offset, f"segment {message.name!r} contradicts itself")
-
-
-def _trajectories(
-    log: LogFile, rules: pb.Rules, messages: dict[int, pb.Segment], epoch: int
-) -> dict[int, Segment]:
-    channels = {
-        number: int(match[1]) - 1
-        for number, channel in log.channels.items()
-        if (match := TRAJECTORY.fullmatch(channel.topic))
-    }
-    if sorted(channels.values()) != list(range(rules.drones)):
-        raise Damage(
-            0,
-            f"there are trajectories of {len(channels)} drones, not of {rules.drones}",
-        )
-    gathering = _Gathering(messages, epoch)
-    for data, m, offset in log.read(set(channels)):
-        for start, size, time, channel in zip(
-            m.payload.tolist(),
-            m.size.tolist(),
-            m.log_time.tolist(),
-            m.channel.tolist(),
-            strict=True,
-        ):
-            trajectory = _trajectory(data, start, size, offset)
-            if trajectory.drone != channels[channel]:
-                raise Damage(offset, "a trajectory is on another drone's channel")
-            gathering.add(trajectory, time, offset)
-    for index, message in messages.items():
-        if index not in gathering.whole:
-            raise Damage(
-                0, f"segment {message.name!r} lacks the trajectories of its drones"
-            )
-    return gathering.whole
-
-
-class _Gathering:
-    """Collects trajectories until a segment has all of its drones'."""
-
-    def __init__(self, messages: dict[int, pb.Segment], epoch: int) -> None:
-        self.whole: dict[int, Segment] = {}
-        self._messages = messages
-        self._waiting = {
-            index: set(message.drones) for index, message in messages.items()
-        }
-        self._starts = {
-            index: epoch + round(message.start * 1e9)
-            for index, message in messages.items()
-        }
-        self._found: dict[int, list[_Trajectory]] = defaultdict(list)
-
-    def add(self, trajectory: _Trajectory, time: int, offset: int) -> None:
-        """Take the next trajectory of the file."""
-        index = trajectory.segment
-        if trajectory.drone not in self._waiting.get(index, ()):
-            raise Damage(
-                offset,
-                f"drone {trajectory.drone + 1} flies segment {index} twice, or is not "
-                "one of its drones",
-            )
-        if abs(time - self._starts[index]) > 1:
-            raise Damage(offset, "a trajectory is not at its segment's start")
-        self._waiting[index].remove(trajectory.drone)
-        self._found[index].append(trajectory)
-        if not self._waiting[index]:
-            # Copied into tables at once, so that the chunk's bytes can go.
-            found = self._found.pop(index)
-            self.whole[index] = _segment(self._messages[index], found)
-
-
-def _trajectory(data: bytes, start: int, size: int, offset: int) -> _Trajectory:
-    try:
-        integers, doubles = numbers_and_doubles(data, start, start + size)
-    except Damage as damage:
-        raise Damage(offset, damage.text) from damage
-    empty = np.empty(0)
-    breaks = doubles.get(3, empty)
-    degrees = integers.get(4, 0), integers.get(6, 0)
-    state, control = doubles.get(5, empty), doubles.get(7, empty)
-    pieces = breaks.size - 1
-    if not (
-        pieces > 0
-        and max(degrees) <= _LARGEST_DEGREE
-        and state.size == pieces * (degrees[0] + 1) * STATE_COMPONENTS
-        and control.size == pieces * (degrees[1] + 1) * CONTROL_COMPONENTS
-        and _sane(state)
-        and _sane(control)
-        and _sane(breaks)
-        and np.all(np.diff(breaks) > 0.0)
-    ):
-        raise Damage(offset, "a trajectory contradicts itself")
-    return _Trajectory(
-        integers.get(1, 0),
-        integers.get(2, 0),
-        breaks,
-        state.reshape(pieces, degrees[0] + 1, STATE_COMPONENTS),
-        control.reshape(pieces, degrees[1] + 1, CONTROL_COMPONENTS),
-    )
-
-
-def _segment(message: pb.Segment, trajectories: list[_Trajectory]) -> Segment:
-    groups: dict[tuple[int, int], list[_Trajectory]] = defaultdict(list)
-    for trajectory in sorted(trajectories, key=lambda one: one.drone):
-        key = trajectory.state.shape[1], trajectory.control.shape[1]
-        groups[key].append(trajectory)
-    return Segment(
-        message,
-        tuple(_table(group) for _, group in sorted(groups.items())),
-        np.array(message.drones, dtype=np.int64),
-        np.array(message.goals).reshape(-1, 3),
-    )
-
-
-def _table(group: list[_Trajectory]) -> PieceTable:
-    pieces = [trajectory.breaks.size - 1 for trajectory in group]
-    return PieceTable(
-        drones=np.array([trajectory.drone for trajectory in group], dtype=np.int64),
-        first=np.concatenate([[0], np.cumsum(pieces)]).astype(np.int64),
-        start=np.concatenate([trajectory.breaks[:-1] for trajectory in group]),
-        end=np.concatenate([trajectory.breaks[1:] for trajectory in group]),
-        state=np.concatenate([trajectory.state for trajectory in group]),
-        control=np.concatenate([trajectory.control for trajectory in group]),
-    )

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 STATE_COMPONENTS = 12
 CONTROL_COMPONENTS = 4
 
+LARGEST = 1e9
+"""Greatest number that a show can hold (SI): beyond it products leave float64."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PieceTable:

@@ -23,6 +23,8 @@ _VARINT, _FIXED64, _LENGTH, _FIXED32 = 0, 1, 2, 5
 
 def varint(data: bytes, position: int, stop: int) -> tuple[int, int]:
     """Integer at ``position`` and where the next field begins."""
+    if position < stop and data[position] < 0x80:  # most are of one byte
+        return data[position], position + 1
     result = shift = 0
     while position < stop and shift < 64:
         byte = data[position]
@@ -34,15 +36,16 @@ def varint(data: bytes, position: int, stop: int) -> tuple[int, int]:
     raise Damage(position, "a message holds an integer that does not end")
 
 
-def numbers_and_doubles(
+def numbers_and_runs(
     data: bytes, start: int, stop: int
-) -> tuple[dict[int, int], dict[int, FloatArray]]:
+) -> tuple[dict[int, int], dict[int, list[tuple[int, int]]]]:
     """Integers and runs of doubles of the message in ``data[start:stop]``.
 
     Returns
     -------
     dict, dict
-        By field number: the last integer, and all doubles in order.
+        By field number: the last integer, and where runs of doubles begin and end in
+        ``data``, in order.
 
     Raises
     ------
@@ -50,7 +53,7 @@ def numbers_and_doubles(
         If the bytes are no such message.
     """
     integers: dict[int, int] = {}
-    runs: dict[int, list[FloatArray]] = {}
+    runs: dict[int, list[tuple[int, int]]] = {}
     position = start
     while position < stop:
         tag, position = varint(data, position, stop)
@@ -66,13 +69,9 @@ def numbers_and_doubles(
             raise Damage(position, f"a message holds a field of kind {kind}")
         if size > stop - position or size % 8:
             raise Damage(position, "a message holds a run of numbers that is cut")
-        run = np.frombuffer(data, dtype="<f8", count=size // 8, offset=position)
-        runs.setdefault(number, []).append(run)
+        runs.setdefault(number, []).append((position, position + size))
         position += size
-    return integers, {
-        number: parts[0] if len(parts) == 1 else np.concatenate(parts)
-        for number, parts in runs.items()
-    }
+    return integers, runs
 
 
 Path = tuple[int, ...]
