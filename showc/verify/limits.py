@@ -37,14 +37,16 @@ _ROUNDS = 60
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """One limit: ``weights`` . (state, control) <= ``top``."""
+    """One limit: ``sign`` times one quantity <= ``top``."""
 
     quantity: str
     """Family it is reported under."""
     name: str
     """What exactly is limited."""
-    weights: FloatArray
-    """Factors on the 12 states and 4 controls, shape (16,)."""
+    component: int
+    """Which of 12 states, 4 controls, 4 squared rotor speeds."""
+    sign: float
+    """1, or -1 where the quantity is bounded from below."""
     top: float
     """Greatest value allowed."""
     span: float
@@ -86,41 +88,47 @@ def bounds(rules: Rules, limits: Limits) -> list[Bound]:
     found: list[Bound] = []
 
     def both(  # noqa: PLR0917 - a line of a table
-        quantity: str, name: str, weights: FloatArray, low: float, top: float, unit: str
+        quantity: str, name: str, component: int, low: float, top: float, unit: str
     ) -> None:
         span = top - low
         scale = span if span > 0.0 else max(abs(top), 1.0)
-        found.append(Bound(quantity, f"greatest {name}", weights, top, scale, unit))
-        found.append(Bound(quantity, f"least {name}", -weights, -low, scale, unit))
+        found.append(
+            Bound(quantity, f"greatest {name}", component, 1.0, top, scale, unit)
+        )
+        found.append(
+            Bound(quantity, f"least {name}", component, -1.0, -low, scale, unit)
+        )
 
-    unit_vectors = np.eye(16)
     site = rules.site
     low = np.maximum(_xyz(limits.position_min), _xyz(site.volume_min))
     top = np.minimum(_xyz(limits.position_max), _xyz(site.volume_max))
     for axis, name in enumerate("xyz"):
-        both("volume", name, unit_vectors[axis], low[axis], top[axis], "m")
+        both("volume", name, axis, float(low[axis]), float(top[axis]), "m")
     pairs = zip(_xyz(limits.velocity_min), _xyz(limits.velocity_max), strict=True)
     for axis, (low_speed, top_speed) in enumerate(pairs):
         name = ("vx", "vy", "vz")[axis]
-        both("velocity", name, unit_vectors[3 + axis], low_speed, top_speed, "m/s")
+        both("velocity", name, 3 + axis, low_speed, top_speed, "m/s")
     for axis, name in enumerate(("roll", "pitch")):
-        both("tilt", name, unit_vectors[6 + axis], -limits.tilt, limits.tilt, "rad")
+        both("tilt", name, 6 + axis, -limits.tilt, limits.tilt, "rad")
     for axis, (name, top_rate) in enumerate(
         zip("pqr", _xyz(limits.body_rate), strict=True)
     ):
-        both("body rates", name, unit_vectors[9 + axis], -top_rate, top_rate, "rad/s")
-    both("thrust", "U1", unit_vectors[12], limits.thrust_min, limits.thrust_max, "N")
+        both("body rates", name, 9 + axis, -top_rate, top_rate, "rad/s")
+    both("thrust", "U1", 12, limits.thrust_min, limits.thrust_max, "N")
     for axis, (name, torque) in enumerate(
         zip(("U2", "U3", "U4"), _xyz(limits.torque_max), strict=True)
     ):
-        both("torques", name, unit_vectors[13 + axis], -torque, torque, "N m")
-    inverse = (
-        np.linalg.inv(allocation(rules.vehicle)) / rules.vehicle.rotor_speed_max**2
-    )
+        both("torques", name, 13 + axis, -torque, torque, "N m")
     for rotor in range(4):
-        weights = np.concatenate([np.zeros(12), inverse[rotor]])
-        both("rotor speeds", f"rotor {rotor + 1} (squared)", weights, 0.0, 1.0, "")
+        name = f"rotor {rotor + 1} (squared)"
+        both("rotor speeds", name, 16 + rotor, 0.0, 1.0, "")
     return found
+
+
+def rotor_shares(rules: Rules) -> FloatArray:
+    """Return the matrix (4, 4) from control to squared speeds, full speed being 1."""
+    vehicle = rules.vehicle
+    return np.asarray(np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2)
 
 
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
@@ -135,8 +143,9 @@ def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     wanted = bounds(rules, rules.limits[segment.message.limits])
     best: list[Extreme | None] = [None] * len(wanted)
     for table in segment.tables:
+        hulls = _Hulls.of(table, rotor_shares(rules))
         for column, bound in enumerate(wanted):
-            found = _greatest(table, bound)
+            found = _greatest(hulls, bound)
             before = best[column]
             if before is None:
                 best[column] = found
@@ -149,22 +158,76 @@ def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     return [extreme for extreme in best if extreme is not None]
 
 
-def _polynomials(table: PieceTable, bound: Bound) -> FloatArray:
-    """Coefficients (rows, degree + 1) of the limited quantity."""
-    if np.any(bound.weights[:12]):
-        (component,) = np.flatnonzero(bound.weights)
-        return np.asarray(bound.weights[component] * table.state[:, :, component])
-    return np.asarray(table.control @ bound.weights[12:])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hulls:
+    """Ranges of all limited quantities of a table, found in one pass."""
+
+    table: PieceTable
+    rotors: FloatArray
+    """Squared rotor speeds, coefficients, shape (rows, degree + 1, 4)."""
+    top: FloatArray
+    """Greatest coefficient of each of 20 quantities, shape (20, rows)."""
+    low: FloatArray
+    """Least coefficient, shape (20, rows)."""
+    begin: FloatArray
+    """Value at the start of each row, shape (20, rows)."""
+    end: FloatArray
+    """Value at its end, shape (20, rows)."""
+
+    @classmethod
+    def of(cls, table: PieceTable, rotors: FloatArray) -> _Hulls:
+        """Go through the coefficients of a table once."""
+        speeds = table.control @ rotors.T
+        sources = (table.state, table.control, speeds)
+        return cls(
+            table,
+            speeds,
+            _columns([source.max(axis=1) for source in sources]),
+            _columns([source.min(axis=1) for source in sources]),
+            _columns([source[:, 0] for source in sources]),
+            _columns([source[:, -1] for source in sources]),
+        )
+
+    def coefficients(self, quantity: int, rows: NDArray[np.bool_]) -> FloatArray:
+        """Coefficients (n, degree + 1) of one quantity on some rows."""
+        states, controls = self.table.state.shape[2], self.table.control.shape[2]
+        if quantity < states:
+            return self.table.state[rows, :, quantity]
+        if quantity < states + controls:
+            return self.table.control[rows, :, quantity - states]
+        return self.rotors[rows, :, quantity - states - controls]
 
 
-def _greatest(table: PieceTable, bound: Bound) -> Extreme:
-    work = _polynomials(table, bound)
-    row = np.arange(work.shape[0])
-    begin, length = np.zeros(row.size), np.ones(row.size)
-    lower, upper = -np.inf, -np.inf
-    where, moment = 0, 0.0
+def _columns(arrays: list[FloatArray]) -> FloatArray:
+    """Put quantities (rows, n) of several arrays below each other."""
+    return np.ascontiguousarray(np.concatenate(arrays, axis=1).T)
+
+
+def _greatest(hulls: _Hulls, bound: Bound) -> Extreme:
+    number, sign = bound.component, bound.sign
+    # The greatest of -x is minus the least x.
+    hull = hulls.top[number] if sign > 0.0 else -hulls.low[number]
+    first, last = sign * hulls.begin[number], sign * hulls.end[number]
+    table = hulls.table
     resolution = RESOLUTION * bound.span
+    reached = np.maximum(first, last)
+    where = int(np.argmax(reached))
+    lower, moment = float(reached[where]), float(last[where] > first[where])
+    open_ = hull > lower + resolution
+    # What is closed here cannot exceed the greatest value by more than this.
+    upper = float(np.max(hull[~open_], initial=-np.inf))
+    work = sign * hulls.coefficients(number, open_)
+    row = np.flatnonzero(open_)
+    begin, length = np.zeros(row.size), np.ones(row.size)
     for _ in range(_ROUNDS):
+        if row.size == 0:
+            break
+        left, right = halves(work)
+        half = 0.5 * length
+        row = np.tile(row, 2)
+        begin = np.concatenate([begin, begin + half])
+        length = np.tile(half, 2)
+        work = np.concatenate([left, right])
         reached = np.maximum(work[:, 0], work[:, -1])
         best = int(np.argmax(reached))
         if reached[best] > lower:
@@ -174,18 +237,11 @@ def _greatest(table: PieceTable, bound: Bound) -> Extreme:
             moment = float(begin[best] + late * length[best])
         hull = work.max(axis=1)
         open_ = hull > lower + resolution
-        # What is closed here cannot exceed the greatest value by more than this.
         upper = max(upper, float(np.max(hull[~open_], initial=-np.inf)))
-        if not open_.any():
-            break
-        left, right = halves(work[open_])
-        half = 0.5 * length[open_]
-        row = np.tile(row[open_], 2)
-        begin = np.concatenate([begin[open_], begin[open_] + half])
-        length = np.tile(half, 2)
-        work = np.concatenate([left, right])
+        work, row = work[open_], row[open_]
+        begin, length = begin[open_], length[open_]
     else:
-        upper = max(upper, float(work.max()))
+        upper = max(upper, float(work.max(initial=-np.inf)))
     start, end = table.start[where], table.end[where]
     return Extreme(
         bound,
