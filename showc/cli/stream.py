@@ -7,25 +7,15 @@ from pathlib import Path
 
 import click
 
-from showc.cli.upload import numbers
+from showc.cli.vehicles import connect_option, drones_option
 
 
 @click.command(name="stream")
 @click.argument(
     "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
 )
-@click.option(
-    "--connect",
-    "connections",
-    multiple=True,
-    required=True,
-    metavar="udp:HOST:PORT",
-    help="Link to the vehicles: udp: or udpin:HOST:PORT listens, udpout:HOST:PORT "
-    "calls.  May be given more than once.",
-)
-@click.option(
-    "--drones", metavar="1-20,23", help="Only these drones.  [default: all of them]"
-)
+@connect_option
+@drones_option
 @click.option(
     "--rate",
     type=click.FloatRange(min=10.0),
@@ -57,7 +47,7 @@ from showc.cli.upload import numbers
 def command(
     log: Path,
     connections: tuple[str, ...],
-    drones: str | None,
+    drones: list[int] | None,
     rate: float,
     corridor: float,
     link_timeout: float,
@@ -84,7 +74,7 @@ def command(
         report = stream_show(
             log,
             connections=connections,
-            drones=numbers(drones),
+            drones=drones,
             flown=record,
             options=options,
             progress=watcher,

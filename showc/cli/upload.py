@@ -7,24 +7,7 @@ from pathlib import Path
 
 import click
 
-
-def numbers(value: str | None) -> list[int] | None:
-    """Parse ``1-20,23`` into drone numbers, counting from 1."""
-    if value is None:
-        return None
-    chosen: set[int] = set()
-    for part in value.split(","):
-        first, dash, last = part.strip().partition("-")
-        try:
-            low, high = int(first), int(last if dash else first)
-        except ValueError:
-            low, high = 0, 0
-        if not 1 <= low <= high:
-            raise click.BadParameter(
-                f"{part!r} names no drones; wanted such as 1-20,23 (counting from 1)"
-            )
-        chosen.update(range(low, high + 1))
-    return sorted(chosen)
+from showc.cli.vehicles import connect_option, drones_option
 
 
 @click.command(name="upload")
@@ -33,18 +16,8 @@ def numbers(value: str | None) -> list[int] | None:
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     metavar="OUTPUT/",
 )
-@click.option(
-    "--connect",
-    "connections",
-    multiple=True,
-    required=True,
-    metavar="udpin:HOST:PORT",
-    help="Link to the vehicles: udpin:HOST:PORT listens, udpout:HOST:PORT calls.  May "
-    "be given more than once.",
-)
-@click.option(
-    "--drones", metavar="1-20,23", help="Only these drones.  [default: all of them]"
-)
+@connect_option
+@drones_option
 @click.option(
     "--audit",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -63,7 +36,7 @@ def numbers(value: str | None) -> list[int] | None:
 def command(
     folder: Path,
     connections: tuple[str, ...],
-    drones: str | None,
+    drones: list[int] | None,
     audit: Path | None,
     timeout: float,
     as_json: bool,
@@ -86,7 +59,7 @@ def command(
         report = upload_missions(
             folder,
             connections=connections,
-            drones=numbers(drones),
+            drones=drones,
             audit=record,
             timeout=timeout,
             progress=watcher,

@@ -303,33 +303,9 @@ def solve(
     overrides: Overrides | None = None,
     options: Options | None = None,
 ) -> Solution:
-    """Solve ``problem`` to a tolerance.
+    """Solve ``problem`` to a tolerance, its couplings left out.
 
-    Parameters
-    ----------
-    problem
-        What is to be solved.
-    guess
-        Where to start; by default straight lines between the end values.
-    parameters
-        Values of the problem's parameters.
-    overrides
-        Bounds and end values that differ from the problem's own.
-    options
-        Tolerance and limits of effort.
-
-    Returns
-    -------
-    Solution
-        With the history of its meshes and its error estimate. ``result`` is
-        ``SOLVED`` only if all errors are within the tolerance; ``COARSE`` if the best
-        mesh misses it; else what went wrong, with the constraint and place in
-        ``message``.
-
-    Raises
-    ------
-    ValueError
-        If the problem is not completely stated or a name is unknown.
+    Arguments, result and errors are those of :func:`showc.ocp.solve`.
     """
     chosen = options or Options()
     attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
