@@ -33,34 +33,33 @@ def bends(
     flight: LegFlight,
     builder: StageBuilder,
     around: Surroundings,
+    stops: int,
 ) -> Iterator[tuple[str, list[Lines]]]:
-    """Two or three straight legs along the solved flight, or outside it."""
+    """Straight legs along the solved flight, or outside it, with some ``stops``."""
     start, goal = around.positions[leg.drones], leg.goal
     low, high = np.array(leg.limits.position_min), np.array(leg.limits.position_max)
-    for stops in ((0.5,), (1.0 / 3.0, 2.0 / 3.0)):
-        solved = [
-            np.array(
-                [
-                    trajectory.state(stop * flight.duration)[:3]
-                    for trajectory in flight.trajectories
-                ]
-            )
-            for stop in stops
-        ]
-        lines = [_nearest_on_line(places, start, goal) for places in solved]
-        aside = [
-            np.linalg.norm(a - b, axis=1).max()
-            for a, b in zip(solved, lines, strict=True)
-        ]
-        if max(aside) < STRAIGHT:
-            continue
-        for bend in BENDS:
-            corners = [
-                np.clip(line + bend * (places - line), low, high)
-                for places, line in zip(solved, lines, strict=True)
+    solved = [
+        np.array(
+            [
+                trajectory.state(stop / (stops + 1) * flight.duration)[:3]
+                for trajectory in flight.trajectories
             ]
-            name = f"{len(stops) + 1} legs, bend x {bend:g}"
-            yield name, _ways(leg, builder, [start, *corners, goal])
+        )
+        for stop in range(1, stops + 1)
+    ]
+    lines = [_nearest_on_line(places, start, goal) for places in solved]
+    aside = [
+        np.linalg.norm(a - b, axis=1).max() for a, b in zip(solved, lines, strict=True)
+    ]
+    if max(aside) < STRAIGHT:
+        return
+    for bend in BENDS:
+        corners = [
+            np.clip(line + bend * (places - line), low, high)
+            for places, line in zip(solved, lines, strict=True)
+        ]
+        name = f"{stops + 1} legs, bend x {bend:g}"
+        yield name, _ways(leg, builder, [start, *corners, goal])
 
 
 def layers(

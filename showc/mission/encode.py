@@ -88,12 +88,10 @@ class Encoder:
 
     def _takeoff(self, writers: list[_Writer], home: GlobalPoints) -> None:
         takeoff, staging = self.timeline.takeoff, self.timeline.staging
+        heights, climbs = takeoff.stored.height.tolist(), takeoff.followed.tolist()
         for row, drone in enumerate(takeoff.drones):
-            writers[drone].takeoff(
-                home,
-                int(takeoff.stored.height[row]),
-                float(takeoff.followed[row]),
-            )
+            writers[drone].takeoff(home, heights[row], climbs[row])
+        climbs = staging.followed.tolist()
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
         for row, drone in enumerate(launch.drones):
@@ -102,7 +100,7 @@ class Encoder:
             writer = writers[drone]
             writer.speeds(staging, row)
             writer.waypoint(staging.stored, row)
-            writer.clock += float(staging.followed[row])
+            writer.clock += climbs[row]
         for writer in writers:
             writer.forget_speeds()
 
@@ -113,15 +111,36 @@ class Encoder:
         # A bend changes its lights on its first, its middle or its last leg.
         lit = {"start": 0, "middle": (len(flown) - 1) // 2, "end": len(flown) - 1}
         for number, (release, stage) in enumerate(flown):
-            rows = {int(drone): row for row, drone in enumerate(stage.drones)}
-            for place, drone in enumerate(scheduled.leg.drones):
+            # For all drones at once: for each alone it would take far longer.
+            moments = Moments(release, stage)
+            rows = {drone: row for row, drone in enumerate(stage.drones.tolist())}
+            for place, drone in enumerate(scheduled.leg.drones.tolist()):
                 colour = shown[place] if number == lit[moment] else None
-                writers[drone].leg(release, stage, rows.get(int(drone)), colour, moment)
+                writers[drone].leg(moments, rows.get(drone), colour, moment)
 
     def _moment(self, leg: Leg) -> Moment:
         moment = change_moment(self.show, leg)
         # Nothing says that PX4 waits with single items during a leg.
         return "start" if self.autopilot == "px4" and moment == "middle" else moment
+
+
+class Moments:
+    """When the drones of a stage leave, are half way, and have followed their legs.
+
+    Attributes
+    ----------
+    releases
+        Mission time at which each one leaves [s].
+    half_way, followed
+        Time from its own release [s].
+    """
+
+    def __init__(self, release: float, stage: Stage) -> None:
+        self.release = release
+        self.stage = stage
+        self.releases: list[float] = (release + stage.wait).tolist()
+        self.half_way: list[float] = stage.half_way.tolist()
+        self.followed: list[float] = stage.followed.tolist()
 
 
 class _Writer:
@@ -173,8 +192,7 @@ class _Writer:
 
     def leg(
         self,
-        release: float,
-        stage: Stage,
+        moments: Moments,
         row: int | None,
         colour: IntArray | None,
         moment: Moment,
@@ -183,25 +201,24 @@ class _Writer:
         lights = [] if colour is None else self._lights(colour)
         if row is None and not lights:
             return
-        if row is not None:
-            release += float(stage.wait[row])
-        if row is not None:
-            self.speeds(stage, row)
-        self._wait(release)
         if row is None:
+            self._wait(moments.release)
             self.items.extend(lights)
             return
+        stage, release = moments.stage, moments.releases[row]
+        self.speeds(stage, row)
+        self._wait(release)
         if moment == "start":
             self.items.extend(lights)
         elif moment == "middle" and lights:
-            half = round(float(stage.half_way[row]), 2)
+            half = round(moments.half_way[row], 2)
             self.items.append(without_position(Command.CONDITION_DELAY, half))
             self.items.extend(lights)
         self.waypoint(stage.stored, row)
         if moment == "end":
             self.items.extend(lights)
         # A leg is over, for the autopilot, when the drone has followed it.
-        self.clock = release + float(stage.followed[row])
+        self.clock = release + moments.followed[row]
 
     def waypoint(self, stored: GlobalPoints, row: int) -> None:
         """One straight leg."""

@@ -10,6 +10,7 @@ candidates are worked out no sooner than their turn may come.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ from showc.mission.stagger import MARGIN, staggered
 from showc.mission.timing import CLOCK_LAG, EXACT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -49,8 +50,11 @@ if TYPE_CHECKING:
 STRETCHES = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
 """Factors on the times of legs that take longer than they must."""
 
-BRISK = (1.0, 0.8, 0.6, 0.4)
+BRISK = (0.8, 0.6, 0.4)
 """Factors on the common time in which legs that are short enough are flown."""
+
+CLOSE = 0.15
+"""So near the least time that there is, no other times are looked for [s]."""
 
 MARGINS = (MARGIN, 0.1, 0.3)
 """How much farther than their gaps releases are apart, if less is not proved [s]."""
@@ -204,18 +208,31 @@ class _Choices:
     def straight(self, lines: Lines, first: Stage) -> Iterator[Choice]:
         """Straight lines, some drones later or in other times; and all other ways."""
         least, stop = self._cost([first]), self._cost([])
-        for brisk in BRISK:
-            times = np.maximum(lines.shortest, brisk * first.duration)
-            name = "straight" if brisk == 1.0 else "straight, own times"
-            yield self._staggered(name, [lines.lasting(times)], least)
-        # Time scales a flight nearly without changing its shape: it helps little where
-        # drones meet even without any delay.
-        if self._apart(first, self.around.positions):
-            for stretch in STRETCHES:
-                longer = lines.lasting(stretch * first.duration)
-                name = f"straight, time x {stretch:g}"
-                yield self._staggered(name, [longer], self._cost([longer]))
-        yield least + stop, "bends", self._bends
+
+        def others() -> Iterator[Choice]:
+            gaps = self._gaps(first)
+            if gaps.hopeless():
+                return
+            found = list(self._with_waits("straight", [first], [gaps], 0))
+            yield from found
+            if not found or found[0][0] > least + CLOSE:
+                yield least, "straight, own times", partial(brisk, 0)
+            promise = self._longer("straight", [lines], least, 0, stagger=True)
+            yield promise[0], "straight", partial(self._if_apart, [first], promise)
+
+        def brisk(number: int) -> Iterator[Choice]:
+            times = np.maximum(lines.shortest, BRISK[number] * first.duration)
+            stage = lines.lasting(times)
+            name = "straight, own times"
+            found = list(self._with_waits(name, [stage], [self._gaps(stage)], 0))
+            yield from found
+            enough = found and found[0][0] <= least + CLOSE
+            if number + 1 < len(BRISK) and not enough:
+                yield least, name, partial(brisk, number + 1)
+
+        yield least, "straight", others
+        for stops in (1, 2):
+            yield least + stops * stop, "bends", partial(self._bends, stops)
         yield least + 2.0 * stop, "layers", lambda: self._layers(first)
         yield least + 2.0 * stop, "hops", lambda: self._hops(first)
 
@@ -245,10 +262,13 @@ class _Choices:
         apart = self.around.required + TOLERANCE
         return release_gaps(stage, self.around.separation, self.around.timing, apart)
 
-    def _staggered(self, name: str, stages: list[Stage], least: float) -> Choice:
-        """Promise the stages with waits."""
+    def _staggered(
+        self, name: str, make: Callable[[], list[Stage]], least: float
+    ) -> Choice:
+        """Promise stages with waits."""
 
         def work_out() -> Iterator[Choice]:
+            stages = make()
             gaps = [self._gaps(stage) for stage in stages]
             return self._with_waits(name, stages, gaps, 0)
 
@@ -279,41 +299,77 @@ class _Choices:
                 lambda: self._with_waits(name, stages, gaps, retry + 1),
             )
 
-    def _bends(self) -> Iterator[Choice]:
-        for name, ways in bends(self.leg, self.flight, self.builder, self.around):
-            yield from self._stretched(name, ways)
+    def _bends(self, stops: int) -> Iterator[Choice]:
+        ways = bends(self.leg, self.flight, self.builder, self.around, stops)
+        for name, lines in ways:
+            yield from self._several(name, lines)
 
     def _layers(self, straight: Stage) -> Iterator[Choice]:
         for name, ways in layers(self.leg, self.builder, self.around, straight):
-            yield from self._stretched(name, ways)
+            yield from self._several(name, ways)
 
     def _hops(self, straight: Stage) -> Iterator[Choice]:
         gaps = self._gaps(straight)
         if staggered(gaps, straight.followed) is not None:
             return
         for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
-            stages = [lines.lasting(lines.together) for lines in ways]
-            yield self._staggered(name, stages, self._cost(stages))
+            quick = _flown(ways, [lines.together for lines in ways])
+            make = partial(_flown, ways, [lines.together for lines in ways])
+            yield self._staggered(name, make, self._cost(quick))
 
-    def _stretched(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
+    def _several(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
         """Ways of several legs: in their shortest times, staggered, in longer ones."""
-        quick = [lines.lasting(lines.together) for lines in ways]
+        quick = _flown(ways, [lines.together for lines in ways])
         cost = self._cost(quick)
         yield cost, name, quick
-        yield self._staggered(name, quick, cost)
+        yield self._staggered(name, lambda: quick, cost)
+        promise = self._longer(name, ways, cost, 0)
+        yield promise[0], name, partial(self._if_apart, quick, promise)
 
-        def longer() -> Iterator[Choice]:
-            positions = self.around.positions
-            for stage in quick:
-                if not self._apart(stage, positions):
-                    return
-                positions = positions.copy()
-                positions[stage.drones] = stage.end
-            for stretch in STRETCHES:
-                slow = [lines.lasting(stretch * lines.together) for lines in ways]
-                yield self._cost(slow), f"{name}, time x {stretch:g}", slow
+    def _if_apart(self, quick: list[Stage], longer: Choice) -> Iterator[Choice]:
+        """Go on to longer times only if they can help.
 
-        yield cost, name, longer
+        Time scales a flight nearly without changing its shape: it helps little where
+        drones meet even without any delay.
+        """
+        positions = self.around.positions
+        for stage in quick:
+            if not self._apart(stage, positions):
+                return
+            positions = positions.copy()
+            positions[stage.drones] = stage.end
+        yield longer
+
+    def _longer(
+        self,
+        name: str,
+        ways: list[Lines],
+        cost: float,
+        number: int,
+        *,
+        stagger: bool = False,
+    ) -> Choice:
+        """Promise the ways in longer times than those that ``cost`` [s] is for."""
+        stretch = STRETCHES[number]
+        named = f"{name}, time x {stretch:g}"
+        least = cost + (stretch - 1.0) * sum(lines.together for lines in ways)
+
+        make = partial(_flown, ways, [stretch * lines.together for lines in ways])
+
+        def work_out() -> Iterator[Choice]:
+            if stagger:
+                yield self._staggered(named, make, least)
+            else:
+                yield least, named, make()
+            if number + 1 < len(STRETCHES):
+                yield self._longer(name, ways, cost, number + 1, stagger=stagger)
+
+        return least, named, work_out
+
+
+def _flown(ways: list[Lines], times: Sequence[float | FloatArray]) -> list[Stage]:
+    """Return the stages that take so long [s]."""
+    return [lines.lasting(time) for lines, time in zip(ways, times, strict=True)]
 
 
 def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportError:

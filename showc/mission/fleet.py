@@ -70,6 +70,7 @@ def mission_files(
     start: datetime | None = None,
     autopilot: Autopilot = "ardupilot",
     progress: Progress = SILENT,
+    jobs: int | None = None,
 ) -> MissionSet:
     """Return all mission files of a solved show.
 
@@ -86,6 +87,8 @@ def mission_files(
         law is not known, so that nothing is predicted for it.
     progress
         Told of every leg.
+    jobs
+        Processes to look at the legs of many drones in; None: one for each core.
 
     Raises
     ------
@@ -102,7 +105,7 @@ def mission_files(
     pads = np.asarray(show.formations[show.pads].points[: show.drones])
     home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
     builder = StageBuilder(frame, home_altitude, parameters)
-    timeline = build_timeline(flight, builder, progress)
+    timeline = build_timeline(flight, builder, progress, jobs)
     encoder = Encoder(show, timeline, parameters, home_altitude, start, autopilot)
     missions = encoder.missions()
     home_row = autopilot == "ardupilot"
@@ -178,14 +181,8 @@ def _plans(
 
 
 PX4_WARNINGS = (
-    (
-        "PX4 cannot wait for a clock time: the missions hold relative delays, and "
-        "nothing keeps the drones together"
-    ),
-    (
-        "the leg law of PX4 is not known: its flights are not predicted and their "
-        "separation is not proved; fly the show with `showc stream`"
-    ),
+    "PX4 waits for no clock: relative delays only, nothing keeps the drones together",
+    "PX4's flights are not predicted, nor proved apart: fly with `showc stream`",
 )
 
 
@@ -197,59 +194,64 @@ def _loosest(legs: list[dict[str, Any]]) -> float:
 def _warnings(
     flight: Flight, timeline: Timeline, prediction: dict[str, Any]
 ) -> tuple[str, ...]:
+    """Say what the user should know, a line each."""
     show = flight.itinerary.show
+    legs = prediction["legs"]
     found = [
         f"load missions/ardupilot.parm onto {FIRMWARE} before the missions",
         (
             f"the missions take {timeline.duration:.0f} s, the solved show "
-            f"{flight.duration:.0f} s: the autopilot's legs and the slack before each "
-            "slot need the difference; `showc stream` flies the solved times"
+            f"{flight.duration:.0f} s, which `showc stream` flies"
         ),
     ]
-    legs = prediction["legs"]
     if prediction["start"] is None:
-        found.append(
-            "no start time: the missions hold relative delays, and nothing but equal "
-            "starts keeps the drones together; separation is proved only for legs "
-            f"released together (delays ± {prediction['delay_spread']:.1f} s), which "
-            f"is not sure: by the last leg each may be ± {_loosest(legs):.1f} s off"
-        )
-        loose = [
-            leg
-            for leg in legs
-            if leg["unclocked"]["closest"] is not None
-            and leg["unclocked"]["closest"]["distance"]
-            < show.separation.distance - 0.02
-        ]
-        if loose:
-            worst = min(loose, key=lambda leg: leg["unclocked"]["closest"]["distance"])
-            near = worst["unclocked"]["closest"]
-            found.append(
-                f"without a start time {len(loose)} of {len(legs)} legs are not proved "
-                f"apart: in {worst['name']} drones {near['drones'][0]} and "
-                f"{near['drones'][1]} can come as near as {near['distance']:.2f} m "
-                f"(each release ± {worst['unclocked']['spread']:.1f} s off); compile "
-                "with --start"
-            )
+        found += _loose_notes(legs, show.separation.distance)
     elif timeline.legs:
         found.append(
-            "a drone that misses a clock slot waits for it until the next day: start "
-            f"the missions no later than {prediction['latest_mission_start']:+.1f} s "
-            "from the show's start"
+            "start the missions by "
+            f"{prediction['latest_mission_start']:+.1f} s: who misses a clock slot "
+            "waits for it until the next day"
         )
         if show.mission.slack < LEAST_SLACK:
             found.append(
                 f"slack is {show.mission.slack:g} s; drones were measured to need "
-                f"{LEAST_SLACK:g} s before the next slot, 3 s in wind"
+                f"{LEAST_SLACK:g} s before a slot, 3 s in wind"
             )
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
-    found.extend(
-        f"{leg['name']} is flown as {leg['encoding']}: straight legs in the solved "
-        "time would come too near each other"
-        for leg in changed
-    )
+    if changed:
+        longest = max(changed, key=lambda leg: leg["duration"])
+        more = f", as are {len(changed) - 1} more" if len(changed) > 1 else ""
+        found.append(
+            f"{longest['name']} keeps apart only as “{longest['encoding']}”{more}"
+        )
     found.extend(lights_left_out(show))
     return tuple(found)
+
+
+def _loose_notes(legs: list[dict[str, Any]], wanted: float) -> list[str]:
+    """Say what it costs that no clock holds the drones together."""
+    found = [
+        (
+            "no start time: separation is proved for legs released together, which "
+            f"only equal starts give; each is ± {_loosest(legs):.1f} s off by the last "
+            "leg"
+        )
+    ]
+    loose = [
+        leg
+        for leg in legs
+        if leg["unclocked"]["closest"] is not None
+        and leg["unclocked"]["closest"]["distance"] < wanted - 0.02
+    ]
+    if loose:
+        worst = min(loose, key=lambda leg: leg["unclocked"]["closest"]["distance"])
+        near = worst["unclocked"]["closest"]
+        found.append(
+            f"without --start {len(loose)} of {len(legs)} legs are not proved apart: "
+            f"{worst['name']}, drones {near['drones'][0]} and {near['drones'][1]}, "
+            f"{near['distance']:.2f} m"
+        )
+    return found
 
 
 __all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]

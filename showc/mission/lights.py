@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
 Moment = Literal["start", "middle", "end"]
 
-NO_LIGHTS = (
-    "the missions carry no lights: mission.light_servos names no outputs for red, "
-    "green and blue"
-)
+NO_LIGHTS = "the missions carry no lights: mission.light_servos names no outputs"
 
 
 def leg_colours(show: Show, leg: Leg) -> FloatArray:

@@ -15,8 +15,9 @@ FIRMWARE = "ArduCopter 4.6"
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
-LAND_SLOW_HEIGHT = 10.0
-"""Below this ArduCopter lands slowly [m]."""
+LAND_SLOW_HEIGHT = 4.0
+"""Below this ArduCopter lands slowly [m]: its height may be wrong by as much, less the
+last metre. By default it would be 10 m, at half a metre a second."""
 
 LAND_SLOW_SPEED = 0.5
 """How slowly [m/s]."""

@@ -92,9 +92,7 @@ def plan_file(mission: Mission, settings: PlanSettings) -> bytes:
             "hoverSpeed": settings.cruise_speed,
             "globalPlanAltitudeMode": RELATIVE_ALTITUDE,
             "plannedHomePosition": home,
-            "items": [
-                _item(number, item) for number, item in enumerate(mission.items, 1)
-            ],
+            "items": [],
         },
         "geoFence": {
             "version": 2,
@@ -108,7 +106,13 @@ def plan_file(mission: Mission, settings: PlanSettings) -> bytes:
             "points": [[home[0], home[1], round(settings.rally_height, 2)]],
         },
     }
-    return (json.dumps(document, indent=1) + "\n").encode("ascii")
+    # A line for each item: short to read, and far quicker to write than indented.
+    items = ",\n   ".join(
+        json.dumps(_item(number, item)) for number, item in enumerate(mission.items, 1)
+    )
+    frame = json.dumps(document, indent=1)
+    text = frame.replace('"items": []', f'"items": [\n   {items}\n  ]', 1)
+    return (text + "\n").encode("ascii")
 
 
 def _item(number: int, item: MissionItem) -> dict[str, Any]:

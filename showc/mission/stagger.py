@@ -103,7 +103,8 @@ def staggered(
         end = float((np.array(waits) * STEP + takes).max(initial=0.0))
         if best is None or end < best[0]:
             best = end, waits
-        if not any(waits) or max(waits) * STEP > LONGEST_WAIT:
+        # Nothing ends before the longest chain.
+        if best[0] <= max(tails) * STEP:
             break
     if best is None or max(best[1], default=0) * STEP > LONGEST_WAIT:
         return None

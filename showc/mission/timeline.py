@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
+from showc.mission.crew import side_by_side
 from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
 from showc.mission.following import SETTLING
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from showc.progress import Progress
 
     FloatArray = NDArray[np.float64]
+
+MANY = 200
+"""Fleets of so many drones are worth several processes."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
@@ -96,9 +100,15 @@ class Timeline:
 
 
 def build_timeline(
-    flight: Flight, builder: StageBuilder, progress: Progress
+    flight: Flight,
+    builder: StageBuilder,
+    progress: Progress,
+    jobs: int | None = None,
 ) -> Timeline:
     """Lay out the missions of ``flight``.
+
+    Legs of many drones are looked at in ``jobs`` processes (None: one for each core),
+    which changes nothing in what is found.
 
     Raises
     ------
@@ -117,18 +127,23 @@ def build_timeline(
             "a mission goes from one launch of all drones to one landing of all; "
             f"found {', '.join(item.leg.kind for item in moves)}"
         )
-    return _Layout(flight, builder, progress).run(moves)
+    return _Layout(flight, builder, progress, jobs).run(moves)
 
 
 class _Layout:
     """Carries the clock and everyone's place while the legs are laid out."""
 
     def __init__(
-        self, flight: Flight, builder: StageBuilder, progress: Progress
+        self,
+        flight: Flight,
+        builder: StageBuilder,
+        progress: Progress,
+        jobs: int | None,
     ) -> None:
         self.flight = flight
         self.builder = builder
         self.progress = progress
+        self.jobs = jobs
         self.show = flight.itinerary.show
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
@@ -146,21 +161,23 @@ class _Layout:
         positions[staging.drones] = staging.end
         climbed = SPIN_UP + takeoff.finish() + staging.finish()
         self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
+        self.progress.advance()
+        encodings = iter(self._encodings(moves[1:-1], positions))
         legs = []
         for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
             if item.leg.kind == "hold":
                 self.free = max(self.free, self.arrival + item.duration)
             elif item.leg.kind not in {"launch", "land"}:
-                scheduled, positions = self._timed(item, float(start), positions)
+                encoding, positions = next(encodings)
+                scheduled = self._timed(item, float(start), encoding)
                 if scheduled is not None:
                     legs.append(scheduled)
-            if item.leg.kind != "hold":
-                self.progress.advance()
         pause = max(self.show.landing.hold, 1.0)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
         )
         land_closest = self._untimed(descent, positions, "landing")
+        self.progress.advance()
         land_start = self.arrival + pause
         height = descent.begin[:, 2] - descent.end[:, 2]
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -213,39 +230,60 @@ class _Layout:
             )
         return found
 
+    def _encodings(
+        self, moves: list[LegFlight], positions: FloatArray
+    ) -> list[tuple[Encoding, FloatArray]]:
+        """Encode the timed legs, and say where everyone is after each of them.
+
+        Where they are before it is known, however the legs before it are flown.
+        """
+        places = [positions]
+        for item in moves:
+            after = places[-1].copy()
+            drones = item.leg.drones
+            _, after[drones] = self.builder.on_grid(drones, item.leg.goal)
+            places.append(after)
+
+        def encode(number: int) -> Encoding:
+            around = Surroundings(
+                places[number], self.show.separation, CLOCKED, self.pause
+            )
+            item = moves[number]
+            return choose_encoding(item.leg, item, self.builder, around)
+
+        # Small fleets are done sooner than another process has started.
+        jobs = self.jobs if self.show.drones >= MANY else 1
+        found = side_by_side(encode, len(moves), jobs, self.progress.advance)
+        return list(zip(found, places[1:], strict=True))
+
     def _timed(
-        self, item: LegFlight, planned_start: float, positions: FloatArray
-    ) -> tuple[ScheduledLeg | None, FloatArray]:
-        """Encode one leg and put its stages on the clock."""
-        around = Surroundings(positions, self.show.separation, CLOCKED, self.pause)
-        encoding = choose_encoding(item.leg, item, self.builder, around)
-        stages = [stage for stage in encoding.stages if stage.drones.size]
-        if not stages:
+        self, item: LegFlight, planned_start: float, encoding: Encoding
+    ) -> ScheduledLeg | None:
+        """Put the stages of one leg on the clock."""
+        kept = [
+            (stage, closest)
+            for stage, closest in zip(encoding.stages, encoding.closest, strict=True)
+            if stage.drones.size
+        ]
+        if not kept:
             self.free = max(self.free, self.arrival + item.duration)
-            return None, positions
+            return None
         releases = []
-        positions = positions.copy()
-        for stage in stages:
+        for stage, _ in kept:
             release = round(ceil(self.free / STEP - 1e-6) * STEP, 6)
             releases.append(release)
             self._reached(
                 release + stage.finish() + 0.5 * CLOCK_LAG,
                 release + stage.finish(CLOCKED.spread) + CLOCK_LAG,
             )
-            positions[stage.drones] = stage.end
-        kept = tuple(
-            found
-            for found, stage in zip(encoding.closest, encoding.stages, strict=True)
-            if stage.drones.size
-        )
-        scheduled = ScheduledLeg(
+        stages, closest = zip(*kept, strict=True)
+        return ScheduledLeg(
             item.leg,
-            Encoding(encoding.name, tuple(stages), kept),
+            Encoding(encoding.name, stages, closest),
             tuple(releases),
             planned_start,
             item.duration,
         )
-        return scheduled, positions
 
     def _reached(self, likely: float, latest: float) -> None:
         """Note an arrival: the next release waits for the slack."""

@@ -144,5 +144,6 @@ def _missions(flight: Flight, options: CompileOptions, watcher: Progress) -> Mis
             start=options.start,
             autopilot=options.autopilot,
             progress=watcher,
+            jobs=options.solve.jobs,
         )
     return MissionSet({}, log_token(flight), {}, (NO_MISSIONS,), None)
