@@ -59,17 +59,20 @@ def solve_itinerary(
     found: dict[str, LegFlight] = {}
     missing: dict[str, Leg] = {}
     with workers(options.jobs, options.cluster) as crew:
+        progress.stage("look for solved legs", len(keys))
         for key, leg in zip(keys, itinerary.legs, strict=True):
+            progress.advance()
             if key in found or key in missing:
                 continue
-            progress.stage(f"{leg.name}: looking up")
             flight = cache.find(key, leg)
             if flight is None:
                 crew.prepare()
                 missing[key] = leg
             else:
-                progress.note(f"{leg.name}: taken from the cache")
                 found[key] = flight
+        if found:
+            known = sum(key in found for key in keys)
+            progress.note(f"{known} of {len(keys)} legs taken from the cache")
         tasks = {
             key: _Task(leg, show, options, key, cache.parts(key))
             for key, leg in missing.items()
@@ -144,17 +147,17 @@ def _side_by_side(
     found: dict[str, LegFlight] = {}
 
     def keep(number: int, outcome: tuple[LegFlight | SolveError, list[str]]) -> None:
-        flight, key = outcome[0], tasks[number].key
-        if isinstance(flight, LegFlight):
-            found[key] = flight
-            cache.keep(key, flight)
-
-    names = ", ".join(task.leg.name for task in tasks)
-    progress.stage(f"side by side: {names}", len(tasks))
-    outcomes = crew.run(_alone, [(task,) for task in tasks], progress.advance, keep)
-    for flight, notes in outcomes:
+        (flight, notes), task = outcome, tasks[number]
         for line in notes:
             progress.note(line)
+        if isinstance(flight, LegFlight):
+            progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
+            found[task.key] = flight
+            cache.keep(task.key, flight)
+
+    progress.stage(f"solve {len(tasks)} legs side by side", len(tasks))
+    outcomes = crew.run(_alone, [(task,) for task in tasks], progress.advance, keep)
+    for flight, _ in outcomes:
         if isinstance(flight, SolveError):
             raise flight
     return found

@@ -203,7 +203,7 @@ def test_legs_follow_each_other_and_come_from_the_cache(tmp_path):
     assert first.starts.tolist() == [0.0, 4.0, 5.5]
     progress = Listening()
     again = solve_itinerary(make_itinerary(legs), options, progress)
-    assert sum("cache" in note for note in progress.notes) == 3
+    assert "3 of 3 legs taken from the cache" in progress.notes
     for one, other in zip(first.legs, again.legs, strict=True):
         for a, b in zip(one.trajectories, other.trajectories, strict=True):
             assert np.array_equal(a.state.coefficients, b.state.coefficients)
@@ -213,7 +213,7 @@ def test_legs_follow_each_other_and_come_from_the_cache(tmp_path):
     legs[2] = replace(legs[2], duration=5.0)
     progress = Listening()
     solve_itinerary(make_itinerary(legs), options, progress)
-    assert sum("cache" in note for note in progress.notes) == 2
+    assert any(note.startswith("2 of ") for note in progress.notes)
 
 
 @pytest.mark.slow
