@@ -33,9 +33,19 @@ def binomials(degree: int) -> FloatArray:
 
 def basis(degree: int, fraction: ArrayLike) -> FloatArray:
     """Values of the basis polynomials at ``fraction``, shape (..., degree + 1)."""
-    s = np.asarray(fraction, dtype=np.float64)[..., None]
-    j = np.arange(degree + 1)
-    return np.asarray(binomials(degree) * s**j * (1.0 - s) ** (degree - j))
+    s = np.asarray(fraction, dtype=np.float64)
+    # Products are far quicker than powers.
+    result = np.empty((degree + 1, *s.shape))
+    result[0] = 1.0
+    for j in range(1, degree + 1):
+        result[j] = result[j - 1] * s
+    rest, power = 1.0 - s, np.ones(s.shape)
+    for j in range(degree - 1, -1, -1):
+        power *= rest
+        result[j] *= power
+    factors = binomials(degree).reshape(-1, *(1 for _ in s.shape))
+    result *= factors
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
 
 @lru_cache(maxsize=64)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from showc.verify.show import LoggedShow, PieceTable
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 _TIMES = 32
 """Instants evaluated together; bounds the memory."""
@@ -24,6 +25,9 @@ class Fleet:
 
     def __init__(self, show: LoggedShow) -> None:
         self._segments = sorted(show.segments, key=lambda one: one.start)
+        self._pieces = [
+            [_Pieces(table) for table in segment.tables] for segment in self._segments
+        ]
         self._drones = show.drones
         self._first = np.full((show.drones, 16), np.nan)
         for segment in reversed(self._segments):
@@ -54,40 +58,60 @@ class Fleet:
             if segment.start > times[-1]:
                 break
             ended = segment.end <= times[0]
-            for table in segment.tables:
-                if ended and not np.any(last[table.drones] == number):
+            first = int(np.searchsorted(times, segment.start))
+            moment = np.minimum(times[first:] - segment.start, segment.duration)
+            for pieces in self._pieces[number]:
+                drones = pieces.table.drones
+                if ended and not np.any(last[drones] == number):
                     continue
-                here = times >= segment.start
-                moment = np.minimum(times[here] - segment.start, segment.duration)
-                result[np.ix_(here, table.drones)] = evaluate(table, moment)
+                pieces.fill(moment, result[first:], drones)
+
+
+class _Pieces:
+    """A table, and which of its rows counts when."""
+
+    def __init__(self, table: PieceTable) -> None:
+        self.table = table
+        self.column = np.repeat(np.arange(table.drones.size), np.diff(table.first))
+        """Place of each row's drone among the table's, shape (rows,)."""
+        # A drone's first row counts before its start, its last one after its end.
+        self.since = table.start.copy()
+        self.since[table.first[:-1]] = -np.inf
+        self.until = np.append(table.start[1:], np.inf)
+        self.until[table.first[1:] - 1] = np.inf
+
+    def fill(self, times: FloatArray, result: FloatArray, columns: IntArray) -> None:
+        """Put state and control at times (n,) of the segment [s], rising, in a table.
+
+        ``result`` has the shape (n, any, 16); ``columns`` are those of the table's
+        drones in it.
+        """
+        table = self.table
+        rows = np.flatnonzero((self.since <= times[-1]) & (self.until > times[0]))
+        first = np.searchsorted(times, self.since[rows])
+        counts = np.searchsorted(times, self.until[rows]) - first
+        # Rows with the same number of instants are evaluated together.
+        for count in np.unique(counts[counts > 0]).tolist():
+            chosen = counts == count
+            row = rows[chosen]
+            instant = first[chosen][:, None] + np.arange(count)
+            start, end = table.start[row, None], table.end[row, None]
+            fraction = np.clip((times[instant] - start) / (end - start), 0.0, 1.0)
+            place = instant, columns[self.column[row, None]]
+            for part, coefficients in (
+                (slice(0, 12), table.state),
+                (slice(12, 16), table.control),
+            ):
+                weights = basis(coefficients.shape[1] - 1, fraction)
+                result[*place, part] = np.matmul(weights, coefficients[row])
 
 
 def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
-    """State and control (n, drones of the table, 16) at times (n,) of a segment [s]."""
+    """State and control (n, drones of the table, 16) at times (n,) of a segment [s].
+
+    Times rise; at the joint of two mesh intervals the later one counts.
+    """
     count = table.drones.size
-    if table.start.size == count:
-        # One interval each, holds above all: no search.
-        row = np.broadcast_to(np.arange(count), (times.size, count))
-    else:
-        span = 2.0 * (float(table.end.max()) + 1.0)
-        owner = np.repeat(np.arange(count), np.diff(table.first))
-        keys = table.start + owner * span
-        wanted = times[:, None] + np.arange(count) * span
-        row = np.searchsorted(keys, wanted.ravel(), side="right") - 1
-        row = row.reshape(times.size, count)
-        row = np.clip(row, table.first[:-1], table.first[1:] - 1)
-    start = table.start[row]
-    fraction = np.clip((times[:, None] - start) / (table.end[row] - start), 0.0, 1.0)
     result = np.empty((times.size, count, 16))
-    for part, coefficients in (
-        (slice(0, 12), table.state),
-        (slice(12, 16), table.control),
-    ):
-        degree = coefficients.shape[1] - 1
-        if degree == 0:
-            result[..., part] = coefficients[row, 0]
-            continue
-        weights = basis(degree, fraction)
-        chosen = coefficients[row]
-        result[..., part] = np.matmul(weights[..., None, :], chosen)[..., 0, :]
+    _Pieces(table).fill(times, result, np.arange(count))
     return result

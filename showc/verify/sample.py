@@ -92,41 +92,42 @@ def _drone_frames(message: FrameTransforms) -> Iterator[FrameTransform]:
 
 
 def expected_fields(flown: FloatArray, kind: str) -> FloatArray:
-    """Fields of a sample from states and controls (..., 16)."""
+    """Fields (fields, ...) of a sample from states and controls (16, ...)."""
     if kind == "state":
-        return flown
-    turned = _quaternion(flown[..., 6:9])
+        return flown.copy()
+    turned = _quaternion(*flown[6:9])
     if kind == "transform":
-        return np.concatenate([flown[..., :3], turned], axis=-1)
-    return np.concatenate([flown[..., :6], turned, flown[..., 9:]], axis=-1)
+        return np.concatenate([flown[:3], turned])
+    return np.concatenate([flown[:6], turned, flown[9:]])
 
 
-def _quaternion(angles: FloatArray) -> FloatArray:
+def _quaternion(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Rotation by roll about x, then pitch about y, then yaw about z: x, y, z, w."""
-    roll, pitch, yaw = np.moveaxis(0.5 * angles, -1, 0)
     # Product of the three elementary quaternions qz qy qx.
-    a = np.cos(yaw) * np.cos(pitch)
-    b = np.sin(yaw) * np.sin(pitch)
-    c = np.cos(yaw) * np.sin(pitch)
-    d = np.sin(yaw) * np.cos(pitch)
-    sine, cosine = np.sin(roll), np.cos(roll)
+    sine, cosine = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+    half = 0.5 * pitch
+    pitched, level = np.sin(half), np.cos(half)
+    a, b = cosine * level, sine * pitched
+    c, d = cosine * pitched, sine * level
+    half = 0.5 * roll
+    sine, cosine = np.sin(half), np.cos(half)
     return np.stack(
         [
             a * sine - b * cosine,
             c * cosine + d * sine,
             d * cosine - c * sine,
             a * cosine + b * sine,
-        ],
-        axis=-1,
+        ]
     )
 
 
 def same_sign(values: FloatArray, expected: FloatArray, kind: str) -> FloatArray:
     """Turn quaternions to the expected sign: both signs are one rotation."""
     part = slice(3, 7) if kind == "transform" else slice(6, 10)
-    product = np.sum(values[..., part] * expected[..., part], axis=-1, keepdims=True)
-    if np.all(product >= 0.0):
+    product = np.einsum("k...,k...", values[part], expected[part])
+    opposite = product < 0.0
+    if not opposite.any():
         return values
     result = values.copy()
-    result[..., part] *= np.where(product < 0.0, -1.0, 1.0)
+    result[part] = np.where(opposite, -result[part], result[part])
     return result

@@ -214,14 +214,15 @@ class _Comparison:
                 cloud = parse(PointCloud, data[start : start + size], offset)
                 layout = layout or point_layout(cloud, offset)
                 clouds.append(points_of(cloud, layout, self.show.drones, offset))
-            points = np.stack(clouds)
-            values = np.stack([points[name] for name in POINT_FIELDS], axis=-1)
-            times = self.seconds(m.log_time)
+            points = np.concatenate(clouds)
+            values = np.empty((len(POINT_FIELDS), points.size))
+            for row, name in zip(values, POINT_FIELDS, strict=True):
+                row[:] = points[name]
             drones = np.arange(self.show.drones)
             self._compare(
                 worst,
-                values.astype(np.float64),
-                times,
+                values.reshape(-1, len(clouds), drones.size),
+                self.seconds(m.log_time),
                 drones,
                 "point",
             )
@@ -248,17 +249,17 @@ class _Comparison:
                 table = columns(data, m.payload, m.size, _STATE_FIELDS)
             except Damage as damage:
                 raise Damage(offset, damage.text) from damage
-            values = np.stack(list(table.values()), axis=-1)
+            values = np.stack(list(table.values()))
             # Undefined numbers must not pass for drones that have no samples.
             values[np.isnan(values)] = np.inf
             owner = np.array([channels[number] for number in m.channel.tolist()])
             moments, index = np.unique(m.log_time, return_inverse=True)
-            grid = np.full((moments.size, self.show.drones, values.shape[1]), np.nan)
-            grid[index, owner] = values
+            grid = np.full((len(values), moments.size, self.show.drones), np.nan)
+            grid[:, index, owner] = values
             drones = np.unique(owner)
             self._compare(
                 worst,
-                grid[:, drones],
+                grid[:, :, drones],
                 self.seconds(moments),
                 drones,
                 "state",
@@ -277,7 +278,7 @@ class _Comparison:
                 if drones.size:
                     self._compare(
                         worst,
-                        values[None],
+                        values.T[:, None],
                         self.seconds(np.array([time])),
                         drones,
                         "transform",
@@ -299,24 +300,32 @@ class _Comparison:
         drones: IntArray,
         kind: Kind,
     ) -> None:
-        """Compare values (times, drones, fields); NaN means: not logged."""
-        flown = self.fleet_at(times)[:, drones]
-        ratio = self._ratio(values, flown, kind)
-        late = np.flatnonzero(np.any(ratio > 1.0, axis=(1, 2)))
+        """Compare values (fields, times, drones); NaN means: not logged."""
+        ratio = self._ratio(values, self._flown(times, drones), kind)
+        late = np.flatnonzero(ratio.max(axis=(0, 2), initial=0.0) > 1.0)
         for index in late.tolist():
+            one = slice(index, index + 1)
             for side in (-_SIDE, _SIDE):
-                other = self.fleet_at(times[index : index + 1] + side)[:, drones]
-                again = self._ratio(values[index : index + 1], other, kind)
-                ratio[index] = np.minimum(ratio[index], again[0])
-        worst.samples += int(np.sum(~np.isnan(values)))
-        worst.bad += int(np.sum(ratio > 1.0))
+                other = self._flown(times[one] + side, drones)
+                again = self._ratio(values[:, one], other, kind)
+                ratio[:, one] = np.minimum(ratio[:, one], again)
+        worst.samples += values.size - int(np.count_nonzero(np.isnan(values)))
         greatest = float(ratio.max(initial=0.0))
+        if greatest > 1.0:
+            worst.bad += int(np.sum(ratio > 1.0))
         if greatest > worst.value:
-            place = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+            # The first in time, then of the drones, among equals.
+            worst_of = ratio.max(axis=0)
+            time, drone = np.unravel_index(int(np.argmax(worst_of)), worst_of.shape)
             worst.value = greatest
-            worst.where = Place(
-                drone=int(drones[place[1]]) + 1, time=float(times[place[0]])
-            )
+            worst.where = Place(drone=int(drones[drone]) + 1, time=float(times[time]))
+
+    def _flown(self, times: FloatArray, drones: IntArray) -> FloatArray:
+        """State and control of some drones, shape (16, times, drones)."""
+        flown = np.moveaxis(self.fleet_at(times), -1, 0)
+        if drones.size < self.show.drones:
+            flown = flown[..., drones]
+        return np.ascontiguousarray(flown)
 
     def _ratio(self, values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
         """Error over what is allowed, shape of ``values``; 0 where not logged."""
@@ -324,16 +333,22 @@ class _Comparison:
         if kind != "state":
             values = same_sign(values, expected, kind)
         quantity = _QUANTITIES[kind]
-        allowed = 0.5 * self.grids[quantity] + self._drift(flown)[quantity] + 1e-9
-        allowed = allowed + (2.0**-23 + 1e-9) * np.abs(expected)
-        ratio = np.abs(values - expected) / allowed
-        missing = np.isnan(values)
+        fixed = 0.5 * self.grids[quantity] + self._drift(flown)[quantity] + 1e-9
+        ratio = np.abs(values - expected)
+        allowed = np.abs(expected, out=expected)
+        allowed *= 2.0**-23 + 1e-9
+        allowed += fixed[:, None, None]
+        ratio /= allowed
+        ratio[np.isnan(ratio)] = np.inf
         if kind == "state":
-            return np.where(missing, 0.0, ratio)
-        return np.where(missing, np.inf, ratio)
+            ratio[np.isnan(values)] = 0.0
+        return ratio
 
     @staticmethod
     def _drift(flown: FloatArray) -> FloatArray:
         """Change of each quantity within the nanosecond of rounding, shape (6,)."""
-        fastest = np.abs(flown[..., [3, 4, 5, 9, 10, 11]]).max(initial=0.0)
+        fastest = max(
+            float(max(rows.max(initial=0.0), -rows.min(initial=0.0)))
+            for rows in (flown[3:6], flown[9:12])
+        )
         return 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
