@@ -128,7 +128,6 @@ def command(
         RejectedScriptError,
         compile_script,
     )
-    from showc.script.render import render
     from showc.solve.options import SolveOptions
 
     solve = SolveOptions(
@@ -141,24 +140,26 @@ def command(
         missions=not no_missions,
         strict=strict,
     )
+
+    def warn(result: LoadResult) -> None:
+        if result.diagnostics and not (quiet or as_json):
+            report(result, as_json=False)
+
     try:
         with progress(quiet=quiet or as_json) as watcher:
-            compiled = compile_script(script, log, options, watcher)
+            compiled = compile_script(script, log, options, watcher, accepted=warn)
     except RejectedScriptError as rejected:
-        return reject(rejected.result, as_json=as_json, strict=strict)
+        report(rejected.result, as_json=as_json)
+        return rejected.result.exit_code(strict=strict) or 1
     if as_json:
         click.echo(json.dumps(summary(compiled), indent=1))
         return 0
-    if compiled.result.diagnostics and not quiet:
-        sources = {compiled.result.path: compiled.result.text}
-        text = render(compiled.result.diagnostics, sources, "text")
-        click.echo(text.rstrip("\n"), err=True)
     click.echo(table(compiled))
     return 0
 
 
-def reject(result: LoadResult, *, as_json: bool, strict: bool) -> int:
-    """Print why a script cannot be compiled; return the exit code."""
+def report(result: LoadResult, *, as_json: bool) -> None:
+    """Print what was found in a script: for people to standard error."""
     from showc.cli.console import colour_wanted
     from showc.script.render import render
 
@@ -170,7 +171,6 @@ def reject(result: LoadResult, *, as_json: bool, strict: bool) -> int:
         colour=colour,
     )
     click.echo(text.rstrip("\n"), err=not as_json, color=colour)
-    return result.exit_code(strict=strict) or 1
 
 
 def summary(compiled: Compiled) -> dict[str, Any]:

@@ -32,14 +32,15 @@ def command(
     \b
       showc plan my-show.yaml
     """
-    from showc.cli.compile import reject
+    from showc.cli.compile import report
     from showc.pipeline.outlook import outlook
     from showc.script import load_show
     from showc.solve.options import SolveOptions
 
     result = load_show(script)
     if result.show is None:
-        return reject(result, as_json=as_json, strict=False)
+        report(result, as_json=as_json)
+        return result.exit_code(strict=False) or 1
     legs = outlook(result.show, SolveOptions(cache=cache_dir))
     pending = sum(leg.solve for leg in legs)
     if as_json:

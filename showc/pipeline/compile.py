@@ -13,6 +13,7 @@ from showc.progress import Silent
 from showc.solve.options import SolveOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from datetime import datetime
     from pathlib import Path
     from typing import BinaryIO
@@ -74,10 +75,12 @@ def compile_script(
     log: Path,
     options: CompileOptions | None = None,
     progress: Progress | None = None,
+    accepted: Callable[[LoadResult], None] | None = None,
 ) -> Compiled:
     """Compile ``script`` to the log at ``log`` and the folder beside it.
 
-    All or nothing: on any error the former log and folder are whole.
+    All or nothing: on any error the former log and folder are whole. ``accepted`` is
+    told what the script says, and its warnings, before anything long begins.
 
     Raises
     ------
@@ -99,6 +102,8 @@ def compile_script(
     result = load_show(script)
     if result.show is None or result.exit_code(strict=options.strict):
         raise RejectedScriptError(result)
+    if accepted is not None:
+        accepted(result)
     itinerary = build_itinerary(result.show)
     flight = solve_itinerary(itinerary, options.solve, watcher)
     missions = _missions(flight, options, watcher)
