@@ -28,11 +28,11 @@ from showc.ocp.adaptive.proposal import (
     refined,
     with_ends,
 )
+from showc.ocp.adaptive.recorder import Recorder
 from showc.ocp.adaptive.symmetry import uneven, unmoved
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.collocation.limits import Overrides
 from showc.ocp.guess import Guess
-from showc.ocp.history import History
 from showc.ocp.solution import Result, Solution
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class _Refinement:
         self.auditors = [
             PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
         ]
-        self.history = History(self.options.progress)
+        self.history = Recorder(self.options.progress)
         self.trials = SWITCH_TRIALS if self.options.switches else 0
         """How often switch times may still be placed."""
         self.refused: list[Structure] = []

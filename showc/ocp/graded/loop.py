@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.ocp.audit.record import phase_record
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.collocation.limits import Overrides, Statement
 from showc.ocp.collocation.solver import SolverOptions
 from showc.ocp.collocation.transcription import Transcription
 from showc.ocp.graded.grading import enough_points, graded_breaks, linear_mesh
-from showc.ocp.history import MeshRecord, phase_record
+from showc.ocp.history import MeshRecord
 from showc.ocp.mesh import Mesh
 from showc.ocp.solution import ErrorEstimate, Result, Solution
 
