@@ -96,16 +96,20 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
     degree = coefficients.shape[1] - 1
     # Coefficient by coefficient, all pieces of one lie side by side.
     result = coefficients.transpose(1, 2, 0).copy(order="C")
-    a = lower
-    for step in range(degree):
-        last = degree - step
-        result[:last] += a * (result[1 : last + 1] - result[:last])
+    step = np.empty_like(result[1:])
+    if np.any(lower > 0.0):
+        for last in range(degree, 0, -1):
+            np.subtract(result[1 : last + 1], result[:last], out=step[:last])
+            step[:last] *= lower
+            result[:last] += step[:last]
     rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
-    b = np.clip((upper - lower) / rest, 0.0, 1.0)
-    for step in range(1, degree + 1):
-        before = result[step - 1 : -1]
-        result[step:] = before + b * (result[step:] - before)
-    return np.ascontiguousarray(result.transpose(2, 0, 1))
+    beyond = 1.0 - np.clip((upper - lower) / rest, 0.0, 1.0)
+    if np.any(beyond > 0.0):
+        for first in range(degree):
+            np.subtract(result[first:-1], result[first + 1 :], out=step[first:])
+            step[first:] *= beyond
+            result[first + 1 :] += step[first:]
+    return result.transpose(2, 0, 1)
 
 
 @lru_cache(maxsize=64)

@@ -1,8 +1,8 @@
 """Separation of every pair of drones at every instant of the show.
 
-Time is cut into slices. In a slice every drone stays within a ball around its middle;
-pairs whose balls are further apart than the closest encounter known so far are settled
-by that (balls are found by a k-d tree). For the rest, the distance is a polynomial in
+Time is cut into slices. In a slice every drone stays near the chord of its flight;
+pairs whose chords are further apart than the closest encounter known so far are settled
+by that (:mod:`showc.verify.slices`). For the rest, the distance is a polynomial in
 time on each common mesh interval: the Bernstein coefficients of the squared distance
 (of each axis, for the forms per axis) bound it from below, values at interval ends from
 above, and intervals are halved until both agree. So the closest encounter of the whole
@@ -13,18 +13,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from showc.log import showc_pb2 as pb
 from showc.verify.bernstein import halves, square_sum
+from showc.verify.measure import Measure, measures
+from showc.verify.slices import Slice, edges, take
 from showc.verify.tracks import Stretch, Tracks, cut
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -58,43 +58,6 @@ class Encounter:
     """Names of what is under way then."""
     pairs_halved: int
     """Pairs on slices that needed their polynomials, for the record."""
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """How a difference of positions becomes a distance."""
-
-    axes: tuple[int, ...]
-    """Axes that count."""
-    scale: tuple[float, ...]
-    """Factor on each of them."""
-    largest: bool
-    """Whether the distance is the largest component (else the Euclidean length)."""
-
-    def __call__(self, difference: FloatArray) -> FloatArray:
-        """Distances (n,) of differences (n, axes), scaled already."""
-        if self.largest:
-            return np.asarray(np.abs(difference).max(axis=-1))
-        return np.asarray(np.sqrt(np.einsum("...k,...k", difference, difference)))
-
-    @property
-    def order(self) -> float:
-        """Order of the norm."""
-        return np.inf if self.largest else 2.0
-
-
-def measures(separation: pb.Separation) -> tuple[Measure, ...]:
-    """Return the distances of which each must be at least the separation's.
-
-    ``all-axes`` asks for three of them, the other forms for one.
-    """
-    shape = separation.shape
-    if shape == pb.Separation.ALL_AXES:
-        return tuple(Measure((axis,), (1.0,), largest=True) for axis in range(3))
-    if shape == pb.Separation.ANY_AXIS:
-        return (Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=True),)
-    stretch = separation.vertical_stretch if shape == pb.Separation.ELLIPSOID else 1.0
-    return (Measure((0, 1, 2), (1.0, 1.0, 1.0 / stretch), largest=False),)
 
 
 def closest_encounter(show: LoggedShow) -> Encounter | None:
@@ -174,8 +137,12 @@ class _Search:
         self._instant(positions)
         batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         size = 0
-        for low, high in _slices(positions, max(self.best, self.wanted)):
-            pairs = self._near(positions, low, high)
+        for low, high in edges(positions, max(self.best, self.wanted)):
+            piece = take(positions, low, high, self.measure)
+            pairs = piece.near(self.measure, self.best - RESOLUTION / 2)
+            one = piece.whole[pairs].all(axis=1)
+            self._one_polynomial(piece, pairs[one])
+            pairs = pairs[~one]
             if pairs.size == 0:
                 continue
             times = np.full(pairs.shape[0], low), np.full(pairs.shape[0], high)
@@ -186,6 +153,18 @@ class _Search:
                 batch, size = [], 0
         if batch:
             self._decide(positions, batch)
+
+    def _one_polynomial(self, piece: Slice, pairs: IntArray) -> None:
+        """Enclose the distances of pairs of which each flies one polynomial."""
+        for begin in range(0, pairs.shape[0], _BATCH):
+            first, second = pairs[begin : begin + _BATCH].T
+            self._enclose(
+                piece.hull[first] - piece.hull[second],
+                first,
+                second,
+                np.full(first.size, piece.low),
+                np.full(first.size, piece.high),
+            )
 
     def _take(
         self, distance: FloatArray, first: IntArray, second: IntArray, time: FloatArray
@@ -210,19 +189,6 @@ class _Search:
             np.maximum(drone, other),
             np.full(drone.size, positions.begin),
         )
-
-    def _near(self, positions: Tracks, low: float, high: float) -> IntArray:
-        """Pairs (n, 2) that could come nearer than the best within a slice."""
-        middle, radius = _balls(positions, low, high, self.measure)
-        reach = self.best + 2.0 * float(radius.max())
-        tree = cKDTree(middle)
-        pairs = tree.query_pairs(reach, p=self.measure.order, output_type="ndarray")
-        if pairs.size == 0:
-            return np.empty((0, 2), dtype=np.int64)
-        first, second = pairs[:, 0], pairs[:, 1]
-        gap = self.measure(middle[first] - middle[second])
-        gap -= radius[first] + radius[second]
-        return np.asarray(pairs[gap < self.best - RESOLUTION / 2], dtype=np.int64)
 
     def _decide(
         self,
@@ -311,45 +277,3 @@ class _Search:
         if not self.measure.largest:
             return np.asarray(np.sqrt(np.maximum(work[:, 0], 0.0)))
         return np.asarray(np.abs(work).max(axis=1))
-
-
-def _balls(
-    positions: Tracks, low: float, high: float, measure: Measure
-) -> tuple[FloatArray, FloatArray]:
-    """Middle (drones, axes) and radius (drones,) of what each flies in a slice."""
-    drones = np.arange(positions.drones)
-    row = positions.at(drones, np.full(drones.size, low))
-    last = positions.first[1:] - 1
-    lows, highs = np.full(drones.size, low), np.full(drones.size, high)
-    hull = positions.between(row, lows, highs)
-    middle = 0.5 * (hull[:, 0] + hull[:, -1])
-    radius = measure(hull - middle[:, None]).max(axis=1)
-    while True:
-        more = (positions.ends[row] < high) & (row < last)
-        if not more.any():
-            return middle, radius
-        row = row + more
-        rows = row[more]
-        hull = positions.between(rows, lows[more], highs[more])
-        far = measure(hull - middle[more][:, None]).max(axis=1)
-        radius[more] = np.maximum(radius[more], far)
-
-
-def _slices(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
-    """Slices of a stretch: common mesh intervals, cut where drones fly far in them."""
-    edges = np.array([positions.begin, positions.end])
-    moving = positions.position.max(axis=1) - positions.position.min(axis=1)
-    travel = np.sqrt(np.sum(moving**2, axis=1))
-    if not np.any(travel > 0.0):
-        return
-    times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
-    inside = (times > positions.begin) & (times < positions.end)
-    common = inside & (counts >= 0.25 * counts[inside].max(initial=1))
-    edges = np.union1d(edges, times[common])
-    width = positions.ends - positions.starts
-    speed = float(np.max(travel / np.where(width > 0.0, width, np.inf)))
-    longest = 0.5 * distance / speed if speed > 0.0 else np.inf
-    for low, high in pairwise(edges.tolist()):
-        parts = max(1, int(np.ceil((high - low) / longest)))
-        cuts = np.linspace(low, high, parts + 1)
-        yield from zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
