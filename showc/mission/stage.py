@@ -84,7 +84,15 @@ class Stage:
 
     def covered(self, since: FloatArray) -> FloatArray:
         """Parts (..., n) of the legs flown at ``since`` (..., n) the release [s]."""
-        return self.profile.fraction(law_time(self.level, since - self.wait))
+        shape = np.broadcast_shapes(np.shape(since), self.wait.shape)
+        own = np.atleast_2d(since - self.wait)
+        ended = own >= self.followed
+        part = ended.astype(np.float64)
+        # Most instants of a show are before or after all of a stage.
+        some = np.any((own > 0.0) & ~ended, axis=-1)
+        if some.any():
+            part[some] = self.profile.fraction(law_time(self.level, own[some]))
+        return part.reshape(shape)
 
     @property
     def overshoot(self) -> FloatArray:

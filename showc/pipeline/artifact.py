@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,10 @@ from showc.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from typing import BinaryIO
+
+
+WRITERS = 4
+"""Threads that write the small files: the disk makes several at once durable."""
 
 
 def folder_of(log: Path) -> Path:
@@ -65,15 +70,21 @@ def place(
         raise _unwritable(log, error) from error
     try:
         new_log, new_folder = stage / log.name, stage / folder.name
-        with new_log.open("wb") as stream:
-            write_log(stream)
-            _flush(stream)
-        for name, content in files.items():
-            path = new_folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("wb") as stream:
-                stream.write(content)
-                _flush(stream)
+        paths = {new_folder / name: content for name, content in files.items()}
+        for parent in {path.parent for path in paths}:
+            parent.mkdir(parents=True, exist_ok=True)
+        # Thousands of small files wait for the disk while the log is worked out.
+        with ThreadPoolExecutor(WRITERS) as writers:
+            written = [writers.submit(_write, *pair) for pair in paths.items()]
+            try:
+                with new_log.open("wb") as stream:
+                    write_log(stream)
+                    _flush(stream)
+                for file in written:
+                    file.result()
+            except BaseException:
+                writers.shutdown(wait=False, cancel_futures=True)
+                raise
         _exchange(log, new_log, folder, new_folder, stage / "former")
     except OSError as error:
         raise _unwritable(log, error) from error
@@ -137,6 +148,12 @@ def _refuse_foreign(folder: Path) -> None:
             f"{str(folder)!r} exists and is not a folder that showc wrote (it has no "
             "manifest.json); move it away or choose another output with -o"
         )
+
+
+def _write(path: Path, content: bytes) -> None:
+    with path.open("wb") as stream:
+        stream.write(content)
+        _flush(stream)
 
 
 def _flush(stream: BinaryIO) -> None:
