@@ -29,6 +29,7 @@ from showc.mission.lights import (
     pulse_widths,
 )
 from showc.mission.timing import SPIN_UP
+from showc.mission.tracking import tracks
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from showc.mission.parameters import Parameters
     from showc.mission.stage import Stage
     from showc.mission.timeline import ScheduledLeg, Timeline
+    from showc.mission.tracking import Tracks
     from showc.plan.itinerary import Leg
     from showc.script.show import Show
 
@@ -91,28 +93,36 @@ class Encoder:
         heights, climbs = takeoff.stored.height.tolist(), takeoff.followed.tolist()
         for row, drone in enumerate(takeoff.drones):
             writers[drone].takeoff(home, heights[row], climbs[row])
-        climbs = staging.followed.tolist()
+        climbs = self._ended(staging).tolist()
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
         for row, drone in enumerate(launch.drones):
             writers[drone].show(shown[row])
         for row, drone in enumerate(staging.drones):
             writer = writers[drone]
-            writer.speeds(staging, row)
+            writer.first_speeds(staging, row)
             writer.waypoint(staging.stored, row)
             writer.clock += climbs[row]
         for writer in writers:
             writer.forget_speeds()
 
+    def _ended(self, staging: Stage) -> FloatArray:
+        """When autopilots end the rest of the climb, shape (n,) [s]."""
+        if self.start is not None:
+            return staging.followed
+        return tracks(
+            staging.profile, staging.level, staging.climb, self.parameters
+        ).ended
+
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
         moment = self._moment(scheduled.leg)
-        flown = scheduled.flown
+        flown = scheduled.tracked
         # A bend changes its lights on its first, its middle or its last leg.
         lit = {"start": 0, "middle": (len(flown) - 1) // 2, "end": len(flown) - 1}
-        for number, (release, stage) in enumerate(flown):
+        for number, (release, stage, track) in enumerate(flown):
             # For all drones at once: for each alone it would take far longer.
-            moments = Moments(release, stage)
+            moments = Moments(release, stage, track)
             rows = {drone: row for row, drone in enumerate(stage.drones.tolist())}
             for place, drone in enumerate(scheduled.leg.drones.tolist()):
                 colour = shown[place] if number == lit[moment] else None
@@ -125,22 +135,22 @@ class Encoder:
 
 
 class Moments:
-    """When the drones of a stage leave, are half way, and have followed their legs.
+    """When the drones of a stage leave, are half way, and take their next items.
 
     Attributes
     ----------
     releases
         Mission time at which each one leaves [s].
-    half_way, followed
+    half_way, ended
         Time from its own release [s].
     """
 
-    def __init__(self, release: float, stage: Stage) -> None:
+    def __init__(self, release: float, stage: Stage, track: Tracks) -> None:
         self.release = release
         self.stage = stage
         self.releases: list[float] = (release + stage.wait).tolist()
-        self.half_way: list[float] = stage.half_way.tolist()
-        self.followed: list[float] = stage.followed.tolist()
+        self.half_way: list[float] = track.half_way.tolist()
+        self.ended: list[float] = track.ended.tolist()
 
 
 class _Writer:
@@ -217,8 +227,8 @@ class _Writer:
         self.waypoint(stage.stored, row)
         if moment == "end":
             self.items.extend(lights)
-        # A leg is over, for the autopilot, when the drone has followed it.
-        self.clock = release + moments.followed[row]
+        # An autopilot takes the next item when its own time for the leg has ended.
+        self.clock = release + moments.ended[row]
 
     def waypoint(self, stored: GlobalPoints, row: int) -> None:
         """One straight leg."""
@@ -244,6 +254,19 @@ class _Writer:
             self._speed(other, self.defaults[other])
         if self.limits[steered] != command:
             self._speed(steered, command)
+
+    def first_speeds(self, stage: Stage, row: int) -> None:
+        """Set the speeds of the leg after take-off.
+
+        The first item after take-off is carried out before the navigator of legs
+        starts, and then takes its speeds from the parameters: that item is lost, and
+        must be one that is said twice.
+        """
+        count = len(self.items)
+        self.speeds(stage, row)
+        first_of_all = self.items[count - 1].command is Command.NAV_TAKEOFF
+        if len(self.items) > count and first_of_all:
+            self.items.insert(count, self.items[count])
 
     def forget_speeds(self) -> None:
         """Say all speeds again that matter.

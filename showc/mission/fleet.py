@@ -131,7 +131,7 @@ def mission_files(
         token,
         prediction,
         _warnings(flight, timeline, prediction),
-        PredictedFlight(timeline, parameters),
+        PredictedFlight(timeline, parameters, clocked=start is not None),
     )
 
 

@@ -87,21 +87,41 @@ class LegProfile:
         near = np.minimum(np.minimum(t, self.duration - t), self.ramp_time)
         late = near > 0.5 * self.ramp_time
         early = np.where(late, self.ramp_time - near, near)
-        _, speed = self._half_ramp(early)
+        _, speed, _ = self._half_ramp(early)
         return np.asarray(np.where(late, self.speed - speed, speed))
+
+    def motion(self, time: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distance [m], speed [m/s], acceleration [m/s²] at ``time`` [s], in one go.
+
+        Each broadcast to (..., n).
+        """
+        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
+        near = np.minimum(t, self.duration - t)
+        ramp = np.minimum(near, self.ramp_time)
+        late = ramp > 0.5 * self.ramp_time
+        distance, speed, acceleration = self._half_ramp(
+            np.where(late, self.ramp_time - ramp, ramp)
+        )
+        distance += np.where(late, self.speed * (ramp - 0.5 * self.ramp_time), 0.0)
+        distance += self.speed * (near - ramp)
+        speed = np.where(late, self.speed - speed, speed)
+        braking = t > 0.5 * self.duration
+        distance = np.where(braking, self.length - distance, distance)
+        acceleration = np.where(braking, -acceleration, acceleration)
+        return np.clip(distance, 0.0, self.length), speed, acceleration
 
     def _ramp(self, t: FloatArray) -> FloatArray:
         """Distance covered ``t`` [s] after rest, within the ramp."""
         # The ramp's speed is point-symmetric about (ramp_time / 2, speed / 2).
         late = t > 0.5 * self.ramp_time
         early = np.where(late, self.ramp_time - t, t)
-        covered, _ = self._half_ramp(early)
+        covered, _, _ = self._half_ramp(early)
         return np.asarray(
             np.where(late, self.speed * (t - 0.5 * self.ramp_time) + covered, covered)
         )
 
-    def _half_ramp(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance and speed in the first half of the ramp."""
+    def _half_ramp(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distance, speed and acceleration in the first half of the ramp."""
         rise = self.jerk_time
         edge = rise + self.hold_time
         top = edge + rise
@@ -113,6 +133,7 @@ class LegProfile:
         speed_2 = held * (acceleration_1 + 0.5 * held * self.jerk)
         distance = distance_1 + distance_2
         speed = speed_1 + speed_2
+        acceleration = acceleration_1 + held * self.jerk
         # Jerk falls: the acceleration mirrors its rise about (top, acceleration).
         full, full_speed, _ = self._raised_cosine(rise)
         speed_top = 0.5 * self.acceleration * top
@@ -125,7 +146,7 @@ class LegProfile:
             at_edge + speed_top * rise - 0.5 * self.acceleration * rise**2 + full
         )
         left = np.maximum(top - t, 0.0)
-        mirror, mirror_speed, _ = self._raised_cosine(np.minimum(left, rise))
+        mirror, mirror_speed, missing = self._raised_cosine(np.minimum(left, rise))
         falling = (t > edge) & (t <= top)
         distance = np.where(
             falling,
@@ -138,6 +159,7 @@ class LegProfile:
         speed = np.where(
             falling, speed_top - self.acceleration * left + mirror_speed, speed
         )
+        acceleration = np.where(t > edge, self.acceleration - missing, acceleration)
         pushed = np.maximum(t - top, 0.0)
         pushing = t > top
         distance = np.where(
@@ -146,7 +168,7 @@ class LegProfile:
             distance,
         )
         speed = np.where(pushing, speed_top + self.acceleration * pushed, speed)
-        return np.asarray(distance), np.asarray(speed)
+        return np.asarray(distance), np.asarray(speed), np.asarray(acceleration)
 
     def _raised_cosine(
         self, t: FloatArray

@@ -41,16 +41,19 @@ SAMPLES = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedFlight:
-    """Positions over mission time, every delay in the middle of its interval.
+    """Positions over mission time: where the drones most likely are.
 
-    So is the lag of the vehicles' clocks: timed legs begin late by half of it and by
-    the leg's own delay.
+    The lag of the vehicles' clocks is in the middle of its interval: timed legs begin
+    late by half of it. A drone that has not settled at the end of a leg takes what it
+    is off along with it.
     """
 
     timeline: Timeline
     """What is flown when."""
     parameters: Parameters
     """The autopilot's."""
+    clocked: bool = True
+    """Whether the missions wait for the vehicles' clocks, which are late."""
 
     @property
     def duration(self) -> float:
@@ -70,8 +73,9 @@ class PredictedFlight:
         follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
         _advance(place, line.staging, t - follow[line.staging.drones])
         for scheduled in line.legs:
-            for release, stage in scheduled.flown:
-                _advance(place, stage, t - release - 0.5 * CLOCK_LAG)
+            for release, stage, track in scheduled.tracked:
+                since = t - release - _clock_lag(self.clocked) - stage.wait
+                place[:, stage.drones] += track.places(since, stage.end - stage.begin)
         height = line.land.begin[:, 2] - line.land.end[:, 2]
         below = np.clip(t - line.land_start, 0.0, None)
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -80,6 +84,11 @@ class PredictedFlight:
         sunk = sunk + np.maximum(below - fast_time, 0.0) * LAND_SLOW_SPEED
         place[:, line.land.drones, 2] -= np.minimum(sunk, height)
         return place
+
+
+def _clock_lag(clocked: bool) -> float:  # noqa: FBT001
+    """Likely lag of the vehicles' clocks, if legs wait for them [s]."""
+    return 0.5 * CLOCK_LAG if clocked else 0.0
 
 
 def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
@@ -118,9 +127,9 @@ def prediction_summary(
         "start": None if start is None else start.isoformat(),
         "latest_mission_start": _latest(timeline),
         "duration": round(timeline.duration, 3),
-        "delay": round(_typical_delay(timeline), 3),
+        "delay": round(_typical_delay(timeline, start is not None), 3),
         "delay_spread": CLOCKED.spread,
-        "clock_lag": CLOCK_LAG,
+        "clock_lag": CLOCK_LAG if start is not None else 0.0,
         "required_separation": separation.distance,
         "launch": _encounter(timeline.launch_closest),
         "legs": legs,
@@ -129,7 +138,7 @@ def prediction_summary(
     }
 
 
-def _typical_delay(timeline: Timeline) -> float:
+def _typical_delay(timeline: Timeline, clocked: bool) -> float:  # noqa: FBT001
     """Median of what timed legs are late by, half the clocks' lag included [s]."""
     delays = [
         stage.followed - stage.profile.duration
@@ -137,7 +146,7 @@ def _typical_delay(timeline: Timeline) -> float:
         for stage in leg.encoding.stages
     ]
     every = np.concatenate(delays) if delays else np.zeros(1)
-    return float(np.median(every)) + 0.5 * CLOCK_LAG
+    return float(np.median(every)) + _clock_lag(clocked)
 
 
 def _latest(timeline: Timeline) -> float | None:
@@ -151,7 +160,8 @@ def _leg_entry(
     scheduled: ScheduledLeg, solved: LegFlight, start: datetime | None
 ) -> dict[str, Any]:
     """One leg of the summary."""
-    position, arrival = _difference(scheduled, solved)
+    late = _clock_lag(start is not None)
+    position, arrival = _difference(scheduled, solved, late)
     closest = [
         _encounter(found, release)
         for found, release in zip(
@@ -171,7 +181,10 @@ def _leg_entry(
         "optimal_duration": round(scheduled.planned_duration, 3),
         "drones": [int(drone) + 1 for drone in scheduled.leg.drones],
         "delays": [round(float(value), 3) for value in _delays(scheduled)],
-        "arrivals": [round(float(value), 3) for value in arrival_times(scheduled)],
+        "arrivals": [
+            round(float(value), 3) for value in arrival_times(scheduled, late)
+        ],
+        "ended": [round(float(value), 3) for value in _ended(scheduled)],
         "position_difference": [round(float(value), 3) for value in position],
         "arrival_difference": [round(float(value), 3) for value in arrival],
         "closest": min(near, key=lambda item: item["distance"]) if near else None,
@@ -195,38 +208,43 @@ def _delays(scheduled: ScheduledLeg) -> FloatArray:
     return found
 
 
-def arrival_times(scheduled: ScheduledLeg) -> FloatArray:
-    """Mission time [s] at which each drone of a leg is within 0.3 m of its end.
+def arrival_times(scheduled: ScheduledLeg, late: float) -> FloatArray:
+    """Mission time [s] at which each drone of a leg first is within 0.3 m of its end.
 
-    With all delays in the middle, shape (n,) in the order of the leg's drones; the
-    first release for a drone that does not move.
+    Shape (n,) in the order of the leg's drones; the first release for a drone that
+    does not move. ``late`` [s] is the lag of the clocks.
     """
-    drones = scheduled.leg.drones
-    found = np.full(drones.size, scheduled.releases[0])
-    for release, stage in scheduled.flown:
-        length = np.linalg.norm(stage.end - stage.begin, axis=1)
-        wanted = 1.0 - np.minimum(ARRIVED / length, 1.0)
-        low, high = stage.wait.copy(), stage.wait + stage.followed
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            short = stage.covered(middle) < wanted
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
-        place = np.searchsorted(drones, stage.drones)
-        found[place] = release + 0.5 * CLOCK_LAG + high
+    found = np.full(scheduled.leg.drones.size, scheduled.releases[0])
+    for release, stage, track in scheduled.tracked:
+        near = track.near(stage.end - stage.begin, ARRIVED)
+        place = np.searchsorted(scheduled.leg.drones, stage.drones)
+        found[place] = release + stage.wait + late + near
+    return found
+
+
+def _ended(scheduled: ScheduledLeg) -> FloatArray:
+    """Mission time (n,) [s] at which each drone's autopilot takes the next item.
+
+    Its own clock waits; the first release for a drone that does not move.
+    """
+    found = np.full(scheduled.leg.drones.size, scheduled.releases[0])
+    for release, stage, track in scheduled.tracked:
+        place = np.searchsorted(scheduled.leg.drones, stage.drones)
+        found[place] = release + stage.wait + track.ended
     return found
 
 
 def _difference(
-    scheduled: ScheduledLeg, solved: LegFlight
+    scheduled: ScheduledLeg, solved: LegFlight, late: float
 ) -> tuple[FloatArray, FloatArray]:
     """Greatest distance and difference of arrival to the solved flight, per drone.
 
     Both are taken on the leg's own clock: release against the solved leg's start. A
-    drone has arrived when it is within 0.3 m of its goal for good.
+    drone has arrived when it first is within 0.3 m of its goal.
     """
     drones = scheduled.leg.drones
-    late = 0.5 * CLOCK_LAG
-    last = scheduled.releases[-1] - scheduled.releases[0]
+    first = scheduled.releases[0]
+    last = scheduled.releases[-1] - first
     span = max(last + scheduled.encoding.stages[-1].finish() + late, solved.duration)
     times = np.linspace(0.0, span, SAMPLES)
     wanted = np.stack(
@@ -236,32 +254,27 @@ def _difference(
     fleet = int(drones.max()) + 1
     place = np.zeros((SAMPLES, fleet, 3))
     place[:, drones] = start
-    for release, stage in scheduled.flown:
-        _advance(
-            place,
-            stage,
-            times[:, None] - (release - scheduled.releases[0]) - late,
-        )
-    flown = place[:, drones]
-    difference = np.linalg.norm(flown - wanted, axis=2).max(axis=0)
-    return difference, _arrivals(times, flown, goal) - _arrivals(times, wanted, goal)
+    for release, stage, track in scheduled.tracked:
+        since = times[:, None] - (release - first) - late - stage.wait
+        place[:, stage.drones] += track.places(since, stage.end - stage.begin)
+    difference = np.linalg.norm(place[:, drones] - wanted, axis=2).max(axis=0)
+    moves = np.linalg.norm(goal - start, axis=1) > ARRIVED
+    flown = np.where(moves, arrival_times(scheduled, late) - first, 0.0)
+    return difference, flown - _arrivals(times, wanted, goal)
 
 
 def _arrivals(times: FloatArray, flown: FloatArray, goal: FloatArray) -> FloatArray:
-    """Time of each drone's last entry into the ball around its goal [s]."""
+    """Time of each drone's first entry into the ball around its goal [s]."""
     distance = np.linalg.norm(flown - goal, axis=2)
-    outside = distance > ARRIVED
-    last = np.where(
-        outside.any(axis=0), times.size - 1 - outside[::-1].argmax(axis=0), -1
-    )
-    after = np.clip(last + 1, 0, times.size - 1)
-    before = np.clip(last, 0, times.size - 1)
+    inside = distance <= ARRIVED
+    after = np.where(inside.any(axis=0), inside.argmax(axis=0), times.size - 1)
+    before = np.maximum(after - 1, 0)
     column = np.arange(goal.shape[0])
     high, low = distance[before, column], distance[after, column]
     fall = np.where(high > low, high - low, 1.0)
     part = np.clip((high - ARRIVED) / fall, 0.0, 1.0)
     moment = times[before] + part * (times[after] - times[before])
-    return np.where(last < 0, 0.0, moment)
+    return np.where(after == 0, 0.0, moment)
 
 
 def _unclocked(

@@ -69,11 +69,6 @@ class Stage:
         """Time from its own release until each one has followed its leg, (n,) [s]."""
         return time_followed(self.level, self.profile.duration)
 
-    @property
-    def half_way(self) -> FloatArray:
-        """Time from its own release until each one is half way, shape (n,) [s]."""
-        return time_followed(self.level, 0.5 * self.profile.duration)
-
     def finish(self, late: float = 0.0) -> float:
         """Time from the release until all have followed their legs [s].
 

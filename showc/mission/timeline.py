@@ -21,12 +21,14 @@ from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import Closest, Motion, closest_encounter
 from showc.mission.stagger import STEP
 from showc.mission.timing import ANYTIME, CLOCK_LAG, CLOCKED, SPIN_UP
+from showc.mission.tracking import tracks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.flight import Flight, LegFlight
     from showc.mission.stage import Stage, StageBuilder
+    from showc.mission.tracking import Tracks
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
 
@@ -53,6 +55,8 @@ class ScheduledLeg:
     """Show time at which the solved leg starts [s]."""
     planned_duration: float
     """Time of the solved leg [s]."""
+    tracks: tuple[Tracks, ...]
+    """How each stage is likely to be flown."""
 
     @property
     def finish(self) -> float:
@@ -63,6 +67,11 @@ class ScheduledLeg:
     def flown(self) -> list[tuple[float, Stage]]:
         """Release and stage, in order."""
         return list(zip(self.releases, self.encoding.stages, strict=True))
+
+    @property
+    def tracked(self) -> list[tuple[float, Stage, Tracks]]:
+        """Release, stage and how it is likely to be flown, in order."""
+        return list(zip(self.releases, self.encoding.stages, self.tracks, strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -283,6 +292,10 @@ class _Layout:
             tuple(releases),
             planned_start,
             item.duration,
+            tuple(
+                tracks(stage.profile, stage.level, stage.climb, self.builder.parameters)
+                for stage in stages
+            ),
         )
 
     def _reached(self, likely: float, latest: float) -> None:

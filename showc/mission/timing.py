@@ -29,8 +29,8 @@ CLOCK_LAG = 0.17
 """The vehicles' clocks are late by up to this, all alike [s]: simulated receivers cut
 their time to 0.2 s, real ones report it when it has passed."""
 
-SPIN_UP = 2.5
-"""Time on the ground between the start of a mission and lift-off [s]."""
+SPIN_UP = 2.25
+"""Time on the ground between the start of a mission and lift-off [s]: 2.0 to 2.5."""
 
 TAKEOFF_SPREAD = 0.5
 """Take-off is not timed better than this [s]."""

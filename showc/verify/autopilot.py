@@ -91,6 +91,8 @@ class Profiles:
     """Distance, speed, acceleration at each phase's begin, shape (n, 15, 3)."""
     level: FloatArray
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
+    climb: FloatArray
+    """Vertical part of the direction, upwards positive, shape (n,)."""
     overshoot: FloatArray
     """How far a drone may fly beyond its end, shape (n,) [m]."""
 
@@ -140,20 +142,27 @@ class Profiles:
 
         And its rate of change [1/s].
         """
+        moved = self.motion(leg, time)
+        whole = np.where(self.length[leg] > 0.0, self.length[leg], 1.0)
+        part = np.clip(moved[:, 0] / whole, 0.0, 1.0)
+        return part, np.maximum(moved[:, 1] / whole, 0.0)
+
+    def motion(self, leg: NDArray[np.int64], time: ArrayLike) -> FloatArray:
+        """Distance, speed, acceleration (m, 3) of legs ``leg`` (m,) at ``time`` (m,).
+
+        In SI; at rest before and after the leg.
+        """
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.edges[leg, -1])
         phase = np.clip(np.sum(t[:, None] >= self.edges[leg], axis=1) - 1, 0, 14)
         begin = self.edges[leg, phase]
         tau = self.edges[leg, phase + 1] - begin
-        moved = _advanced(
+        return _advanced(
             self.start[leg, phase],
             self.constant[leg, phase],
             self.cosine[leg, phase],
             tau,
             t - begin,
         )
-        whole = np.where(self.length[leg] > 0.0, self.length[leg], 1.0)
-        part = np.clip(moved[:, 0] / whole, 0.0, 1.0)
-        return part, np.maximum(moved[:, 1] / whole, 0.0)
 
 
 def profiles(
@@ -166,6 +175,7 @@ def profiles(
     """
     length = np.linalg.norm(displacement, axis=1)
     length = np.where(length > _SHORTEST, length, 0.0)
+    climb = displacement[:, 2] / np.where(length > 0.0, length, 1.0)
     unit = np.abs(displacement) / np.where(length > 0.0, length, 1.0)[:, None]
     flat = np.hypot(unit[:, 0], unit[:, 1])
     with np.errstate(divide="ignore", over="ignore"):
@@ -185,7 +195,7 @@ def profiles(
     edges, constant, cosine, start = _assembled(length, speed, _ramp(speed, push, law))
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    return Profiles(length, speed, edges, constant, cosine, start, flat, beyond)
+    return Profiles(length, speed, edges, constant, cosine, start, flat, climb, beyond)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:

@@ -12,6 +12,7 @@ from showc.verify.decode import parse
 from showc.verify.legs import joined
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
+from showc.verify.tracked import AFTER, STEP, tracked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +66,7 @@ def check_drawn(
     ]
     if not channels:
         return Check("missions", NAME, "skipped", notes=("the log draws none",))
-    fleet = _Fleet(missions, begin or 0.0)
+    fleet = _Fleet(missions, begin)
     limit = TOLERANCE
     if begin is None:
         fastest = max(float(m.profiles.speed.max(initial=0.0)) for m in missions)
@@ -104,48 +105,53 @@ def check_drawn(
 
 
 class _Fleet:
-    """Places of all drones over mission time, all delays in the middle of theirs."""
+    """Places of all drones over mission time: where they most likely are."""
 
-    def __init__(self, missions: Sequence[MissionLegs], begin: float) -> None:
+    def __init__(self, missions: Sequence[MissionLegs], begin: float | None) -> None:
+        # Without a clock there is none that could be late.
+        self.late = 0.0 if begin is None else 0.5 * CLOCK_LAG
         most = max(mission.release.size for mission in missions)
         shape = len(missions), most
-        self.flights, first = joined(missions)
-        followed = self.flights.followed(SPREAD)
+        flights, first = joined(missions)
+        self.flown = tracked(flights, missions[0].lag)
+        followed = flights.followed(SPREAD)
         # Row of each timed leg in the table of all legs.
         self.row = np.zeros(shape, dtype=np.int64)
         self.release = np.full(shape, np.inf)
-        self.duration = np.zeros(shape)
-        self.begin = np.zeros((*shape, 3))
-        self.end = np.zeros((*shape, 3))
+        self.settled = np.full(shape, -np.inf)
+        self.begin = np.zeros((len(missions), 3))
+        self.along = np.zeros((*shape, 3))
         self.last = np.full(len(missions), -np.inf)
         for drone, mission in enumerate(missions):
             timed = np.flatnonzero(np.isfinite(mission.release))
             legs = np.arange(timed.size)
             self.row[drone, legs] = first[drone] + timed
-            self.release[drone, legs] = mission.release[timed] - begin
-            self.duration[drone, legs] = mission.profiles.duration[timed]
-            self.begin[drone, legs] = mission.places[timed]
-            self.end[drone, legs] = mission.places[timed + 1]
+            release = mission.release[timed] - (begin or 0.0)
+            self.release[drone, legs] = release
+            # A step more: what lies between the last two is interpolated.
+            duration = mission.profiles.duration[timed]
+            self.settled[drone, legs] = release + duration + AFTER + STEP
+            self.along[drone, legs] = np.diff(mission.places, axis=0)[timed]
             if timed.size:
-                ends = self.release[drone, legs] + followed[first[drone] + timed]
+                self.begin[drone] = mission.places[timed[0]]
+                ends = release + followed[first[drone] + timed]
                 self.last[drone] = ends.max()
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
-        drones = np.arange(self.last.size)
-        result = np.full((times.size, drones.size, 3), np.nan)
-        leg = (times[:, None, None] >= self.release).sum(axis=2) - 1
-        known = (leg >= 0) & (times[:, None] <= self.last)
-        chosen = np.maximum(leg, 0)
-        since = times[:, None] - self.release[drones, chosen] - 0.5 * CLOCK_LAG
-        # Before a release there is nothing to follow.
-        since = np.where(np.isfinite(since), since, -1.0)
-        since = self.flights.law_time(self.row[drones, chosen], since)
-        part = (since >= self.duration[drones, chosen]).astype(np.float64)
-        moving = known & (since > 0.0) & (part == 0.0)
-        rows = self.row[drones, chosen][moving]
-        part[moving], _ = self.flights.fraction(rows, since[moving])
-        begin, end = self.begin[drones, chosen], self.end[drones, chosen]
-        place = begin + part[..., None] * (end - begin)
-        result[known] = place[known]
-        return result
+        place = np.broadcast_to(self.begin, (times.size, *self.begin.shape)).copy()
+        moment = times[:, None] - self.late
+        for leg in range(self.row.shape[1]):
+            # What a drone is off when its next leg begins, it takes along.
+            since = moment - self.release[:, leg]
+            part = np.zeros((*since.shape, 2))
+            part[moment >= self.settled[:, leg]] = 1.0
+            flies = (since > 0.0) & (moment < self.settled[:, leg])
+            drones = np.nonzero(flies)[1]
+            part[flies] = np.stack(
+                self.flown.covered(self.row[drones, leg], since[flies]), axis=-1
+            )
+            place += part[..., [0, 0, 1]] * self.along[:, leg]
+        known = (times[:, None] >= self.release[:, 0]) & (times[:, None] <= self.last)
+        place[~known] = np.nan
+        return place

@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.verify.autopilot import METRES_PER_DEGREE, Law, Profiles, profiles
 from showc.verify.geodesy import east_north_up
+from showc.verify.tracked import tracked
 from showc.verify.waypoints import LAND, TAKEOFF, WAYPOINT, MissionFormatError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 DELAY, SPEED = 93, 178
 """MAV_CMD of the items that hold, and that set a speed."""
 
-SPIN_UP = 2.5
+SPIN_UP = 2.25
 """Time on the ground between the start of a mission and lift-off [s]."""
 
 DAY = 86400.0
@@ -45,7 +46,9 @@ class MissionLegs:
     """When each leg is released, shape (n,) [s]; NaN: not timed. Of the UTC day if the
     mission goes by the clock, else of the mission."""
     profiles: Profiles
-    """How each leg is flown."""
+    """How each leg is planned."""
+    lag: float
+    """How late the law's time changes its rate: acceleration over jerk [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,12 +168,19 @@ def fly_rows(
     # All legs of the fleet at once: a call for each drone would take far longer.
     flights = profiles(step, limits[:, 0], limits[:, 1], law)
     edges = np.cumsum([0, *(len(mission.steps) for mission in missions)]).tolist()
-    followed = flights.followed(0.0)
+    lag = law.acceleration / law.jerk
+    ended = flights.followed(0.0)
+    if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
+        # Take-off follows no law of legs; it is timed no better than nominally.
+        climbs = edges[:-1]
+        nominal = ended[climbs]
+        ended = tracked(flights, lag).ended
+        ended[climbs] = nominal
     fleet = []
     for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
         own = flights.part(begin, end)
-        releases = _releases(mission.waits, followed[begin:end])
-        fleet.append(MissionLegs(mission.places, releases, own))
+        releases = _releases(mission.waits, ended[begin:end])
+        fleet.append(MissionLegs(mission.places, releases, own, lag))
     return fleet
 
 
@@ -225,10 +235,10 @@ def _fly(walk: _Walk, last: Item, item: Item, home: Item, site: Site) -> None:
     walk.limits.append((walk.speeds[LEVEL], vertical))
 
 
-def _releases(waits: Sequence[tuple[str, float]], followed: FloatArray) -> FloatArray:
+def _releases(waits: Sequence[tuple[str, float]], ended: FloatArray) -> FloatArray:
     """When each leg is released; NaN for those that follow another at once."""
     clock, day = 0.0, 0.0
-    releases = np.full(followed.size, np.nan)
+    releases = np.full(ended.size, np.nan)
     for leg, (kind, amount) in enumerate(waits):
         if kind == "clock":
             moment = amount + day
@@ -241,6 +251,6 @@ def _releases(waits: Sequence[tuple[str, float]], followed: FloatArray) -> Float
             clock += amount
             if kind == "pause":
                 releases[leg] = clock
-        # A leg is over, for the autopilot, when the drone has followed it.
-        clock += float(followed[leg])
+        # A leg is over, for the autopilot, when its own time for it has ended.
+        clock += float(ended[leg])
     return releases

@@ -1,0 +1,178 @@
+"""Where the drones most likely are on their legs, worked out anew from the words.
+
+The autopilot leads a point along the leg and lets the vehicle follow; what its loops
+make of that is integrated in steps of 20 ms, by the midpoint rule, over a table of the
+law in the same steps. Nothing here is taken from the code that drew the flights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.autopilot import GRAVITY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.verify.autopilot import Profiles
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+STEP = 0.02
+"""[s]"""
+
+AFTER = 6.0
+"""How long after the law's end a drone is followed [s]."""
+
+FADING = 1.0
+"""Time at the end of that in which it comes to rest at its goal [s]."""
+
+BLOCK = 1000
+"""Legs that are integrated together."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """The flights of n legs, in steps from their releases."""
+
+    flat: NDArray[np.float32]
+    """Part of the level way covered, shape (n, steps)."""
+    steep: NDArray[np.float32]
+    """Part of the way up or down covered, shape (n, steps)."""
+    ended: FloatArray
+    """When the law's own time has ended, shape (n,) [s]."""
+
+    def covered(
+        self, leg: IntArray, since: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Parts (m,), level and upright, of legs ``leg`` (m,) at ``since`` (m,) [s]."""
+        most = self.flat.shape[1] - 1
+        place = np.clip(since / STEP, 0.0, most)
+        low = np.floor(place).astype(np.int64)
+        high = np.minimum(low + 1, most)
+        rest = place - low
+        flat = self.flat[leg, low] * (1.0 - rest) + self.flat[leg, high] * rest
+        steep = self.steep[leg, low] * (1.0 - rest) + self.steep[leg, high] * rest
+        return flat, steep
+
+
+def tracked(flights: Profiles, lag: float) -> Tracked:
+    """Return the flights along the legs of ``flights``.
+
+    ``lag`` [s] is greatest acceleration over jerk: how late the law's time changes its
+    rate.
+    """
+    count = flights.length.size
+    longest = float(flights.duration.max(initial=0.0)) + AFTER
+    steps = int(np.ceil(longest / STEP))
+    flat = np.zeros((count, steps + 1), dtype=np.float32)
+    steep = np.zeros_like(flat)
+    ended = np.zeros(count)
+    for begin in range(0, count, BLOCK):
+        rows = slice(begin, min(begin + BLOCK, count))
+        part = flights.part(rows.start, rows.stop)
+        flat[rows], steep[rows], ended[rows] = _integrated(part, lag, steps)
+    return Tracked(flat, steep, ended)
+
+
+def _integrated(
+    flights: Profiles, lag: float, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Parts covered (n, steps + 1), level and upright, and when the law ends (n,)."""
+    count = flights.length.size
+    vehicles = _Vehicles(flights, lag)
+    now = np.zeros((14, count))
+    now[13] = 1.0
+    moves = flights.length > 0.0
+    flat = np.zeros((steps + 1, count))
+    steep = np.zeros((steps + 1, count))
+    clock = np.zeros((steps + 1, count))
+    for step in range(steps):
+        half = now + 0.5 * STEP * vehicles.change(now)
+        now = now + STEP * vehicles.change(half)
+        flat[step + 1], steep[step + 1], clock[step + 1] = now[0], now[7], now[12]
+    flat = _parts(flat, flights.length * flights.level, flights.duration)
+    steep = _parts(steep, flights.length * flights.climb, flights.duration)
+    flat[0] = steep[0] = 0.0
+    ended = np.full(count, STEP * steps)
+    for leg in np.flatnonzero(moves & (clock[-1] >= flights.duration)):
+        row = int(np.searchsorted(clock[:, leg], flights.duration[leg]))
+        before, after = clock[row - 1, leg], clock[row, leg]
+        share = (flights.duration[leg] - before) / (after - before)
+        ended[leg] = STEP * (row - 1 + share)
+    return flat.T, steep.T, np.where(moves, ended, 0.0)
+
+
+def _parts(way: FloatArray, whole: FloatArray, duration: FloatArray) -> FloatArray:
+    """Parts of ``whole`` (n,) [m] that ``way`` (steps, n) [m] is.
+
+    Whatever is left comes to nothing over the last second.
+    """
+    left = duration + AFTER - STEP * np.arange(len(way))[:, None]
+    off = way / np.where(whole != 0.0, whole, np.inf) - 1.0
+    return np.asarray(1.0 + np.clip(left / FADING, 0.0, 1.0) * off)
+
+
+class _Vehicles:
+    """How the states of n vehicles change.
+
+    Rows of a state: level place, speed, speed missed, its sum, its change, lean half
+    way, lean; place, speed, speed missed, sum and lift upright; time and rate of the
+    law.
+    """
+
+    def __init__(self, flights: Profiles, lag: float) -> None:
+        self.lag = lag
+        self.level, self.climb = flights.level, flights.climb
+        count = flights.length.size
+        rows = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 2
+        times = np.repeat(STEP * np.arange(rows), count)
+        legs = np.tile(np.arange(count), rows)
+        self.law = flights.motion(legs, times).reshape(rows, count, 3)
+        self.leg = np.arange(count)
+
+    def change(self, state: FloatArray) -> FloatArray:
+        """Change (14, n) of ``state`` (14, n) [1/s]."""
+        (x, vx, mx, sx, cx, half_lean, lean, z, vz, mz, sz, lift, time, rate) = state
+        where = np.minimum(time / STEP, len(self.law) - 1.0)
+        row = np.minimum(where.astype(np.int64), len(self.law) - 2)
+        share = (where - row)[:, None]
+        first, second = self.law[row, self.leg], self.law[row + 1, self.leg]
+        point, speed, push = (first * (1.0 - share) + second * share).T
+        gap_x, gap_z = point * self.level - x, point * self.climb - z
+        result = np.empty_like(state)
+        # Level: 2/s of the speed missed, 1/s² of its sum, half its change.
+        result[0] = vx
+        result[2] = (gap_x + speed * self.level - vx - mx) * (10.0 * np.pi)
+        result[4] = (result[2] - cx) * (10.0 * np.pi)
+        asked = 2.0 * mx + sx + 0.5 * cx + push * self.level
+        limit = GRAVITY * np.tan(np.radians(30.0))
+        stuck = (np.abs(asked) > limit) & (mx * asked > 0.0)
+        result[3] = np.where(stuck, 0.0, mx)
+        result[5] = (np.clip(asked, -limit, limit) - half_lean) / 0.125
+        result[6] = (half_lean - lean) / 0.03
+        result[1] = lean * (1.0 + lift / GRAVITY) - _drag(vx)
+        # Upright: 5/s of the speed missed, by a lift that comes late.
+        result[7] = vz
+        result[8] = lift - _drag(vz)
+        result[9] = (gap_z + speed * self.climb - vz - mz) * (10.0 * np.pi)
+        short = 5.0 * mz + push * self.climb - result[8]
+        result[10] = 0.1 * GRAVITY / 0.39 * short
+        result[11] = (0.05 * GRAVITY / 0.39 * short + sz - lift) / 0.075
+        # The law waits for who cannot keep up.
+        along = vx * self.level + vz * self.climb
+        behind = gap_x * self.level + gap_z * self.climb
+        slow = np.where(speed < 1e-5, 1.0, speed)
+        wanted = np.clip(0.05 + (along - behind) / slow, 0.0, 1.0)
+        result[12] = rate
+        result[13] = (np.where(speed < 1e-5, 1.0, wanted) - rate) / self.lag
+        return result
+
+
+def _drag(speed: FloatArray) -> FloatArray:
+    """Deceleration [m/s²]."""
+    return 0.25 * speed + 0.027 * speed * np.abs(speed)
