@@ -11,7 +11,7 @@ from showc.solve.bound import Relaxation, lower_bound
 from showc.solve.extremes import extreme_moves
 from showc.solve.single import Aircraft, Result, minimum_time
 from showc.solve.symmetry import images, kinds
-from showc.solve.synchronise import SHAPES, least_times
+from showc.solve.synchronise import ROUGHLY, SHAPES, least_times
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -167,6 +167,7 @@ def _straight(aircraft: Aircraft, displacement: FloatArray) -> FloatArray:
         aircraft.heading,
         displacement,
         SHAPES[::29],
+        ROUGHLY,
     )
     return np.asarray(times.min(axis=1))
 

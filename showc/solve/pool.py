@@ -11,7 +11,7 @@ import os
 import signal
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import accumulate
 from multiprocessing import active_children, get_context, resource_tracker
 from threading import Lock, Thread
@@ -127,7 +127,12 @@ class Processes:
     def prepare(self) -> None:
         """See :class:`Workers`; the processes start while the caller goes on."""
         if self._executor is None:
-            Thread(target=self._pool, daemon=True).start()
+            Thread(target=self._try, daemon=True).start()
+
+    def _try(self) -> None:
+        # What stands in the way is said to whoever submits work next.
+        with suppress(Exception):
+            self._pool()
 
     def run(
         self,

@@ -31,6 +31,8 @@ SHAPES: FloatArray = np.array(
     [(phase, phase * ramp) for phase in _PHASES for ramp in _RAMPS]
 )
 """Shapes tried: phase / T and ramp / T, shape (m, 2)."""
+CLOSELY, ROUGHLY = 14, 8
+"""Halvings of the time between twice too short and long enough."""
 
 
 def strain(  # noqa: PLR0917 - vectorised physics names every quantity
@@ -111,14 +113,19 @@ def strain(  # noqa: PLR0917 - vectorised physics names every quantity
     return np.where(base * force.min(axis=1) < most, np.inf, use)
 
 
-def least_times(
+def least_times(  # noqa: PLR0917 - same
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,
     displacement: FloatArray,
     shapes: FloatArray,
+    halvings: int = CLOSELY,
 ) -> FloatArray:
-    """Least duration of each drone for each shape, shape (n, m) [s], to 1e-4."""
+    """Least duration of each drone for each shape, shape (n, m) [s].
+
+    Too long by a factor of 2 to the power of 2 to the minus ``halvings`` at most: by
+    4e-5 of it, or by 0.3 % where only a ranking is wanted (``ROUGHLY``).
+    """
     drones, count = displacement.shape[0], shapes.shape[0]
     way = np.repeat(displacement, count, axis=0)
     shape = np.tile(shapes, (drones, 1))
@@ -130,7 +137,7 @@ def least_times(
             break
         low = np.where(bad, high, low)
         high = np.where(bad, 2.0 * high, high)
-    for _ in range(14):
+    for _ in range(halvings):
         middle = np.sqrt(low * high)
         good = strain(vehicle, limits, heading, way, middle, shape) <= 1.0
         high = np.where(good, middle, high)
@@ -165,13 +172,15 @@ def shared_profile(  # noqa: PLR0917 - same
     if not moving.any():
         raise ValueError("no drone moves: a hold has no profile")
     displacement = np.unique(displacement[moving], axis=0)
-    rough = least_times(vehicle, limits, heading, displacement, SHAPES[::17])
+    coarse = SHAPES[::17]
+    rough = least_times(vehicle, limits, heading, displacement, coarse, ROUGHLY)
     chosen = np.argsort(rough.min(axis=1))[::-1][:working]
     for _ in range(8):
-        times = least_times(vehicle, limits, heading, displacement[chosen], SHAPES)
+        shapes = _promising(vehicle, limits, heading, displacement[chosen])
+        times = least_times(vehicle, limits, heading, displacement[chosen], shapes)
         worst = times.max(axis=0)
         best = int(np.argmin(worst))
-        shape = SHAPES[best : best + 1]
+        shape = shapes[best : best + 1]
         own = least_times(vehicle, limits, heading, displacement, shape)[:, 0]
         if own.max() <= worst[best] * (1.0 + 1e-6):
             break
@@ -184,6 +193,15 @@ def shared_profile(  # noqa: PLR0917 - same
     while not np.all(_proved(vehicle, limits, heading, suspects, profile)):
         profile = profile.stretched(profile.duration * 1.002)
     return profile
+
+
+def _promising(
+    vehicle: Quadrotor, limits: Limits, heading: float, displacement: FloatArray
+) -> FloatArray:
+    """Shapes (m, 2) of which one is the best for all of these drones."""
+    rough = least_times(vehicle, limits, heading, displacement, SHAPES, ROUGHLY)
+    worst = rough.max(axis=0)
+    return SHAPES[worst <= worst.min() * 2.0 ** (0.5**ROUGHLY) * (1.0 + 1e-9)]
 
 
 def best_profile(
