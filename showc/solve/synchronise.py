@@ -201,7 +201,8 @@ def _promising(
     """Shapes (m, 2) of which one is the best for all of these drones."""
     rough = least_times(vehicle, limits, heading, displacement, SHAPES, ROUGHLY)
     worst = rough.max(axis=0)
-    return SHAPES[worst <= worst.min() * 2.0 ** (0.5**ROUGHLY) * (1.0 + 1e-9)]
+    best = worst.min() * 2.0 ** (0.5**ROUGHLY) * (1.0 + 1e-9)
+    return np.asarray(SHAPES[worst <= best])
 
 
 def best_profile(
