@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.flight import LegFlight
-    from showc.mission.encoding import Surroundings
     from showc.mission.stage import Lines, Stage, StageBuilder
+    from showc.mission.surroundings import Surroundings
     from showc.plan.itinerary import Leg
 
     FloatArray = NDArray[np.float64]

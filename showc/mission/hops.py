@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.mission.encoding import Surroundings
     from showc.mission.gaps import Gaps
     from showc.mission.stage import Lines, Stage, StageBuilder
+    from showc.mission.surroundings import Surroundings
     from showc.plan.itinerary import Leg
 
     FloatArray = NDArray[np.float64]

@@ -12,7 +12,6 @@ from mission.flights import START, mixed_flight
 from showc.errors import ExportError
 from showc.mission import mission_files
 from showc.mission.crew import side_by_side
-from showc.mission.encoding import stage_motion
 from showc.mission.gaps import Gaps, release_gaps
 from showc.mission.geodesy import GlobalPoints
 from showc.mission.law import leg_limits, profile, ramp_time
@@ -21,6 +20,7 @@ from showc.mission.separation import TOLERANCE, closest_encounter
 from showc.mission.speeds import fitting_speed, speed_for
 from showc.mission.stage import Stage
 from showc.mission.stagger import STEP, staggered
+from showc.mission.surroundings import stage_motion
 from showc.mission.timing import CLOCKED
 from showc.vehicle import Separation
 

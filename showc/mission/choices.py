@@ -1,0 +1,253 @@
+"""Encodings that a leg could have, the quickest first.
+
+What counts is the time until the next leg may begin: every stop has delays and slack.
+Candidates are worked out no sooner than their turn may come: what they take at least is
+known before their flights are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.mission.detours import bends, layers
+from showc.mission.gaps import release_gaps
+from showc.mission.hops import hops
+from showc.mission.separation import TOLERANCE, closest_encounter
+from showc.mission.stagger import MARGIN, staggered
+from showc.mission.surroundings import stage_motion
+from showc.mission.timing import CLOCK_LAG, EXACT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.flight import LegFlight
+    from showc.mission.gaps import Gaps
+    from showc.mission.stage import Lines, Stage, StageBuilder
+    from showc.mission.surroundings import Surroundings
+    from showc.plan.itinerary import Leg
+
+    FloatArray = NDArray[np.float64]
+    Choice = tuple[float, str, "list[Stage] | Callable[[], Iterable[Choice]]"]
+
+STRETCHES = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
+"""Factors on the times of legs that take longer than they must."""
+
+BRISK = (0.8, 0.6, 0.4)
+"""Factors on the common time in which legs that are short enough are flown."""
+
+CLOSE = 0.15
+"""So near the least time that there is, no other times are looked for [s]."""
+
+MARGINS = (MARGIN, 0.1, 0.3)
+"""How much farther than their gaps releases are apart, if less is not proved [s]."""
+
+
+def candidates(
+    leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
+) -> Iterator[tuple[str, list[Stage]]]:
+    """All encodings: the straight one, then the quickest first."""
+    straight = builder.lines(
+        leg.drones, around.positions[leg.drones], leg.goal, leg.limits
+    )
+    first = straight.lasting(max(flight.duration, straight.together))
+    yield "straight", [first]
+    if first.drones.size == 0:
+        return
+    choices = _Choices(leg, flight, builder, around)
+    waiting: list[tuple[float, int, Choice]] = []
+    made = 0
+    for choice in choices.straight(straight, first):
+        heappush(waiting, (choice[0], made := made + 1, choice))
+    while waiting:
+        _, _, (_, name, found) = heappop(waiting)
+        if isinstance(found, list):
+            yield name, found
+            continue
+        for choice in found():
+            heappush(waiting, (choice[0], made := made + 1, choice))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Choices:
+    """Encodings of one leg with what they cost: time until the next may begin.
+
+    What is not worked out yet stands as a function, with the least that it may cost.
+    """
+
+    leg: Leg
+    flight: LegFlight
+    builder: StageBuilder
+    around: Surroundings
+
+    def straight(self, lines: Lines, first: Stage) -> Iterator[Choice]:
+        """Straight lines, some drones later or in other times; and all other ways."""
+        least, stop = self._cost([first]), self._cost([])
+
+        def others() -> Iterator[Choice]:
+            gaps = self._gaps(first)
+            if gaps.hopeless():
+                return
+            found = list(self._with_waits("straight", [first], [gaps], 0))
+            yield from found
+            if not found or found[0][0] > least + CLOSE:
+                yield least, "straight, own times", partial(brisk, 0)
+            promise = self._longer("straight", [lines], least, 0, stagger=True)
+            yield promise[0], "straight", partial(self._if_apart, [first], promise)
+
+        def brisk(number: int) -> Iterator[Choice]:
+            times = np.maximum(lines.shortest, BRISK[number] * first.duration)
+            stage = lines.lasting(times)
+            name = "straight, own times"
+            found = list(self._with_waits(name, [stage], [self._gaps(stage)], 0))
+            yield from found
+            enough = found and found[0][0] <= least + CLOSE
+            if number + 1 < len(BRISK) and not enough:
+                yield least, name, partial(brisk, number + 1)
+
+        yield least, "straight", others
+        for stops in (1, 2):
+            yield least + stops * stop, "bends", partial(self._bends, stops)
+        yield least + 2.0 * stop, "layers", lambda: self._layers(first)
+        yield least + 2.0 * stop, "hops", lambda: self._hops(first)
+
+    def _cost(self, stages: list[Stage]) -> float:
+        """Time [s] from the first release until the next leg may begin, about.
+
+        Of no stages, that of a further stop.
+        """
+        pause = CLOCK_LAG + self.around.pause
+        if not stages:
+            return pause
+        late = self.around.timing.spread
+        return sum(stage.finish(late) + pause for stage in stages)
+
+    def _apart(self, stage: Stage, positions: FloatArray) -> bool:
+        """Whether the stage's drones keep apart if all delays are as expected."""
+        required = self.around.required
+        found = closest_encounter(
+            stage_motion(stage, positions, EXACT),
+            self.around.separation,
+            enough=required,
+        )
+        return found is None or found.distance >= required
+
+    def _gaps(self, stage: Stage) -> Gaps:
+        # The proof of the whole stage falls short of the pairs' by its tolerance.
+        apart = self.around.required + TOLERANCE
+        return release_gaps(stage, self.around.separation, self.around.timing, apart)
+
+    def _staggered(
+        self, name: str, make: Callable[[], list[Stage]], least: float
+    ) -> Choice:
+        """Promise stages with waits."""
+
+        def work_out() -> Iterator[Choice]:
+            stages = make()
+            gaps = [self._gaps(stage) for stage in stages]
+            return self._with_waits(name, stages, gaps, 0)
+
+        return least, name, work_out
+
+    def _with_waits(
+        self, name: str, stages: list[Stage], gaps: list[Gaps], retry: int
+    ) -> Iterator[Choice]:
+        waits = [
+            staggered(gap, stage.followed, MARGINS[retry])
+            for stage, gap in zip(stages, gaps, strict=True)
+        ]
+        later = [
+            stage.waiting(wait)
+            for stage, wait in zip(stages, waits, strict=True)
+            if wait is not None
+        ]
+        if len(later) < len(stages):
+            return
+        cost = self._cost(later)
+        longest = max(float(stage.wait.max(initial=0.0)) for stage in later)
+        full = f"{name}, staggered by up to {longest:g} s" if longest else name
+        yield cost, full, later
+        if retry + 1 < len(MARGINS):
+            yield (
+                cost,
+                name,
+                lambda: self._with_waits(name, stages, gaps, retry + 1),
+            )
+
+    def _bends(self, stops: int) -> Iterator[Choice]:
+        ways = bends(self.leg, self.flight, self.builder, self.around, stops)
+        for name, lines in ways:
+            yield from self._several(name, lines)
+
+    def _layers(self, straight: Stage) -> Iterator[Choice]:
+        for name, ways in layers(self.leg, self.builder, self.around, straight):
+            yield from self._several(name, ways)
+
+    def _hops(self, straight: Stage) -> Iterator[Choice]:
+        gaps = self._gaps(straight)
+        if staggered(gaps, straight.followed) is not None:
+            return
+        for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
+            quick = _flown(ways, [lines.together for lines in ways])
+            make = partial(_flown, ways, [lines.together for lines in ways])
+            yield self._staggered(name, make, self._cost(quick))
+
+    def _several(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
+        """Ways of several legs: in their shortest times, staggered, in longer ones."""
+        quick = _flown(ways, [lines.together for lines in ways])
+        cost = self._cost(quick)
+        yield cost, name, quick
+        yield self._staggered(name, lambda: quick, cost)
+        promise = self._longer(name, ways, cost, 0)
+        yield promise[0], name, partial(self._if_apart, quick, promise)
+
+    def _if_apart(self, quick: list[Stage], longer: Choice) -> Iterator[Choice]:
+        """Go on to longer times only if they can help.
+
+        Time scales a flight nearly without changing its shape: it helps little where
+        drones meet even without any delay.
+        """
+        positions = self.around.positions
+        for stage in quick:
+            if not self._apart(stage, positions):
+                return
+            positions = positions.copy()
+            positions[stage.drones] = stage.end
+        yield longer
+
+    def _longer(
+        self,
+        name: str,
+        ways: list[Lines],
+        cost: float,
+        number: int,
+        *,
+        stagger: bool = False,
+    ) -> Choice:
+        """Promise the ways in longer times than those that ``cost`` [s] is for."""
+        stretch = STRETCHES[number]
+        named = f"{name}, time x {stretch:g}"
+        least = cost + (stretch - 1.0) * sum(lines.together for lines in ways)
+
+        make = partial(_flown, ways, [stretch * lines.together for lines in ways])
+
+        def work_out() -> Iterator[Choice]:
+            if stagger:
+                yield self._staggered(named, make, least)
+            else:
+                yield least, named, make()
+            if number + 1 < len(STRETCHES):
+                yield self._longer(name, ways, cost, number + 1, stagger=stagger)
+
+        return least, named, work_out
+
+
+def _flown(ways: list[Lines], times: Sequence[float | FloatArray]) -> list[Stage]:
+    """Return the stages that take so long [s]."""
+    return [lines.lasting(time) for lines, time in zip(ways, times, strict=True)]
