@@ -43,6 +43,8 @@ def run_all(
     parts: Sequence[Part],
     jobs: int | None = None,
     done: Callable[[], None] = _ignore,
+    *,
+    begin: Sequence[int] | None = None,
 ) -> list[Any]:
     """Call every part; return what they return, in their order.
 
@@ -56,6 +58,10 @@ def run_all(
         copy a process safely (elsewhere than on Linux), the work is done in this one.
     done
         Told of each part that is finished.
+    begin
+        Numbers of all parts in the order in which copies are to begin them: what takes
+        long comes first, lest one copy do it when the others are idle. None: as they
+        are.
 
     Raises
     ------
@@ -65,7 +71,8 @@ def run_all(
     wanted = min(cores() if jobs is None else jobs, len(parts))
     found: dict[int, tuple[bool, Any]] = {}
     if wanted > 1 and len(parts) <= _MOST and sys.platform == "linux":
-        found = _shared(parts, wanted, done)
+        numbers = range(len(parts)) if begin is None else begin
+        found = _shared(parts, numbers, wanted, done)
     results = []
     for number, part in enumerate(parts):
         if number in found:
@@ -80,11 +87,11 @@ def run_all(
 
 
 def _shared(
-    parts: Sequence[Part], jobs: int, done: Callable[[], None]
+    parts: Sequence[Part], begin: Sequence[int], jobs: int, done: Callable[[], None]
 ) -> dict[int, tuple[bool, Any]]:
     """Whether each part went well, and what it gave; without those of the dead."""
     orders, give = os.pipe()
-    os.write(give, b"".join(_NUMBER.pack(number) for number in range(len(parts))))
+    os.write(give, b"".join(_NUMBER.pack(number) for number in begin))
     os.close(give)
     copies: dict[Connection, int] = {}
     found: dict[int, tuple[bool, Any]] = {}

@@ -52,6 +52,12 @@ ATTITUDE_ERROR = math.radians(0.01)
 SEPARATION_TOLERANCE = 1e-6
 """How far the separation may be missed: rounding, not flight [m]."""
 
+BEGUN = (
+    *("missions", "others", "segments", "separation"),
+    *("certificates", "choreography", "samples"),
+)
+"""Kinds of work, those with the longest parts first."""
+
 
 class Progress(Protocol):
     """Receives the course of the work."""
@@ -162,11 +168,13 @@ def _done(
     work: dict[str, Sequence[Callable[[], Any]]], jobs: int | None, watch: Progress
 ) -> dict[str, list[Any]]:
     """Do all parts of the work; what they found, under the same names."""
-    parts = [part for some in work.values() for part in some]
+    named = [(name, part) for name, some in work.items() for part in some]
+    parts = [part for _, part in named]
     watch.stage(
         "physics, limits, separation, choreography, samples, missions", len(parts)
     )
-    results = iter(run_all(parts, jobs, watch.advance))
+    begin = sorted(range(len(named)), key=lambda number: BEGUN.index(named[number][0]))
+    results = iter(run_all(parts, jobs, watch.advance, begin=begin))
     return {name: list(islice(results, len(some))) for name, some in work.items()}
 
 

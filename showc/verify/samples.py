@@ -67,7 +67,7 @@ _QUANTITIES = {
 """Which of ``GRIDS`` each field of a sample has."""
 
 
-SHARES = 8
+SHARES = 32
 """Parts of the file whose samples can be compared side by side."""
 
 _SIDE = 3e-9
