@@ -167,11 +167,12 @@ def _give_out(turns: list[int], near: Near) -> list[int] | None:
     given = [-1] * len(near)
     for drone in turns:
         wait = 0
-        forbidden = sorted(
+        forbidden = [
             (given[other] - behind, given[other] + ahead)
             for other, ahead, behind in near[drone]
             if given[other] >= 0
-        )
+        ]
+        forbidden.sort()
         for low, high in forbidden:
             if low >= wait:
                 break

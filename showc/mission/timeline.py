@@ -177,8 +177,8 @@ class _Layout:
             if item.leg.kind == "hold":
                 self.free = max(self.free, self.arrival + item.duration)
             elif item.leg.kind not in {"launch", "land"}:
-                encoding, positions = next(encodings)
-                scheduled = self._timed(item, float(start), encoding)
+                found, positions = next(encodings)
+                scheduled = self._timed(item, float(start), *found)
                 if scheduled is not None:
                     legs.append(scheduled)
         pause = max(self.show.landing.hold, 1.0)
@@ -241,7 +241,7 @@ class _Layout:
 
     def _encodings(
         self, moves: list[LegFlight], positions: FloatArray
-    ) -> list[tuple[Encoding, FloatArray]]:
+    ) -> list[tuple[tuple[Encoding, tuple[Tracks, ...]], FloatArray]]:
         """Encode the timed legs, and say where everyone is after each of them.
 
         Where they are before it is known, however the legs before it are flown.
@@ -253,12 +253,23 @@ class _Layout:
             _, after[drones] = self.builder.on_grid(drones, item.leg.goal)
             places.append(after)
 
-        def encode(number: int) -> Encoding:
+        def encode(number: int) -> tuple[Encoding, tuple[Tracks, ...]]:
             around = Surroundings(
                 places[number], self.show.separation, CLOCKED, self.pause
             )
             item = moves[number]
-            return choose_encoding(item.leg, item, self.builder, around)
+            chosen = choose_encoding(item.leg, item, self.builder, around)
+            kept = [
+                (stage, closest)
+                for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
+                if stage.drones.size
+            ]
+            stages, closest = zip(*kept, strict=True) if kept else ((), ())
+            flown = tuple(
+                tracks(stage.profile, stage.level, stage.climb, self.builder.parameters)
+                for stage in stages
+            )
+            return Encoding(chosen.name, stages, closest), flown
 
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
@@ -266,36 +277,31 @@ class _Layout:
         return list(zip(found, places[1:], strict=True))
 
     def _timed(
-        self, item: LegFlight, planned_start: float, encoding: Encoding
+        self,
+        item: LegFlight,
+        planned_start: float,
+        encoding: Encoding,
+        flown: tuple[Tracks, ...],
     ) -> ScheduledLeg | None:
         """Put the stages of one leg on the clock."""
-        kept = [
-            (stage, closest)
-            for stage, closest in zip(encoding.stages, encoding.closest, strict=True)
-            if stage.drones.size
-        ]
-        if not kept:
+        if not encoding.stages:
             self.free = max(self.free, self.arrival + item.duration)
             return None
         releases = []
-        for stage, _ in kept:
+        for stage in encoding.stages:
             release = round(ceil(self.free / STEP - 1e-6) * STEP, 6)
             releases.append(release)
             self._reached(
                 release + stage.finish() + 0.5 * CLOCK_LAG,
                 release + stage.finish(CLOCKED.spread) + CLOCK_LAG,
             )
-        stages, closest = zip(*kept, strict=True)
         return ScheduledLeg(
             item.leg,
-            Encoding(encoding.name, stages, closest),
+            encoding,
             tuple(releases),
             planned_start,
             item.duration,
-            tuple(
-                tracks(stage.profile, stage.level, stage.climb, self.builder.parameters)
-                for stage in stages
-            ),
+            flown,
         )
 
     def _reached(self, likely: float, latest: float) -> None:
