@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import GRAVITY
+from showc.verify.autopilot import GRAVITY, Profiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from showc.verify.autopilot import Profiles
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -31,8 +29,13 @@ AFTER = 6.0
 FADING = 1.0
 """Time at the end of that in which it comes to rest at its goal [s]."""
 
-BLOCK = 1000
-"""Legs that are integrated together."""
+BLOCK = 500
+"""Legs that are integrated together: few enough to stay in the processor's cache."""
+
+_AT_ONCE = 10_000
+"""Places of laws that are worked out together, for the same reason."""
+
+_COLUMNS = tuple(Profiles.__dataclass_fields__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,32 +72,48 @@ def tracked(flights: Profiles, lag: float) -> Tracked:
     count = flights.length.size
     longest = float(flights.duration.max(initial=0.0)) + AFTER
     steps = int(np.ceil(longest / STEP))
-    flat = np.zeros((count, steps + 1), dtype=np.float32)
-    steep = np.zeros_like(flat)
+    # Who has come to rest at the goal stays there.
+    flat = np.ones((count, steps + 1), dtype=np.float32)
+    steep = np.ones_like(flat)
     ended = np.zeros(count)
+    # Legs of about one duration together: none waits long for the others.
+    order = np.argsort(flights.duration, kind="stable")
     for begin in range(0, count, BLOCK):
-        rows = slice(begin, min(begin + BLOCK, count))
-        part = flights.part(rows.start, rows.stop)
-        flat[rows], steep[rows], ended[rows] = _integrated(part, lag, steps)
+        rows = order[begin : begin + BLOCK]
+        part = Profiles(*(getattr(flights, name)[rows] for name in _COLUMNS))
+        own_flat, own_steep, ended[rows] = _integrated(part, lag, steps)
+        flat[rows, : own_flat.shape[1]] = own_flat
+        steep[rows, : own_steep.shape[1]] = own_steep
     return Tracked(flat, steep, ended)
 
 
 def _integrated(
     flights: Profiles, lag: float, steps: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Parts covered (n, steps + 1), level and upright, and when the law ends (n,)."""
+    """Parts covered (n, own + 1), level and upright, and when the law ends (n,).
+
+    ``own`` is the number of steps until all have come to rest, at most ``steps``; the
+    law of a leg that has not ended by then is followed on, up to ``steps``.
+    """
     count = flights.length.size
+    longest = float(flights.duration.max(initial=0.0)) + AFTER
+    own = min(int(np.ceil(longest / STEP)), steps)
     vehicles = _Vehicles(flights, lag)
     now = np.zeros((14, count))
     now[13] = 1.0
     moves = flights.length > 0.0
-    flat = np.zeros((steps + 1, count))
-    steep = np.zeros((steps + 1, count))
+    flat = np.zeros((own + 1, count))
+    steep = np.zeros((own + 1, count))
     clock = np.zeros((steps + 1, count))
     for step in range(steps):
+        if step >= own and np.all(~moves | (now[12] >= flights.duration)):
+            clock = clock[: step + 1]
+            break
         half = now + 0.5 * STEP * vehicles.change(now)
         now = now + STEP * vehicles.change(half)
-        flat[step + 1], steep[step + 1], clock[step + 1] = now[0], now[7], now[12]
+        clock[step + 1] = now[12]
+        if step < own:
+            flat[step + 1], steep[step + 1] = now[0], now[7]
     flat = _parts(flat, flights.length * flights.level, flights.duration)
     steep = _parts(steep, flights.length * flights.climb, flights.duration)
     flat[0] = steep[0] = 0.0
@@ -130,10 +149,14 @@ class _Vehicles:
         self.level, self.climb = flights.level, flights.climb
         count = flights.length.size
         rows = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 2
-        times = np.repeat(STEP * np.arange(rows), count)
-        legs = np.tile(np.arange(count), rows)
-        self.law = flights.motion(legs, times).reshape(rows, count, 3)
         self.leg = np.arange(count)
+        self.law = np.empty((rows, count, 3))
+        some = max(1, _AT_ONCE // max(count, 1))
+        for begin in range(0, rows, some):
+            own = np.arange(begin, min(begin + some, rows))
+            times, legs = np.repeat(STEP * own, count), np.tile(self.leg, own.size)
+            table = flights.motion(legs, times).reshape(own.size, count, 3)
+            self.law[own] = table
 
     def change(self, state: FloatArray) -> FloatArray:
         """Change (14, n) of ``state`` (14, n) [1/s]."""
