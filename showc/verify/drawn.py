@@ -113,7 +113,7 @@ class _Fleet:
         most = max(mission.release.size for mission in missions)
         shape = len(missions), most
         flights, first = joined(missions)
-        self.flown = tracked(flights, missions[0].lag)
+        self.flown = missions[0].flown or tracked(flights, missions[0].lag)
         followed = flights.followed(SPREAD)
         # Row of each timed leg in the table of all legs.
         self.row = np.zeros(shape, dtype=np.int64)
@@ -143,6 +143,11 @@ class _Fleet:
         moment = times[:, None] - self.late
         for leg in range(self.row.shape[1]):
             # What a drone is off when its next leg begins, it takes along.
+            if moment.max() <= self.release[:, leg].min():
+                continue  # nobody has begun it
+            if moment.min() >= self.settled[:, leg].max():
+                place += self.along[:, leg]  # everybody is over it
+                continue
             since = moment - self.release[:, leg]
             part = np.zeros((*since.shape, 2))
             part[moment >= self.settled[:, leg]] = 1.0

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Site
+    from showc.verify.tracked import Tracked
     from showc.verify.waypoints import Item
 
     FloatArray = NDArray[np.float64]
@@ -49,6 +50,8 @@ class MissionLegs:
     """How each leg is planned."""
     lag: float
     """How late the law's time changes its rate: acceleration over jerk [s]."""
+    flown: Tracked | None = None
+    """The flights of the whole fleet's legs, in its order, where they were needed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,18 +172,19 @@ def fly_rows(
     flights = profiles(step, limits[:, 0], limits[:, 1], law)
     edges = np.cumsum([0, *(len(mission.steps) for mission in missions)]).tolist()
     lag = law.acceleration / law.jerk
-    ended = flights.followed(0.0)
+    ended, flown = flights.followed(0.0), None
     if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
         # Take-off follows no law of legs; it is timed no better than nominally.
         climbs = edges[:-1]
         nominal = ended[climbs]
-        ended = tracked(flights, lag).ended
+        flown = tracked(flights, lag)
+        ended = flown.ended.copy()
         ended[climbs] = nominal
     fleet = []
     for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
         own = flights.part(begin, end)
         releases = _releases(mission.waits, ended[begin:end])
-        fleet.append(MissionLegs(mission.places, releases, own, lag))
+        fleet.append(MissionLegs(mission.places, releases, own, lag, flown))
     return fleet
 
 
