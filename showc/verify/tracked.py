@@ -35,6 +35,9 @@ BLOCK = 500
 _AT_ONCE = 10_000
 """Places of laws that are worked out together, for the same reason."""
 
+_STEEPEST = GRAVITY * np.tan(np.radians(30.0))
+"""Greatest acceleration asked for on the level [m/s²]."""
+
 _COLUMNS = tuple(Profiles.__dataclass_fields__)
 
 
@@ -110,10 +113,10 @@ def _integrated(
             clock = clock[: step + 1]
             break
         half = now + 0.5 * STEP * vehicles.change(now)
-        now = now + STEP * vehicles.change(half)
+        now += STEP * vehicles.change(half)
         clock[step + 1] = now[12]
         if step < own:
-            flat[step + 1], steep[step + 1] = now[0], now[7]
+            flat[step + 1], steep[step + 1] = now[0], now[1]
     flat = _parts(flat, flights.length * flights.level, flights.duration)
     steep = _parts(steep, flights.length * flights.climb, flights.duration)
     flat[0] = steep[0] = 0.0
@@ -139,63 +142,76 @@ def _parts(way: FloatArray, whole: FloatArray, duration: FloatArray) -> FloatArr
 class _Vehicles:
     """How the states of n vehicles change.
 
-    Rows of a state: level place, speed, speed missed, its sum, its change, lean half
-    way, lean; place, speed, speed missed, sum and lift upright; time and rate of the
-    law.
+    Rows of a state, level and upright in turn: place, speed, speed missed, its sum;
+    then the change of the level speed missed, lean half way, lean, lift; time and rate
+    of the law.
     """
 
     def __init__(self, flights: Profiles, lag: float) -> None:
         self.lag = lag
-        self.level, self.climb = flights.level, flights.climb
+        self.way = np.stack([flights.level, flights.climb])
         count = flights.length.size
-        rows = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 2
-        self.leg = np.arange(count)
-        self.law = np.empty((rows, count, 3))
+        self.last = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 1
+        self.leg, self.count = np.arange(count), count
+        # Distance, speed, acceleration over the law's time, one row for all legs.
+        self.law = np.empty((3, (self.last + 1) * count))
         some = max(1, _AT_ONCE // max(count, 1))
-        for begin in range(0, rows, some):
-            own = np.arange(begin, min(begin + some, rows))
+        for begin in range(0, self.last + 1, some):
+            own = np.arange(begin, min(begin + some, self.last + 1))
             times, legs = np.repeat(STEP * own, count), np.tile(self.leg, own.size)
-            table = flights.motion(legs, times).reshape(own.size, count, 3)
-            self.law[own] = table
+            place = slice(begin * count, begin * count + times.size)
+            self.law[:, place] = flights.motion(legs, times).T
+
+    def led(self, time: FloatArray) -> FloatArray:
+        """Distance, speed, acceleration (3, n) of the law at its times (n,) [s]."""
+        where = np.minimum(time / STEP, float(self.last))
+        row = np.minimum(where.astype(np.int64), self.last - 1)
+        share = where - row
+        row *= self.count
+        row += self.leg
+        first = self.law.take(row, axis=1)
+        row += self.count
+        second = self.law.take(row, axis=1)
+        first *= 1.0 - share
+        second *= share
+        first += second
+        return first
 
     def change(self, state: FloatArray) -> FloatArray:
         """Change (14, n) of ``state`` (14, n) [1/s]."""
-        (x, vx, mx, sx, cx, half_lean, lean, z, vz, mz, sz, lift, time, rate) = state
-        where = np.minimum(time / STEP, len(self.law) - 1.0)
-        row = np.minimum(where.astype(np.int64), len(self.law) - 2)
-        share = (where - row)[:, None]
-        first, second = self.law[row, self.leg], self.law[row + 1, self.leg]
-        point, speed, push = (first * (1.0 - share) + second * share).T
-        gap_x, gap_z = point * self.level - x, point * self.climb - z
+        place, speed, missed, total = state[0:2], state[2:4], state[4:6], state[6:8]
+        cx, half_lean, lean, lift, time, rate = state[8:]
+        point, pace, push = self.led(time)
+        gap, lead = point * self.way - place, push * self.way
+        drag = _drag(speed)
         result = np.empty_like(state)
+        result[0:2] = speed
+        result[4:6] = (gap + pace * self.way - speed - missed) * (10.0 * np.pi)
         # Level: 2/s of the speed missed, 1/s² of its sum, half its change.
-        result[0] = vx
-        result[2] = (gap_x + speed * self.level - vx - mx) * (10.0 * np.pi)
-        result[4] = (result[2] - cx) * (10.0 * np.pi)
-        asked = 2.0 * mx + sx + 0.5 * cx + push * self.level
-        limit = GRAVITY * np.tan(np.radians(30.0))
-        stuck = (np.abs(asked) > limit) & (mx * asked > 0.0)
-        result[3] = np.where(stuck, 0.0, mx)
-        result[5] = (np.clip(asked, -limit, limit) - half_lean) / 0.125
-        result[6] = (half_lean - lean) / 0.03
-        result[1] = lean * (1.0 + lift / GRAVITY) - _drag(vx)
+        result[8] = (result[4] - cx) * (10.0 * np.pi)
+        asked = 2.0 * missed[0] + total[0] + 0.5 * cx + lead[0]
+        given = np.minimum(np.maximum(asked, -_STEEPEST), _STEEPEST)
+        stuck = (given != asked) & (missed[0] * asked > 0.0)
+        result[6] = np.where(stuck, 0.0, missed[0])
+        result[9] = (given - half_lean) / 0.125
+        result[10] = (half_lean - lean) / 0.03
+        result[2] = lean * (1.0 + lift / GRAVITY) - drag[0]
         # Upright: 5/s of the speed missed, by a lift that comes late.
-        result[7] = vz
-        result[8] = lift - _drag(vz)
-        result[9] = (gap_z + speed * self.climb - vz - mz) * (10.0 * np.pi)
-        short = 5.0 * mz + push * self.climb - result[8]
-        result[10] = 0.1 * GRAVITY / 0.39 * short
-        result[11] = (0.05 * GRAVITY / 0.39 * short + sz - lift) / 0.075
+        result[3] = lift - drag[1]
+        short = 5.0 * missed[1] + lead[1] - result[3]
+        result[7] = 0.1 * GRAVITY / 0.39 * short
+        result[11] = (0.05 * GRAVITY / 0.39 * short + total[1] - lift) / 0.075
         # The law waits for who cannot keep up.
-        along = vx * self.level + vz * self.climb
-        behind = gap_x * self.level + gap_z * self.climb
-        slow = np.where(speed < 1e-5, 1.0, speed)
-        wanted = np.clip(0.05 + (along - behind) / slow, 0.0, 1.0)
+        ahead = (speed - gap) * self.way
+        still = pace < 1e-5
+        slow = np.where(still, 1.0, pace)
+        wanted = 0.05 + (ahead[0] + ahead[1]) / slow
+        wanted = np.minimum(np.maximum(wanted, 0.0), 1.0)
         result[12] = rate
-        result[13] = (np.where(speed < 1e-5, 1.0, wanted) - rate) / self.lag
+        result[13] = (np.where(still, 1.0, wanted) - rate) / self.lag
         return result
 
 
 def _drag(speed: FloatArray) -> FloatArray:
     """Deceleration [m/s²]."""
-    return 0.25 * speed + 0.027 * speed * np.abs(speed)
+    return speed * (0.25 + 0.027 * np.abs(speed))
