@@ -45,8 +45,11 @@ BRISK = (0.8, 0.6, 0.4)
 CLOSE = 0.15
 """So near the least time that there is, no other times are looked for [s]."""
 
-MARGINS = (MARGIN, 0.1, 0.3)
+MARGINS = (MARGIN, 0.05, 0.1, 0.2, 0.3, 0.4)
 """How much farther than their gaps releases are apart, if less is not proved [s]."""
+
+WIDER = (0.0, 0.05, 0.1, 0.15, 0.25, 0.5)
+"""How much more room drones get then if the separation goes by axes [m]."""
 
 
 def candidates(
@@ -138,9 +141,16 @@ class _Choices:
         )
         return found is None or found.distance >= required
 
-    def _gaps(self, stage: Stage) -> Gaps:
+    @property
+    def _by_axes(self) -> bool:
+        return self.around.separation.shape in {"any-axis", "all-axes"}
+
+    def _gaps(self, stage: Stage, retry: int = 0) -> Gaps:
         # The proof of the whole stage falls short of the pairs' by its tolerance.
         apart = self.around.required + TOLERANCE
+        if self._by_axes:
+            # And that of boxes, around where drones may be, short of both.
+            apart += WIDER[retry]
         return release_gaps(stage, self.around.separation, self.around.timing, apart)
 
     def _staggered(
@@ -174,11 +184,11 @@ class _Choices:
         full = f"{name}, staggered by up to {longest:g} s" if longest else name
         yield cost, full, later
         if retry + 1 < len(MARGINS):
-            yield (
-                cost,
-                name,
-                lambda: self._with_waits(name, stages, gaps, retry + 1),
-            )
+            yield cost, name, partial(self._again, name, stages, retry + 1)
+
+    def _again(self, name: str, stages: list[Stage], retry: int) -> Iterator[Choice]:
+        gaps = [self._gaps(stage, retry) for stage in stages]
+        return self._with_waits(name, stages, gaps, retry)
 
     def _bends(self, stops: int) -> Iterator[Choice]:
         ways = bends(self.leg, self.flight, self.builder, self.around, stops)
@@ -190,13 +200,13 @@ class _Choices:
             yield from self._several(name, ways)
 
     def _hops(self, straight: Stage) -> Iterator[Choice]:
-        gaps = self._gaps(straight)
-        if staggered(gaps, straight.followed) is not None:
-            return
-        for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
-            quick = _flown(ways, [lines.together for lines in ways])
-            make = partial(_flown, ways, [lines.together for lines in ways])
-            yield self._staggered(name, make, self._cost(quick))
+        for retry in range(len(WIDER) if self._by_axes else 1):
+            gaps = self._gaps(straight, retry)
+            if staggered(gaps, straight.followed) is not None:
+                continue
+            for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
+                make = partial(_flown, ways, [lines.together for lines in ways])
+                yield self._staggered(name, make, self._cost(make()))
 
     def _several(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
         """Ways of several legs: in their shortest times, staggered, in longer ones."""

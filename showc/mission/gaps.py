@@ -112,7 +112,7 @@ def release_gaps(
 
     # Whose start or goal the other one's line passes knows only one order.
     def meets(point: FloatArray, line: tuple[FloatArray, FloatArray]) -> BoolArray:
-        return part_distance((point, point), line, separation) < required
+        return _passes(point, line, separation, required)
 
     line_a, line_b = (begin[a], far[a]), (begin[b], far[b])
     after[meets(goal[a], line_b) | meets(begin[b], line_a)] = np.inf
@@ -230,6 +230,24 @@ def _region(
     low = np.where(outside, np.inf, np.maximum(low, 0.0))
     high = np.where(outside, -np.inf, np.minimum(high, stretch[1][:, None]))
     return x, low, high
+
+
+def _passes(
+    point: FloatArray,
+    line: tuple[FloatArray, FloatArray],
+    separation: Separation,
+    required: float,
+) -> BoolArray:
+    """Whether straight parts come nearer to their points, all (m, 3), than required."""
+    if separation.shape not in {"any-axis", "all-axes"}:
+        return part_distance((point, point), line, separation) < required
+    low, high = _near_per_axis(
+        (point - line[0])[:, None, :],
+        line[1] - line[0],
+        separation.shape == "any-axis",
+        required,
+    )
+    return np.asarray((np.maximum(low, 0.0) <= np.minimum(high, 1.0))[:, 0])
 
 
 def _around(

@@ -2,14 +2,17 @@
 
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mission.flights import START, mixed_flight
+from synthetic import gliding_flight
 
 from showc.errors import ExportError
+from showc.flight import Flight
 from showc.mission import mission_files
 from showc.mission.crew import side_by_side
 from showc.mission.gaps import Gaps, release_gaps
@@ -22,6 +25,7 @@ from showc.mission.stage import Stage
 from showc.mission.stagger import STEP, staggered
 from showc.mission.surroundings import stage_motion
 from showc.mission.timing import CLOCKED
+from showc.plan.itinerary import Itinerary
 from showc.vehicle import Separation
 
 PARAMETERS = Parameters()
@@ -201,3 +205,16 @@ def test_the_first_failure_is_told_whoever_met_it():
     for jobs in (1, 2):
         with pytest.raises(ExportError, match="leg 1"):
             side_by_side(work, 5, jobs)
+
+
+@pytest.mark.parametrize("shape", ["ellipsoid", "any-axis"])
+def test_other_separations_are_given_out_and_proved_as_well(shape):
+    flight = gliding_flight(24)
+    separation = Separation(1.0, shape, vertical_stretch=1.5)
+    show = replace(flight.itinerary.show, separation=separation)
+    legs = mission_files(
+        Flight(Itinerary(show, flight.itinerary.legs), flight.legs, flight.starts),
+        start=START,
+    ).prediction["legs"]
+    assert all(leg["closest"]["distance"] >= 0.978 for leg in legs)
+    assert any("staggered" in leg["encoding"] for leg in legs)
