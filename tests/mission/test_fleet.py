@@ -344,7 +344,7 @@ def test_a_fleet_that_cannot_be_kept_apart_is_refused():
 def test_more_items_than_the_board_holds_are_refused():
     flight = shift_flight(1, options=LIGHTS)
     legs, parts, starts = [], [], []
-    repeated = [flight.legs[0], *flight.legs[1:-2] * 20, *flight.legs[-2:]]
+    repeated = [flight.legs[0], *flight.legs[1:-2] * 12, *flight.legs[-2:]]
     for index, part in enumerate(repeated):
         leg = replace(part.leg, index=index)
         legs.append(leg)
@@ -358,7 +358,7 @@ def test_more_items_than_the_board_holds_are_refused():
     ):
         mission_files(long, start=START)
     with pytest.raises(ExportError, match="board 'toaster' is not known"):
-        mission_files(with_options(long, MissionOptions(board="toaster")))
+        mission_files(with_options(flight, MissionOptions(board="toaster")))
 
 
 def test_a_start_without_a_zone_or_with_a_fraction_is_refused(flight):
