@@ -18,6 +18,8 @@ from showc.verify.bernstein import halves
 from showc.verify.physics import allocation
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Limits, Rules, Vector3
@@ -33,6 +35,9 @@ TOLERANCE = 1e-6
 """How far a limit may be exceeded, as a fraction of its range: rounding, not flight."""
 
 _ROUNDS = 60
+
+_AT_ONCE = 500
+"""Mesh intervals looked at together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,11 +184,12 @@ class _Hulls:
         """Go through the coefficients of a table once."""
         speeds = table.control @ rotors.T
         sources = (table.state, table.control, speeds)
+        tops, lows = zip(*(_ranges(source) for source in sources), strict=True)
         return cls(
             table,
             speeds,
-            _columns([source.max(axis=1) for source in sources]),
-            _columns([source.min(axis=1) for source in sources]),
+            _columns(tops),
+            _columns(lows),
             _columns([source[:, 0] for source in sources]),
             _columns([source[:, -1] for source in sources]),
         )
@@ -198,7 +204,19 @@ class _Hulls:
         return self.rotors[rows, :, quantity - states - controls]
 
 
-def _columns(arrays: list[FloatArray]) -> FloatArray:
+def _ranges(source: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Greatest and least coefficients (rows, n) of ``source`` (rows, degree + 1, n)."""
+    top, low = np.empty((2, source.shape[0], source.shape[2]))
+    for begin in range(0, source.shape[0], _AT_ONCE):
+        rows = slice(begin, begin + _AT_ONCE)
+        # With all rows of a coefficient side by side, in the processor's cache.
+        some = np.ascontiguousarray(source[rows].swapaxes(0, 1))
+        some.max(axis=0, out=top[rows])
+        some.min(axis=0, out=low[rows])
+    return top, low
+
+
+def _columns(arrays: Sequence[FloatArray]) -> FloatArray:
     """Put quantities (rows, n) of several arrays below each other."""
     return np.ascontiguousarray(np.concatenate(arrays, axis=1).T)
 

@@ -34,9 +34,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from showc.verify.bernstein import basis
+from showc.verify.pieces import Pieces, batches
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -44,13 +45,9 @@ if TYPE_CHECKING:
     from showc.verify.show import PieceTable, Segment
 
     FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 STAGES = 5
 """Gauss points on each step."""
-
-_BATCH = 2_000
-"""Mesh intervals integrated at once: few enough to stay in the processor's cache."""
 
 _LARGEST_SPLIT = 64
 """Steps in each mesh interval at which the integration gives up halving."""
@@ -155,9 +152,10 @@ def replay(segment: Segment, vehicle: Vehicle) -> Replay:
     # A flight that runs away to infinity is reported as such, not as a warning.
     with np.errstate(all="ignore"):
         for table in segment.tables:
-            pieces = _Pieces.of(table, vehicle)
-            for rows in _batches(table):
-                result = _worse(result, _replay_rows(pieces, rows, vehicle))
+            cut = _cut(table, vehicle)
+            for rows in batches(table):
+                flown = _replay_rows(Pieces.of(table, rows, cut), vehicle)
+                result = _worse(result, flown)
     if result is None:
         raise ValueError("a segment without drones")
     return result
@@ -174,51 +172,23 @@ def _worse(first: Replay | None, second: Replay) -> Replay:
     )
 
 
-def _batches(table: PieceTable) -> Iterator[IntArray]:
-    """Group drones with meshes of about one size, bounded in memory."""
-    counts = np.diff(table.first)
-    order = np.argsort(counts, kind="stable")
-    begin = 0
-    while begin < order.size:
-        end = begin + 1
-        least = counts[order[begin]]
-        while (
-            end < order.size
-            and counts[order[end]] <= least + least // 4 + 2
-            and (end - begin + 1) * counts[order[end]] <= _BATCH
-        ):
-            end += 1
-        yield order[begin:end]
-        begin = end
+def _cut(table: PieceTable, vehicle: Vehicle) -> NDArray[np.bool_]:
+    """Rows of which a control may ask the rotors for more than they give, (rows,).
+
+    Those on which the hull of the coefficients leaves what the rotors can do.
+    """
+    share = np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2
+    speeds = table.control @ share.T
+    inside = np.all((speeds >= 0.0) & (speeds <= 1.0), axis=(1, 2))
+    return np.asarray(~inside)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pieces:
-    """Polynomials of a table in the order in which they are evaluated."""
-
-    table: PieceTable
-    state: FloatArray
-    """Bernstein coefficients, shape (rows, degree + 1, 12)."""
-    control: FloatArray
-    """Bernstein coefficients, shape (rows, degree + 1, 4)."""
-    cut: NDArray[np.bool_]
-    """Rows of which a control may ask the rotors for more than they give, (rows,)."""
-
-    @classmethod
-    def of(cls, table: PieceTable, vehicle: Vehicle) -> _Pieces:
-        """Look where the hull of the coefficients leaves what the rotors can do."""
-        share = np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2
-        speeds = table.control @ share.T
-        inside = np.all((speeds >= 0.0) & (speeds <= 1.0), axis=(1, 2))
-        return cls(table, table.state, table.control, ~inside)
-
-
-def _replay_rows(pieces: _Pieces, rows: IntArray, vehicle: Vehicle) -> Replay:
+def _replay_rows(pieces: Pieces, vehicle: Vehicle) -> Replay:
     """Halve the steps until two runs agree, then compare the finer one."""
     split = 1
-    coarse = _Run(pieces, rows, vehicle, split)
+    coarse = _Run(pieces, vehicle, split)
     while True:
-        fine = _Run(pieces, rows, vehicle, 2 * split)
+        fine = _Run(pieces, vehicle, 2 * split)
         change = np.abs(coarse.ends - fine.ends[:, :, 2 - 1 :: 2])
         # An infinite or undefined state must not pass for agreement.
         error = np.where(np.isfinite(change), change, np.inf).max(axis=2)
@@ -231,43 +201,35 @@ def _replay_rows(pieces: _Pieces, rows: IntArray, vehicle: Vehicle) -> Replay:
 class _Run:
     """One integration of some drones, ``split`` steps in each mesh interval.
 
-    Drones with fewer intervals than others get steps of no length at the end.
+    Intervals that only fill up get steps of no length.
     """
 
-    def __init__(
-        self, pieces: _Pieces, rows: IntArray, vehicle: Vehicle, split: int
-    ) -> None:
-        table = pieces.table
+    def __init__(self, pieces: Pieces, vehicle: Vehicle, split: int) -> None:
         self.pieces, self.split = pieces, split
-        self.drones = table.drones[rows]
-        counts = np.diff(table.first)[rows]
-        index = np.arange(counts.max())
-        self.valid = index < counts[:, None]
-        self.piece = table.first[rows][:, None] + np.minimum(index, counts[:, None] - 1)
-        whole = (table.end - table.start)[self.piece]
-        self.width = np.repeat(np.where(self.valid, whole, 0.0) / split, split, axis=1)
+        whole = (pieces.table.end - pieces.table.start)[pieces.piece]
+        whole = np.where(pieces.valid, whole, 0.0)
+        self.width = np.repeat(whole / split, split, axis=1)
         points, weights, partial = gauss(STAGES)
         self.fraction = np.arange(split)[:, None] + points
         control = self._logged(pieces.control, self.fraction)
         self.clipped = 0.0
-        if pieces.cut[self.piece].any():
+        if pieces.cut:
             last, self.clipped = flyable(vehicle, np.moveaxis(control, 1, -1))
             control = np.moveaxis(last, -1, 1)
-        first = table.state[table.first[rows], 0].T
-        self._integrate(first, control, vehicle, weights, partial)
+        self._integrate(pieces.first, control, vehicle, weights, partial)
 
     def _logged(self, coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
         """Evaluate the log at ``fraction`` (split, points), counted in steps.
 
-        ``coefficients`` has the shape (rows, degree + 1, components), the result
-        (points, components, drones, steps).
+        ``coefficients`` has the shape (degree + 1, components, drones, intervals), the
+        result (points, components, drones, steps).
         """
-        weights = basis(coefficients.shape[1] - 1, fraction / self.split)
-        chosen = coefficients[self.piece].transpose(2, 3, 0, 1)
+        weights = basis(coefficients.shape[0] - 1, fraction / self.split)
         # (split, points, degree + 1) x (degree + 1, components, drones, intervals)
-        values = np.tensordot(weights, chosen, axes=(2, 0))
+        values = np.tensordot(weights, coefficients, axes=(2, 0))
+        _, points, components, drones, intervals = values.shape
         return np.moveaxis(values, 0, -1).reshape(
-            *values.shape[1:4], self.piece.shape[1] * self.split
+            points, components, drones, intervals * self.split
         )
 
     def _integrate(
@@ -316,7 +278,7 @@ class _Run:
         over = np.array([factor / ix, factor / iy, 1.0 / iz])
         torque = control[:, 1:] * over[:, None, None]
         coupling = ((iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz)
-        rates = self._logged(self.pieces.state[:, :, 9:], self.fraction)
+        rates = self._logged(self.pieces.state[:, 9:], self.fraction)
         ends = first
         for _ in range(_ROUNDS):
             slope = torque.copy()
@@ -338,13 +300,12 @@ class _Run:
         """
         state = self.pieces.state
         end = np.arange(1.0, self.split + 1.0)[:, None]
+        fraction = np.concatenate([self.fraction, end], axis=1)
         found = []
         for part, flown in ((slice(0, 3), self.position), (slice(6, 9), self.angles)):
-            at_stages = self._logged(state[:, :, part], self.fraction)
-            at_ends = self._logged(state[:, :, part], end)
-            gap = np.concatenate(
-                [flown - at_stages, self.ends[None, part] - at_ends], axis=0
-            )
+            gap = self._logged(state[:, part], fraction)
+            gap[:-1] -= flown
+            gap[-1] -= self.ends[part]
             np.abs(gap, out=gap)
             gap += error[part, :, None]
             found.append(gap)
@@ -361,15 +322,15 @@ class _Run:
         """Greatest of the gaps (stages and end, drones, steps) that are flown."""
         gap = np.where(np.isfinite(gap), gap, np.inf)
         # Steps of no length only fill the array up; nothing is flown in them.
-        gap = np.where(np.repeat(self.valid, self.split, axis=1), gap, 0.0)
+        gap = np.where(np.repeat(self.pieces.valid, self.split, axis=1), gap, 0.0)
         place, drone, step = np.unravel_index(int(np.argmax(gap)), gap.shape)
         points, _, _ = gauss(STAGES)
         share = np.append(points, 1.0)[place] + step % self.split
-        piece = self.piece[drone, step // self.split]
+        piece = self.pieces.piece[drone, step // self.split]
         start, end = self.pieces.table.start[piece], self.pieces.table.end[piece]
         return Deviation(
             float(gap[place, drone, step]),
-            int(self.drones[drone]),
+            int(self.pieces.drones[drone]),
             float(start + share / self.split * (end - start)),
         )
 
