@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,8 @@ from showc.verify.waypoints import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from showc.verify.logfile import LogFile
@@ -40,6 +43,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 GROUP = "missions"
+
+FILES = "files beside the log are those of its compile"
 
 MANIFEST = "manifest.json"
 
@@ -103,36 +108,58 @@ def _manifest(log: LogFile) -> dict[str, Any] | None:
 
 
 def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
-    """Check the folder beside the log: manifest, hashes, end points."""
+    """Check the folder beside the log: manifest, hashes, end points, flights."""
+    return [check for part in mission_parts(log, show) for check in part()]
+
+
+def mission_parts(log: LogFile, show: LoggedShow) -> list[Callable[[], list[Check]]]:
+    """Return the checks of the folder beside the log, in parts for side by side."""
     folder = log.path.with_suffix("")
-    name = "files beside the log are those of its compile"
     manifest = _manifest(log)
-    files = _files(manifest)
     if not folder.is_dir():
         note = (
             f"there is no folder {folder.name!r} beside the log; copy it there, or "
             "leave missions out of the verification"
         )
-        return [
-            Check(GROUP, name, "fail", where=Place(file=str(folder)), notes=(note,))
-        ]
+        place = Place(file=str(folder))
+        missing = Check(GROUP, FILES, "fail", where=place, notes=(note,))
+        return [lambda: [missing]]
     if _without_missions(manifest) and not _present(folder):
         note = "compiled without missions"
         skipped = Check(GROUP, "mission files", "skipped", notes=(note,))
-        return [_same_manifest(log, folder), skipped]
-    checks = [_same_manifest(log, folder), _hashes(folder, files, name)]
+        return [lambda: [_same_manifest(log, folder), skipped]]
+    files = _files(manifest)
     missions = {
         int(match[1]) - 1: path for path in files if (match := _MISSION.fullmatch(path))
     }
+    parts: list[Callable[[], list[Check]]] = [
+        partial(_check_files, log, show, files, missions)
+    ]
+    described = (manifest or {}).get("missions")
+    if isinstance(described, dict) and sorted(missions) == list(range(show.drones)):
+        parts.append(
+            partial(
+                check_mission_flight,
+                folder,
+                missions,
+                described,
+                show.rules,
+                drawn=(log, show),
+            )
+        )
+    return parts
+
+
+def _check_files(
+    log: LogFile, show: LoggedShow, files: dict[str, str], missions: dict[int, str]
+) -> list[Check]:
+    """Check manifest, hashes and end points; ``missions`` are paths by drone."""
+    folder = log.path.with_suffix("")
+    checks = [_same_manifest(log, folder), _hashes(folder, files, FILES)]
     if sorted(missions) != list(range(show.drones)):
         note = f"the manifest names missions of {len(missions)} drones"
         checks.append(Check(GROUP, "one mission for each drone", "fail", notes=(note,)))
     checks.append(_end_points(folder, missions, show))
-    described = (manifest or {}).get("missions")
-    if isinstance(described, dict) and sorted(missions) == list(range(show.drones)):
-        checks += check_mission_flight(
-            folder, missions, described, show.rules, drawn=(log, show)
-        )
     return checks
 
 

@@ -17,7 +17,7 @@ from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.decode import read_show
 from showc.verify.limits import TOLERANCE, Extreme, extremes
 from showc.verify.mcap import open_log
-from showc.verify.missions import check_attachments, check_missions
+from showc.verify.missions import check_attachments, mission_parts
 from showc.verify.physics import Deviation, Replay, replay
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import (
@@ -145,7 +145,7 @@ def _verify(
         "samples": fleet_parts(log, show, grids),
         "others": [partial(check_other_samples, log, show, grids)],
         "certificates": [partial(check_certificates, show)],
-        "missions": [partial(check_missions, log, show)] if missions else [],
+        "missions": mission_parts(log, show) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += _segments(show, found["segments"])
@@ -154,7 +154,7 @@ def _verify(
     checks += join_samples(log, show, found["samples"], found["others"][0])
     checks += found["certificates"][0]
     if missions:
-        checks += found["missions"][0]
+        checks += [check for part in found["missions"] for check in part]
     else:
         checks.append(
             Check("missions", "mission files", "skipped", notes=("as asked",))

@@ -29,7 +29,7 @@ AFTER = 6.0
 FADING = 1.0
 """Time at the end of that in which it comes to rest at its goal [s]."""
 
-BLOCK = 500
+BLOCK = 1000
 """Legs that are integrated together: few enough to stay in the processor's cache."""
 
 _AT_ONCE = 10_000
