@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from showc.mission.timing import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from datetime import datetime
 
     from numpy.typing import ArrayLike, NDArray
@@ -31,6 +33,12 @@ if TYPE_CHECKING:
     from showc.mission.timeline import ScheduledLeg, Timeline
 
     FloatArray = NDArray[np.float64]
+    _Move = tuple[
+        NDArray[np.int64],
+        FloatArray,
+        FloatArray | float,
+        Callable[[FloatArray], FloatArray],
+    ]
 
 ARRIVED = 0.3
 """A drone has arrived when it is this near its goal [m]."""
@@ -67,15 +75,18 @@ class PredictedFlight:
         """
         t = np.asarray(times, dtype=np.float64)[:, None]
         line = self.timeline
-        place = np.broadcast_to(line.pads, (t.shape[0], *line.pads.shape)).copy()
-        _advance(place, line.takeoff, t - SPIN_UP)
         follow = np.zeros(line.pads.shape[0])
         follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
-        _advance(place, line.staging, t - follow[line.staging.drones])
-        for scheduled in line.legs:
-            for release, stage, track in scheduled.tracked:
-                since = t - release - _clock_lag(self.clocked) - stage.wait
-                place[:, stage.drones] += track.places(since, stage.end - stage.begin)
+        base, moved = line.pads.copy(), []
+        for drones, since, over, ways in self._moves(t, follow):
+            # Most stages are over, or have not begun, at all of these times.
+            if np.all(since >= over):
+                base[drones] += ways(since[:1])[0]
+            elif np.any(since > 0.0):
+                moved.append((drones, ways(since)))
+        place = np.broadcast_to(base, (t.shape[0], *base.shape)).copy()
+        for drones, way in moved:
+            place[:, drones] += way
         height = line.land.begin[:, 2] - line.land.end[:, 2]
         below = np.clip(t - line.land_start, 0.0, None)
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -85,16 +96,32 @@ class PredictedFlight:
         place[:, line.land.drones, 2] -= np.minimum(sunk, height)
         return place
 
+    def _moves(self, times: FloatArray, follow: FloatArray) -> Iterator[_Move]:
+        """Stages in order: who flies, since when, till when, and how far they come.
+
+        ``times`` (n, 1) [s]; ``follow`` (drones,) [s], when the first climb is over.
+        """
+        line = self.timeline
+        for stage, begin in (
+            (line.takeoff, np.full(line.takeoff.drones.size, SPIN_UP)),
+            (line.staging, follow[line.staging.drones]),
+        ):
+            yield stage.drones, times - begin, stage.followed, partial(_climbed, stage)
+        for scheduled in line.legs:
+            for release, stage, track in scheduled.tracked:
+                since = times - release - _clock_lag(self.clocked) - stage.wait
+                ways = partial(track.places, along=stage.end - stage.begin)
+                yield stage.drones, since, track.length, ways
+
 
 def _clock_lag(clocked: bool) -> float:  # noqa: FBT001
     """Likely lag of the vehicles' clocks, if legs wait for them [s]."""
     return 0.5 * CLOCK_LAG if clocked else 0.0
 
 
-def _advance(place: FloatArray, stage: Stage, elapsed: FloatArray) -> None:
-    """Move the stage's drones in ``place`` (n, drones, 3) along, ``elapsed`` (n, m)."""
-    part = stage.covered(elapsed)[..., None]
-    place[:, stage.drones] += part * (stage.end - stage.begin)
+def _climbed(stage: Stage, elapsed: FloatArray) -> FloatArray:
+    """Ways (n, m, 3) [m] that the stage's drones have covered, ``elapsed`` (n, m)."""
+    return stage.covered(elapsed)[..., None] * (stage.end - stage.begin)
 
 
 def prediction_summary(

@@ -100,6 +100,11 @@ class Tracks:
     ended: FloatArray
     """When the law's own time has ended, shape (n,) [s]: the next item begins."""
 
+    @property
+    def length(self) -> float:
+        """Time of the last step [s]: nothing moves after it."""
+        return float(STEP * (self.level.shape[0] - 1))
+
     def parts(self, since: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parts of the level and the upright ways at ``since`` (..., n) the releases.
 
