@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -194,6 +196,37 @@ def test_work_that_died_with_its_copy_is_done_here():
     told = []
     assert side_by_side(work, 5, 2, lambda: told.append(1)) == [0, 1, 4, 9, 16]
     assert len(told) == 5
+
+
+SLEEPERS = """
+import time
+from showc.mission.crew import side_by_side
+
+def work(number):
+    if number == 0:
+        return number
+    time.sleep(60.0)
+
+side_by_side(work, 4, 2, lambda: print("begun", flush=True))
+"""
+
+
+def test_an_interrupt_ends_the_copies_at_once_and_in_silence():
+    with subprocess.Popen(
+        [sys.executable, "-c", SLEEPERS],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "begun\n"
+        # As a keyboard does: to the process and all of its copies.
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+        assert process.returncode != 0
+        assert said.count("Traceback") == 1
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
 
 
 def test_the_first_failure_is_told_whoever_met_it():
