@@ -106,14 +106,14 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
 
 
 def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
-    """Cut a stretch at common mesh points, and where drones fly far in between.
+    """Cut a stretch at common mesh points, and in between where drones fly far.
 
     Parameters
     ----------
     positions
         What flies.
     distance
-        In half of it no drone flies far [m].
+        No drone flies further in a slice [m].
 
     Yields
     ------
@@ -131,7 +131,7 @@ def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
     cuts = np.union1d(ends, times[common])
     width = positions.ends - positions.starts
     speed = float(np.max(travel / np.where(width > 0.0, width, np.inf)))
-    longest = 0.5 * distance / speed if speed > 0.0 else np.inf
+    longest = distance / speed if speed > 0.0 else np.inf
     for low, high in pairwise(cuts.tolist()):
         parts = max(1, int(np.ceil((high - low) / longest)))
         inner = np.linspace(low, high, parts + 1)
