@@ -110,9 +110,8 @@ class Encoder:
         """When autopilots end the rest of the climb, shape (n,) [s]."""
         if self.start is not None:
             return staging.followed
-        return tracks(
-            staging.profile, staging.level, staging.climb, self.parameters
-        ).ended
+        (track,) = tracks([(0.0, staging)], self.show.drones, self.parameters)
+        return track.ended
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))

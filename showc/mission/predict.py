@@ -77,6 +77,7 @@ class PredictedFlight:
         line = self.timeline
         follow = np.zeros(line.pads.shape[0])
         follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
+<<<<<<< HEAD
         base, moved = line.pads.copy(), []
         for drones, since, over, ways in self._moves(t, follow):
             # Most stages are over, or have not begun, at all of these times.
@@ -87,6 +88,13 @@ class PredictedFlight:
         place = np.broadcast_to(base, (t.shape[0], *base.shape)).copy()
         for drones, way in moved:
             place[:, drones] += way
+=======
+        _advance(place, line.staging, t - follow[line.staging.drones])
+        for scheduled in line.legs:
+            for release, stage, track in scheduled.tracked:
+                since = t - release - _clock_lag(self.clocked) - stage.wait
+                place[:, stage.drones] += track.places(since)
+>>>>>>> b0f151e (carry)
         height = line.land.begin[:, 2] - line.land.end[:, 2]
         below = np.clip(t - line.land_start, 0.0, None)
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -243,7 +251,7 @@ def arrival_times(scheduled: ScheduledLeg, late: float) -> FloatArray:
     """
     found = np.full(scheduled.leg.drones.size, scheduled.releases[0])
     for release, stage, track in scheduled.tracked:
-        near = track.near(stage.end - stage.begin, ARRIVED)
+        near = track.near(ARRIVED)
         place = np.searchsorted(scheduled.leg.drones, stage.drones)
         found[place] = release + stage.wait + late + near
     return found
@@ -283,7 +291,7 @@ def _difference(
     place[:, drones] = start
     for release, stage, track in scheduled.tracked:
         since = times[:, None] - (release - first) - late - stage.wait
-        place[:, stage.drones] += track.places(since, stage.end - stage.begin)
+        place[:, stage.drones] += track.places(since)
     difference = np.linalg.norm(place[:, drones] - wanted, axis=2).max(axis=0)
     moves = np.linalg.norm(goal - start, axis=1) > ARRIVED
     flown = np.where(moves, arrival_times(scheduled, late) - first, 0.0)

@@ -55,7 +55,7 @@ class ScheduledLeg:
     """Show time at which the solved leg starts [s]."""
     planned_duration: float
     """Time of the solved leg [s]."""
-    tracks: tuple[Tracks, ...]
+    tracks: tuple[Tracks, ...] = ()
     """How each stage is likely to be flown."""
 
     @property
@@ -177,10 +177,11 @@ class _Layout:
             if item.leg.kind == "hold":
                 self.free = max(self.free, self.arrival + item.duration)
             elif item.leg.kind not in {"launch", "land"}:
-                found, positions = next(encodings)
-                scheduled = self._timed(item, float(start), *found)
+                encoding, positions = next(encodings)
+                scheduled = self._timed(item, float(start), encoding)
                 if scheduled is not None:
                     legs.append(scheduled)
+        legs = self._tracked(legs)
         pause = max(self.show.landing.hold, 1.0)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
@@ -205,6 +206,15 @@ class _Layout:
             launch_closest,
             land_closest,
         )
+
+    def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
+        """Add how the drones are likely to fly ``legs``, one after the other."""
+        flown = [part for leg in legs for part in leg.flown]
+        every = iter(tracks(flown, self.show.drones, self.builder.parameters))
+        return [
+            replace(leg, tracks=tuple(next(every) for _ in leg.releases))
+            for leg in legs
+        ]
 
     def _launch(
         self, leg: Leg, pads: FloatArray
@@ -241,7 +251,7 @@ class _Layout:
 
     def _encodings(
         self, moves: list[LegFlight], positions: FloatArray
-    ) -> list[tuple[tuple[Encoding, tuple[Tracks, ...]], FloatArray]]:
+    ) -> list[tuple[Encoding, FloatArray]]:
         """Encode the timed legs, and say where everyone is after each of them.
 
         Where they are before it is known, however the legs before it are flown.
@@ -253,7 +263,7 @@ class _Layout:
             _, after[drones] = self.builder.on_grid(drones, item.leg.goal)
             places.append(after)
 
-        def encode(number: int) -> tuple[Encoding, tuple[Tracks, ...]]:
+        def encode(number: int) -> Encoding:
             around = Surroundings(
                 places[number], self.show.separation, CLOCKED, self.pause
             )
@@ -265,11 +275,7 @@ class _Layout:
                 if stage.drones.size
             ]
             stages, closest = zip(*kept, strict=True) if kept else ((), ())
-            flown = tuple(
-                tracks(stage.profile, stage.level, stage.climb, self.builder.parameters)
-                for stage in stages
-            )
-            return Encoding(chosen.name, stages, closest), flown
+            return Encoding(chosen.name, stages, closest)
 
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
@@ -277,11 +283,7 @@ class _Layout:
         return list(zip(found, places[1:], strict=True))
 
     def _timed(
-        self,
-        item: LegFlight,
-        planned_start: float,
-        encoding: Encoding,
-        flown: tuple[Tracks, ...],
+        self, item: LegFlight, planned_start: float, encoding: Encoding
     ) -> ScheduledLeg | None:
         """Put the stages of one leg on the clock."""
         if not encoding.stages:
@@ -301,7 +303,6 @@ class _Layout:
             tuple(releases),
             planned_start,
             item.duration,
-            flown,
         )
 
     def _reached(self, likely: float, latest: float) -> None:

@@ -6,11 +6,11 @@ it does then is integrated here, for the default quadrotor of ArduPilot's simula
 - The law's own time t runs at a rate r, which follows, acceleration / jerk late, how
   well the drone keeps up: 0.05 + (its speed along the leg - 1/s times its distance
   behind the point) / the law's speed, 0 to 1.
-- Level: the speed asked for is the law's and 1/s times the distance to the point. The
-  speed missed, smoothed over 0.032 s, asks for the acceleration of the law plus 2/s
-  of it, 1/s² of its sum and 0.5 of its change, up to a tilt of 30 degrees. The vehicle
-  leans to that 0.125 s and 0.03 s late, and pushes the harder the more it lifts. Drag
-  takes 0.25/s times its speed and 0.027/m times its square.
+- Level, in both axes: the speed asked for is the law's and 1/s times the distance to
+  the point. The speed missed, smoothed over 0.032 s, asks for the acceleration of the
+  law plus 2/s of it, 1/s² of its sum and 0.5 of its change, up to a tilt of 30 degrees.
+  The vehicle leans to that 0.125 s and 0.03 s late, and pushes the harder the more it
+  lifts. Drag takes 0.25/s times its speed and 0.027/m times its square.
 - Upright: the speed missed asks for the acceleration of the law plus 5/s of it; the
   acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which comes
   0.075 s late. Drag is the same.
@@ -19,8 +19,9 @@ The form is that of the autopilot's controllers under their default gains; the t
 of lean and lift, and drag, are fitted to a transcription of those controllers that is
 kept outside this repository and gives what was measured in simulation. The law is
 taken from a table in steps of 20 ms, straight in between; the loops are integrated by
-the midpoint rule in steps of 20 ms. What a drone is off its end is followed for 6 s
-after the law's own end, and fades out over the last of them.
+the midpoint rule in steps of 20 ms. What a drone is off its end is followed for 10 s
+after the law's own end, and fades out over the last of them. A drone whose next leg
+is released before begins it as it is then.
 """
 
 from __future__ import annotations
@@ -34,17 +35,19 @@ import numpy as np
 from showc.mission.parameters import GRAVITY
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from showc.mission.law import LegProfile
     from showc.mission.parameters import Parameters
+    from showc.mission.stage import Stage
 
     FloatArray = NDArray[np.float64]
 
 STEP = 0.02
 """Step of the table and of the integration [s]."""
 
-TAIL = 6.0
+TAIL = 10.0
 """How long after the law's end a drone is followed on [s]."""
 
 FADE = 1.0
@@ -83,23 +86,35 @@ LIFT_TIME = 0.075
 DRAG, DRAG_SQUARE = 0.25, 0.027
 """Deceleration over speed [1/s], and over its square [1/m]."""
 
-TOGETHER = 1024
+INSTANT = 1e-9
+"""Times that are nearer are the same [s]."""
+
+TOGETHER = 512
 """Legs that are integrated at once; bounds the memory."""
+
+STATES = 21
+"""Numbers that describe a drone: place, speed, speed missed, its sum, its change, lean
+asked for and lean, two each; place, speed, speed missed, sum and lift upright; time and
+rate of the law."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """Where the drones of n legs are, in steps of 20 ms from their own releases."""
 
-    level: NDArray[np.float32]
-    """Part of the level way covered, shape (steps, n); above 1 beyond the end."""
-    upright: NDArray[np.float32]
-    """Part of the way up or down covered, likewise."""
+    along: FloatArray
+    """Ways from begin to end, show frame, shape (n, 3) [m]."""
+    ways: NDArray[np.float32]
+    """Ways covered since the legs' begins, shape (steps, n, 3) [m]."""
+    until: FloatArray
+    """Time since its release at which each drone's next leg is released, shape (n,)
+    [s]; inf: it has none."""
     half_way: FloatArray
     """When each drone is half way, shape (n,) [s]."""
     ended: FloatArray
     """When the law's own time has ended, shape (n,) [s]: the next item begins."""
 
+<<<<<<< HEAD
     @property
     def length(self) -> float:
         """Time of the last step [s]: nothing moves after it."""
@@ -107,36 +122,36 @@ class Tracks:
 
     def parts(self, since: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parts of the level and the upright ways at ``since`` (..., n) the releases.
+=======
+    def places(self, since: FloatArray) -> FloatArray:
+        """Ways (..., n, 3) [m] covered at ``since`` (..., n) the releases [s].
+>>>>>>> b0f151e (carry)
 
-        0 before them; after the last step as at the last step. Both (..., n).
+        0 before them; the whole way after the last step, and from the release of the
+        next leg on, which tells where the drone is then.
         """
-        last = self.level.shape[0] - 1
-        place = np.clip(np.asarray(since) / STEP, 0.0, float(last))
-        before = np.minimum(place.astype(np.int64), max(last - 1, 0))
-        share = place - before
-        column = np.arange(self.level.shape[1])
-        after = np.minimum(before + 1, last)
-        level, upright = (
-            table[before, column] * (1.0 - share) + table[after, column] * share
-            for table in (self.level, self.upright)
-        )
-        return np.asarray(level), np.asarray(upright)
+        last = self.ways.shape[0] - 1
+        shape = np.broadcast_shapes(np.shape(since), self.until.shape)
+        own = np.broadcast_to(since, shape).reshape(-1, self.until.size)
+        # A leg and the one after it must not both leave out the instant between them.
+        done = own >= np.minimum(self.until, STEP * last) - INSTANT
+        covered = done[..., None] * self.along
+        flies = (own >= -INSTANT) & ~done
+        # Most instants of a show are before or after all of a stage.
+        row, column = np.nonzero(flies)
+        place = np.maximum(own[flies], 0.0) / STEP
+        before = np.minimum(place.astype(np.int64), last - 1)
+        share = (place - before)[:, None]
+        low, high = self.ways[before, column], self.ways[before + 1, column]
+        covered[row, column] = low * (1.0 - share) + high * share
+        return np.asarray(covered.reshape(*shape, 3))
 
-    def places(self, since: FloatArray, along: FloatArray) -> FloatArray:
-        """Ways (..., n, 3) [m] covered of ``along`` (n, 3) [m], at ``since`` (..., n).
-
-        The third axis of ``along`` points up.
-        """
-        level, upright = self.parts(since)
-        return np.stack([level, level, upright], axis=-1) * along
-
-    def near(self, along: FloatArray, distance: float) -> FloatArray:
+    def near(self, distance: float) -> FloatArray:
         """Return when each drone is first within ``distance`` [m] of its end, (n,) [s].
 
-        ``along`` (n, 3) [m] is the way from begin to end, its third axis up.
+        The time of the last step for one that never is.
         """
-        flat = np.hypot(along[:, 0], along[:, 1])
-        left = np.hypot((1.0 - self.level) * flat, (1.0 - self.upright) * along[:, 2])
+        left = np.linalg.norm(self.along - self.ways, axis=2)
         inside = left <= distance
         first = np.where(inside.any(axis=0), inside.argmax(axis=0), len(inside) - 1)
         column = np.arange(first.size)
@@ -148,78 +163,119 @@ class Tracks:
 
 
 def tracks(
-    profile: LegProfile, level: FloatArray, climb: FloatArray, parameters: Parameters
-) -> Tracks:
-    """Return the flights along the n legs of ``profile``.
+    flown: Sequence[tuple[float, Stage]], drones: int, parameters: Parameters
+) -> list[Tracks]:
+    """Return the flights along stages, released at mission times [s], in order.
 
-    ``level`` (n,) and ``climb`` (n,) are the horizontal and vertical parts of their
-    directions.
+    ``drones`` is the number of all drones of the fleet; they rest before.
     """
-    parts = []
-    steps = int(np.ceil((profile.duration.max(initial=0.0) + TAIL) / STEP))
-    for begin in range(0, max(len(profile), 1), TOGETHER):
-        some = np.arange(begin, min(begin + TOGETHER, len(profile)))
-        loops = _Loops(profile.select(some), level[some], climb[some], parameters)
-        parts.append(loops.run(steps))
-    return Tracks(
-        np.concatenate([part.level for part in parts], axis=1),
-        np.concatenate([part.upright for part in parts], axis=1),
-        np.concatenate([part.half_way for part in parts]),
-        np.concatenate([part.ended for part in parts]),
-    )
+    soonest = np.full(drones, np.inf)
+    untils = []
+    for release, stage in reversed(flown):
+        own = release + stage.wait
+        untils.append(soonest[stage.drones] - own)
+        soonest[stage.drones] = own
+    carried = np.zeros((STATES, drones))
+    carried[20] = 1.0
+    found = []
+    for (_, stage), until in zip(flown, reversed(untils), strict=True):
+        lasting = np.minimum(until + STEP, stage.profile.duration + TAIL)
+        steps = int(np.ceil(lasting.max(initial=0.0) / STEP))
+        parts = []
+        for begin in range(0, max(stage.drones.size, 1), TOGETHER):
+            some = np.arange(begin, min(begin + TOGETHER, stage.drones.size))
+            who = stage.drones[some]
+            loops = _Loops(stage, some, parameters)
+            part, carried[:, who] = loops.run(
+                carried[:, who], until[some], max(steps, 1)
+            )
+            parts.append(part)
+        found.append(
+            Tracks(
+                np.concatenate([part.along for part in parts]),
+                np.concatenate([part.ways for part in parts], axis=1),
+                np.concatenate([part.until for part in parts]),
+                np.concatenate([part.half_way for part in parts]),
+                np.concatenate([part.ended for part in parts]),
+            )
+        )
+    return found
 
 
 class _Loops:
     """The loops of n drones, and the table of their law."""
 
     def __init__(
-        self,
-        profile: LegProfile,
-        level: FloatArray,
-        climb: FloatArray,
-        parameters: Parameters,
+        self, stage: Stage, some: NDArray[np.int64], parameters: Parameters
     ) -> None:
-        self.profile, self.level, self.climb = profile, level, climb
-        self.late = parameters.acceleration / parameters.jerk
-        times = (
-            STEP
-            * np.arange(2 + int(np.ceil(profile.duration.max(initial=0.0) / STEP)))[
-                :, None
-            ]
+        self.profile = profile = stage.profile.select(some)
+        self.along = stage.end[some] - stage.begin[some]
+        flat = np.hypot(self.along[:, 0], self.along[:, 1])
+        self.direction = (
+            stage.level[some] * self.along[:, :2].T / np.where(flat > 0.0, flat, 1.0)
         )
-        self.rows = times.shape[0] - 1
+        self.climb = stage.climb[some]
+        self.late = parameters.acceleration / parameters.jerk
+        times = STEP * np.arange(
+            2 + int(np.ceil(profile.duration.max(initial=0.0) / STEP))
+        )
+        self.rows = times.size - 1
         self.column = np.arange(len(profile))
-        self.table = np.stack(profile.motion(times), axis=-1).reshape(-1, 3)
+        self.table = np.stack(profile.motion(times[:, None]), axis=-1).reshape(-1, 3)
 
-    def run(self, steps: int) -> Tracks:
-        """Integrate over ``steps`` steps."""
-        count = len(self.profile)
-        state = np.zeros((14, count))
-        state[1] = 1.0
-        level, upright = np.zeros((2, steps + 1, count), dtype=np.float32)
-        along = self.profile.length
+    def run(
+        self, state: FloatArray, until: FloatArray, steps: int
+    ) -> tuple[Tracks, FloatArray]:
+        """Integrate from ``state`` (21, n), relative to the begins, over ``steps``.
+
+        Returns the flights, and the states (21, n) at ``until`` (n,) [s], relative to
+        the ends.
+        """
+        profile, due = self.profile, self.profile.duration
+        count = len(profile)
+        goal = profile.length * np.vstack([self.direction, self.climb])
+        # From the autopilot's metric to the show's, which agree to a few parts in 1000.
+        scale = self.along.T / np.where(goal != 0.0, goal, np.inf)
+        level = np.where(np.any(scale[:2] != 0.0, axis=0), scale[:2].max(axis=0), 1.0)
+        scale = np.vstack([level, level, np.where(scale[2] != 0.0, scale[2], 1.0)])
+        ways = np.zeros((steps + 1, count, 3), dtype=np.float32)
         ended = np.full(count, steps * STEP)
         half_way = ended.copy()
-        ways = self.profile.length * np.stack([self.level, self.climb])
-        ways = np.where(ways == 0.0, np.inf, ways)
-        due = self.profile.duration
-        for step in range(1, steps + 1):
-            before = state
-            middle = state + 0.5 * STEP * self._rates(state)
-            state = state + STEP * self._rates(middle)
+        state = state.copy()
+        state[19] = 0.0
+        carried = np.zeros((STATES, count))
+        carried[20] = 1.0
+        handover = np.round(np.minimum(until, 1e9) / STEP).astype(np.int64)
+        for step in range(steps + 1):
+            if step:
+                before = state
+                middle = state + 0.5 * STEP * self._rates(state)
+                state = state + STEP * self._rates(middle)
+                _note(ended, step, before[19], state[19], due)
+                _note(
+                    half_way,
+                    step,
+                    self._covered(before),
+                    self._covered(state),
+                    0.5 * profile.length,
+                )
             left = np.clip((due + TAIL - STEP * step) / FADE, 0.0, 1.0)
-            level[step] = 1.0 + left * (state[2] / ways[0] - 1.0)
-            upright[step] = 1.0 + left * (state[9] / ways[1] - 1.0)
-            _note(ended, step, before[0], state[0], due)
-            _note(half_way, step, self._along(before), self._along(state), 0.5 * along)
-        moves = along > 0.0
-        return Tracks(
-            level, upright, np.where(moves, half_way, 0.0), np.where(moves, ended, 0.0)
-        )
+            off = left * (np.vstack([state[:2], state[14]]) - goal)
+            ways[step] = self.along + (scale * off).T
+            ends = handover == step
+            if ends.any():
+                rest = left[ends] * state[:, ends]
+                rest[[0, 1, 14]] = off[:, ends]
+                rest[20] = state[20, ends]
+                carried[:, ends] = rest
+        moves = profile.length > 0.0
+        half_way, ended = np.where(moves, half_way, 0.0), np.where(moves, ended, 0.0)
+        return Tracks(self.along, ways, until, half_way, ended), carried
 
-    def _along(self, state: FloatArray) -> FloatArray:
+    def _covered(self, state: FloatArray) -> FloatArray:
         """Way covered along the leg, shape (n,) [m]."""
-        return np.asarray(self.level * state[2] + self.climb * state[9])
+        level = np.sum(self.direction * state[:2], axis=0)
+        return np.asarray(level + self.climb * state[14])
 
     def _law(self, time: FloatArray) -> FloatArray:
         """Distance, speed, acceleration of the law, shape (3, n)."""
@@ -230,49 +286,51 @@ class _Loops:
         return np.asarray((low + (high - low) * (place - row)[:, None]).T)
 
     def _rates(self, state: FloatArray) -> FloatArray:
-        """Rates of change (14, n) of the ``state`` (14, n)."""
-        time, rate, x, v, missed, total, change, lean, push = state[:9]
-        z, w, missed_up, lift_total, lift = state[9:]
+        """Rates of change (21, n) of the ``state`` (21, n)."""
+        x, v, missed, total, change, lean, push = state[:14].reshape(7, 2, -1)
+        z, w, missed_up, lift_total, lift, time, rate = state[14:]
         distance, speed, acceleration = self._law(time)
-        behind, below = self.level * distance - x, self.climb * distance - z
-        keeps = self.level * (v - behind) + self.climb * (w - below)
+        behind = self.direction * distance - x
+        below = self.climb * distance - z
+        keeps = self.climb * (w - below) + np.sum(self.direction * (v - behind), axis=0)
         free = speed < STANDS
         wanted = np.where(
             free,
             1.0,
             np.clip(SLACK_RATE + keeps / np.where(free, 1.0, speed), 0.0, 1.0),
         )
-        missed_rate = (behind + self.level * speed - v - missed) / SMOOTHING
+        missed_rate = (behind + self.direction * speed - v - missed) / SMOOTHING
         asked = (
             LEVEL_GAIN * missed
             + LEVEL_SUM * total
             + LEVEL_CHANGE * change
-            + self.level * acceleration
+            + self.direction * acceleration
         )
         most = GRAVITY * tan(TILT)
+        size = np.hypot(asked[0], asked[1])
+        over = size > most
         # Nothing is summed up towards where nothing more can be had.
-        held = (np.abs(asked) > most) & (missed * asked > 0.0)
-        asked = np.clip(asked, -most, most)
+        held = over & (np.sum(missed * asked, axis=0) > 0.0)
+        asked = asked * np.where(over, most / np.where(over, size, 1.0), 1.0)
         rise = lift - w * (DRAG + DRAG_SQUARE * np.abs(w))
         wanted_up = UPRIGHT_GAIN * missed_up + self.climb * acceleration
-        return np.stack(
-            [
-                rate,
-                (wanted - rate) / self.late,
-                v,
-                push * (1.0 + lift / GRAVITY) - v * (DRAG + DRAG_SQUARE * np.abs(v)),
-                missed_rate,
-                np.where(held, 0.0, missed),
-                (missed_rate - change) / SMOOTHING,
-                (asked - lean) / LEAN_TIMES[0],
-                (lean - push) / LEAN_TIMES[1],
-                w,
-                rise,
-                (below + self.climb * speed - w - missed_up) / SMOOTHING,
-                LIFT_SUM * (wanted_up - rise),
-                (LIFT_GAIN * (wanted_up - rise) + lift_total - lift) / LIFT_TIME,
-            ]
-        )
+        drag = DRAG + DRAG_SQUARE * np.hypot(v[0], v[1])
+        rates = np.empty_like(state)
+        rates[:2] = v
+        rates[2:4] = push * (1.0 + lift / GRAVITY) - v * drag
+        rates[4:6] = missed_rate
+        rates[6:8] = np.where(held, 0.0, missed)
+        rates[8:10] = (missed_rate - change) / SMOOTHING
+        rates[10:12] = (asked - lean) / LEAN_TIMES[0]
+        rates[12:14] = (lean - push) / LEAN_TIMES[1]
+        rates[14] = w
+        rates[15] = rise
+        rates[16] = (below + self.climb * speed - w - missed_up) / SMOOTHING
+        rates[17] = LIFT_SUM * (wanted_up - rise)
+        rates[18] = (LIFT_GAIN * (wanted_up - rise) + lift_total - lift) / LIFT_TIME
+        rates[19] = rate
+        rates[20] = (wanted - rate) / self.late
+        return rates
 
 
 def _note(

@@ -9,10 +9,10 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.autopilot import CLOCK_LAG, SPREAD
 from showc.verify.decode import parse
-from showc.verify.legs import joined
+from showc.verify.legs import joined, stacked
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
-from showc.verify.tracked import AFTER, STEP, tracked
+from showc.verify.tracked import STEP, Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from showc.verify.legs import MissionLegs
     from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow
+    from showc.verify.tracked import Tracked
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 TOPIC = "/fleet/predicted"
 
@@ -36,6 +38,9 @@ rounded, and so is the drawing."""
 UNCLOCKED = 0.02
 """How far the nominal releases of missions without a clock may be off [s]: they are
 sums of legs and holds, and of a take-off that is timed to half a second."""
+
+SAME = 1e-9
+"""Instants that are nearer are one [s]."""
 
 PLACES = ("x", "y", "z")
 
@@ -110,53 +115,48 @@ class _Fleet:
     def __init__(self, missions: Sequence[MissionLegs], begin: float | None) -> None:
         # Without a clock there is none that could be late.
         self.late = 0.0 if begin is None else 0.5 * CLOCK_LAG
-        most = max(mission.release.size for mission in missions)
-        shape = len(missions), most
         flights, first = joined(missions)
-        self.flown = missions[0].flown or tracked(flights, missions[0].lag)
         followed = flights.followed(SPREAD)
-        # Row of each timed leg in the table of all legs.
-        self.row = np.zeros(shape, dtype=np.int64)
+        timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
+        shape = len(missions), max((rows.size for rows in timed), default=0)
         self.release = np.full(shape, np.inf)
-        self.settled = np.full(shape, -np.inf)
-        self.begin = np.zeros((len(missions), 3))
         self.along = np.zeros((*shape, 3))
+        self.begin = np.zeros((len(missions), 3))
         self.last = np.full(len(missions), -np.inf)
-        for drone, mission in enumerate(missions):
-            timed = np.flatnonzero(np.isfinite(mission.release))
-            legs = np.arange(timed.size)
-            self.row[drone, legs] = first[drone] + timed
-            release = mission.release[timed] - (begin or 0.0)
-            self.release[drone, legs] = release
-            # A step more: what lies between the last two is interpolated.
-            duration = mission.profiles.duration[timed]
-            self.settled[drone, legs] = release + duration + AFTER + STEP
-            self.along[drone, legs] = np.diff(mission.places, axis=0)[timed]
-            if timed.size:
-                self.begin[drone] = mission.places[timed[0]]
-                ends = release + followed[first[drone] + timed]
-                self.last[drone] = ends.max()
+        for drone, (mission, rows) in enumerate(zip(missions, timed, strict=True)):
+            if rows.size:
+                release = mission.release[rows] - (begin or 0.0)
+                self.release[drone, : rows.size] = release
+                self.along[drone, : rows.size] = np.diff(mission.places, axis=0)[rows]
+                self.begin[drone] = mission.places[rows[0]]
+                self.last[drone] = (release + followed[first[drone] + rows]).max()
+        fleet = Fleet(len(missions), missions[0].lag)
+        self.flown: list[tuple[IntArray, Tracked]] = []
+        for leg in range(shape[1]):
+            drones = np.flatnonzero(np.isfinite(self.release[:, leg]))
+            until = np.full(drones.size, np.inf)
+            if leg + 1 < shape[1]:
+                until = self.release[drones, leg + 1] - self.release[drones, leg]
+            parts = [
+                missions[drone].profiles.part(row := int(timed[drone][leg]), row + 1)
+                for drone in drones.tolist()
+            ]
+            flown = fleet.fly(drones, stacked(parts), self.along[drones, leg], until)
+            self.flown.append((drones, flown))
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
         place = np.broadcast_to(self.begin, (times.size, *self.begin.shape)).copy()
-        moment = times[:, None] - self.late
-        for leg in range(self.row.shape[1]):
-            # What a drone is off when its next leg begins, it takes along.
-            if moment.max() <= self.release[:, leg].min():
-                continue  # nobody has begun it
-            if moment.min() >= self.settled[:, leg].max():
-                place += self.along[:, leg]  # everybody is over it
-                continue
-            since = moment - self.release[:, leg]
-            part = np.zeros((*since.shape, 2))
-            part[moment >= self.settled[:, leg]] = 1.0
-            flies = (since > 0.0) & (moment < self.settled[:, leg])
-            drones = np.nonzero(flies)[1]
-            part[flies] = np.stack(
-                self.flown.covered(self.row[drones, leg], since[flies]), axis=-1
-            )
-            place += part[..., [0, 0, 1]] * self.along[:, leg]
-        known = (times[:, None] >= self.release[:, 0]) & (times[:, None] <= self.last)
+        for leg, (drones, flown) in enumerate(self.flown):
+            since = times[:, None] - self.late - self.release[drones, leg]
+            # From its next release on a drone is where that leg says.
+            lasts = STEP * (flown.ways.shape[1] - 1)
+            done = since >= np.minimum(flown.until, lasts) - SAME
+            way = done[..., None] * self.along[drones, leg]
+            flies = (since >= -SAME) & ~done
+            way[flies] = flown.covered(np.nonzero(flies)[1], since[flies])
+            place[:, drones] += way
+        first = self.release[:, 0] if self.flown else np.inf
+        known = (times[:, None] >= first) & (times[:, None] <= self.last)
         place[~known] = np.nan
         return place

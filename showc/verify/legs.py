@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from showc.verify.autopilot import METRES_PER_DEGREE, Law, Profiles, profiles
 from showc.verify.geodesy import east_north_up
-from showc.verify.tracked import tracked
+from showc.verify.tracked import Fleet
 from showc.verify.waypoints import LAND, TAKEOFF, WAYPOINT, MissionFormatError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Site
-    from showc.verify.tracked import Tracked
     from showc.verify.waypoints import Item
 
     FloatArray = NDArray[np.float64]
@@ -50,8 +49,6 @@ class MissionLegs:
     """How each leg is planned."""
     lag: float
     """How late the law's time changes its rate: acceleration over jerk [s]."""
-    flown: Tracked | None = None
-    """The flights of the whole fleet's legs, in its order, where they were needed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,32 +169,87 @@ def fly_rows(
     flights = profiles(step, limits[:, 0], limits[:, 1], law)
     edges = np.cumsum([0, *(len(mission.steps) for mission in missions)]).tolist()
     lag = law.acceleration / law.jerk
-    ended, flown = flights.followed(0.0), None
-    if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
-        # Take-off follows no law of legs; it is timed no better than nominally.
-        climbs = edges[:-1]
-        nominal = ended[climbs]
-        flown = tracked(flights, lag)
-        ended = flown.ended.copy()
-        ended[climbs] = nominal
+    nominal = flights.followed(0.0)
     fleet = []
     for mission, (begin, end) in zip(missions, pairwise(edges), strict=True):
         own = flights.part(begin, end)
-        releases = _releases(mission.waits, ended[begin:end])
-        fleet.append(MissionLegs(mission.places, releases, own, lag, flown))
+        releases = _releases(mission.waits, nominal[begin:end])
+        fleet.append(MissionLegs(mission.places, releases, own, lag))
+    if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
+        return _without_clock(missions, fleet, lag)
     return fleet
 
 
-def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
-    """All legs of all drones in one table, and where each drone's begin."""
-    counts = [mission.release.size for mission in missions]
-    parts = [mission.profiles for mission in missions]
-    table = Profiles(
+def _without_clock(
+    missions: Sequence[MissionRows], fleet: Sequence[MissionLegs], lag: float
+) -> list[MissionLegs]:
+    """Return the legs of ``fleet``, released when those before have ended and held.
+
+    An autopilot takes the next item when the law's own time for a leg has ended.
+    """
+    flying = Fleet(len(fleet), lag)
+    releases = [one.release.copy() for one in fleet]
+    clocks = np.zeros(len(fleet))
+    for leg in range(max(one.release.size for one in fleet)):
+        timed, through = [], []
+        for drone, mission in enumerate(missions):
+            if leg >= len(mission.waits):
+                continue
+            kind, amount = mission.waits[leg]
+            clocks[drone] += amount
+            if kind == "pause":
+                releases[drone][leg] = clocks[drone]
+                timed.append(drone)
+            elif leg == 0:
+                # Take-off follows no law of legs, and is timed nominally.
+                takeoff = fleet[drone].profiles.part(0, 1)
+                clocks[drone] += float(takeoff.followed(0.0)[0])
+            else:
+                through.append(drone)
+        for drones, flight in ((timed, flying), (through, Fleet(len(fleet), lag))):
+            if drones:
+                clocks[drones] += _flown(missions, fleet, flight, drones, leg)
+    return [
+        replace(one, release=release)
+        for one, release in zip(fleet, releases, strict=True)
+    ]
+
+
+def _flown(
+    missions: Sequence[MissionRows],
+    fleet: Sequence[MissionLegs],
+    flight: Fleet,
+    drones: list[int],
+    leg: int,
+) -> FloatArray:
+    """Fly one leg of some ``drones``; return when the law's time has ended (n,) [s]."""
+    parts = [fleet[drone].profiles.part(leg, leg + 1) for drone in drones]
+    ways = [np.diff(fleet[drone].places[leg : leg + 2], axis=0) for drone in drones]
+    rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in drones]
+    holds = np.array([rest[0][1] if rest else np.inf for rest in rests])
+
+    def until(ended: FloatArray) -> FloatArray:
+        return np.asarray(ended + holds)
+
+    return flight.fly(
+        np.array(drones), stacked(parts), np.concatenate(ways), until
+    ).ended
+
+
+def stacked(parts: Sequence[Profiles]) -> Profiles:
+    """Put tables of legs one below the other."""
+    return Profiles(
         *(
             np.concatenate([getattr(part, name) for part in parts])
             for name in Profiles.__dataclass_fields__
         )
     )
+
+
+def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
+    """All legs of all drones in one table, and where each drone's begin."""
+    counts = [mission.release.size for mission in missions]
+    table = stacked([mission.profiles for mission in missions])
     return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
 

@@ -11,27 +11,46 @@ from showc.mission.following import SETTLING, law_time, leg_overshoot
 from showc.mission.law import leg_limits, profile
 from showc.mission.parameters import Parameters
 from showc.mission.speeds import fitting_speed, speed_for
+from showc.mission.stage import Stage
 from showc.mission.tracking import STEP, TAIL, tracks
 from showc.verify.autopilot import Law, profiles
-from showc.verify.tracked import tracked
+from showc.verify.tracked import Fleet
 
 TUNED = Parameters()
 STOCK = replace(TUNED, acceleration=2.5, jerk=1.0)
 
 
-def flown(displacement, speed=5.0, parameters=TUNED):
-    limits = leg_limits(
-        np.array([displacement], dtype=float), parameters, np.array([speed])
+def stage_of(ways, speeds, parameters=TUNED, drones=None):
+    """A stage of legs along ``ways``, north, east, up, from the origin."""
+    ways = np.array(ways, dtype=float)
+    limits = leg_limits(ways, parameters, np.array(speeds, dtype=float))
+    count = len(ways)
+    return Stage(
+        np.arange(count) if drones is None else np.array(drones),
+        np.zeros_like(ways),
+        ways,
+        None,
+        profile(limits, parameters),
+        limits.level,
+        limits.climb,
+        limits.level < 0.5,
+        np.zeros(count),
+        np.zeros(count),
     )
-    leg = profile(limits, parameters)
-    return limits, leg, tracks(leg, limits.level, limits.climb, parameters)
+
+
+def flown(displacement, speed=5.0, parameters=TUNED):
+    stage = stage_of([displacement], [speed], parameters)
+    (track,) = tracks([(0.0, stage)], 1, parameters)
+    return stage, stage.profile, track
 
 
 def along(displacement, track):
     """Ways level and upright [m] over time, and the times [s]."""
-    level = np.hypot(*displacement[:2]) * track.level[:, 0]
-    upright = displacement[2] * track.upright[:, 0]
-    return level, upright, STEP * np.arange(level.size)
+    ways = track.ways[:, 0].astype(float)
+    flat = np.array(displacement[:2], dtype=float)
+    flat /= max(np.linalg.norm(flat), 1e-9)
+    return ways[:, :2] @ flat, ways[:, 2], STEP * np.arange(len(ways))
 
 
 @pytest.mark.parametrize(
@@ -49,7 +68,7 @@ def test_the_measured_flights_of_thirty_metres(parameters, arrival, lag):
     way = [30.0, 0.0, 0.0]
     _, _, track = flown(way, parameters=parameters)
     place, _, times = along(way, track)
-    assert track.near(np.array([way]), 0.3)[0] == pytest.approx(arrival, abs=0.15)
+    assert track.near(0.3)[0] == pytest.approx(arrival, abs=0.15)
     trapezoid = 0.5 * (30.0 / 5.0 + 5.0 / 3.5)
     half = np.interp(15.0, place[times < 12.0], times[times < 12.0])
     assert half - trapezoid == pytest.approx(lag, abs=0.12)
@@ -57,7 +76,7 @@ def test_the_measured_flights_of_thirty_metres(parameters, arrival, lag):
 
 def test_the_measured_overshoot():
     _, _, track = flown([30.0, 0.0, 0.0])
-    assert 30.0 * track.level.max() - 30.0 == pytest.approx(0.45, abs=0.05)
+    assert track.ways[..., 0].max() - 30.0 == pytest.approx(0.45, abs=0.05)
 
 
 def test_delays_are_those_measured():
@@ -107,9 +126,8 @@ def test_measured_synchronised_arrivals(length, time, first, last):
     limits = leg_limits(way, TUNED, np.array([np.inf]))
     fastest = fitting_speed(limits, TUNED)
     speed = speed_for(limits, TUNED, np.array([time]), np.array([0.1]), fastest)
-    leg = profile(limits, TUNED, speed)
-    track = tracks(leg, limits.level, limits.climb, TUNED)
-    assert first - 0.2 <= track.near(way, 0.3)[0] + 0.17 <= last + 0.2
+    (track,) = tracks([(0.0, stage_of(way, speed))], 1, TUNED)
+    assert first - 0.2 <= track.near(0.3)[0] + 0.17 <= last + 0.2
 
 
 ways = st.tuples(*[st.floats(-30, 30)] * 3).filter(lambda d: np.linalg.norm(d) > 0.3)
@@ -144,30 +162,51 @@ def test_a_flight_begins_at_rest_and_ends_at_its_goal(displacement, speed):
     _, leg, track = flown(displacement, speed)
     ways = np.array([displacement])
     since = np.array([[-1.0], [0.0], [leg.duration[0] + TAIL], [1e3]])
-    places = track.places(since, ways)[:, 0]
+    places = track.places(since)[:, 0]
     np.testing.assert_allclose(places[:2], 0.0, atol=1e-9)
-    # To the last step, of which the end of the time may lie a little before.
     np.testing.assert_allclose(places[2:], np.repeat(ways, 2, axis=0), atol=1e-3)
     # The law ends no sooner than it would without waiting, and half way is before.
     assert track.ended[0] >= leg.duration[0] - 1e-6
     assert 0.4 * leg.duration[0] < track.half_way[0] < track.ended[0]
 
 
+def test_a_drone_takes_along_what_it_is_off():
+    # Back at once, while it is still beyond its end: it leaves from there, and later.
+    there = stage_of([[30.0, 0.0, 0.0]], [5.0])
+    back = replace_ends(there)
+    soon = float(np.ceil(there.profile.duration[0] + 1.0))
+    first, second = tracks([(0.0, there), (soon, back)], 1, TUNED)
+    before = first.places(np.array([[soon - 1e-6]]))[0, 0]
+    after = first.places(np.array([[soon]])) + second.places(np.array([[0.0]]))
+    assert before[0] > 30.2
+    np.testing.assert_allclose(after[0, 0], before, atol=1e-3)
+    (alone,) = tracks([(0.0, back)], 1, TUNED)
+    assert second.near(0.3)[0] > alone.near(0.3)[0] + 0.05
+    # Whoever has settled does not.
+    first, late = tracks([(0.0, there), (soon + 60.0, back)], 1, TUNED)
+    np.testing.assert_allclose(late.ways, alone.ways, atol=1e-6)
+
+
+def replace_ends(stage):
+    return replace(stage, begin=stage.end, end=stage.begin, profile=stage.profile)
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.tuples(ways, st.floats(0.3, 8.0)), min_size=1, max_size=4))
 def test_the_checker_works_out_the_same(legs):
-    ways = np.array([way for way, _ in legs])
-    limits = leg_limits(ways, TUNED, np.array([speed for _, speed in legs]))
-    leg = profile(limits, TUNED)
-    ours = tracks(leg, limits.level, limits.climb, TUNED)
+    # One drone flies them all, each a little before it has settled.
+    stages, release = [], 0.0
+    for way, speed in legs:
+        stage = stage_of([way], [speed])
+        stages.append((release, stage))
+        release = round(release + stage.profile.duration[0] + 2.0, 1)
+    ours = tracks(stages, 1, TUNED)
     law = Law(TUNED.acceleration, TUNED.acceleration_vertical, TUNED.jerk, TUNED.snap)
-    level = np.maximum(leg.speed * limits.level, 1e-9)
-    upright = np.maximum(leg.speed * np.abs(limits.climb), 1e-9)
-    flights = profiles(ways, level, upright, law)
-    theirs = tracked(flights, TUNED.acceleration / TUNED.jerk)
-    steps = min(len(ours.level), theirs.flat.shape[1])
-    scale = np.abs(ways)
-    flat = np.abs(ours.level[:steps] - theirs.flat[:, :steps].T)
-    assert (flat * np.hypot(scale[:, 0], scale[:, 1])).max() < 1e-3
-    steep = np.abs(ours.upright[:steps] - theirs.steep[:, :steps].T)
-    assert (steep * scale[:, 2]).max() < 1e-3
+    fleet = Fleet(1, TUNED.acceleration / TUNED.jerk)
+    for (_, stage), mine in zip(stages, ours, strict=True):
+        leg = stage.profile
+        level = np.maximum(leg.speed * stage.level, 1e-9)
+        upright = np.maximum(leg.speed * np.abs(stage.climb), 1e-9)
+        flights = profiles(stage.end, level, upright, law)
+        theirs = fleet.fly(np.array([0]), flights, stage.end, mine.until)
+        assert np.abs(theirs.ways.transpose(1, 0, 2) - mine.ways).max() < 1e-3
