@@ -19,6 +19,7 @@ from showc.mission.timing import (
     TAKEOFF_SPREAD,
     Timing,
 )
+from showc.mission.tracking import INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -77,24 +78,16 @@ class PredictedFlight:
         line = self.timeline
         follow = np.zeros(line.pads.shape[0])
         follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
-<<<<<<< HEAD
         base, moved = line.pads.copy(), []
         for drones, since, over, ways in self._moves(t, follow):
             # Most stages are over, or have not begun, at all of these times.
             if np.all(since >= over):
                 base[drones] += ways(since[:1])[0]
-            elif np.any(since > 0.0):
+            elif np.any(since >= -INSTANT):
                 moved.append((drones, ways(since)))
         place = np.broadcast_to(base, (t.shape[0], *base.shape)).copy()
         for drones, way in moved:
             place[:, drones] += way
-=======
-        _advance(place, line.staging, t - follow[line.staging.drones])
-        for scheduled in line.legs:
-            for release, stage, track in scheduled.tracked:
-                since = t - release - _clock_lag(self.clocked) - stage.wait
-                place[:, stage.drones] += track.places(since)
->>>>>>> b0f151e (carry)
         height = line.land.begin[:, 2] - line.land.end[:, 2]
         below = np.clip(t - line.land_start, 0.0, None)
         slow = np.minimum(height, LAND_SLOW_HEIGHT)
@@ -118,8 +111,7 @@ class PredictedFlight:
         for scheduled in line.legs:
             for release, stage, track in scheduled.tracked:
                 since = times - release - _clock_lag(self.clocked) - stage.wait
-                ways = partial(track.places, along=stage.end - stage.begin)
-                yield stage.drones, since, track.length, ways
+                yield stage.drones, since, track.over, track.places
 
 
 def _clock_lag(clocked: bool) -> float:  # noqa: FBT001

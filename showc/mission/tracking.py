@@ -114,18 +114,16 @@ class Tracks:
     ended: FloatArray
     """When the law's own time has ended, shape (n,) [s]: the next item begins."""
 
-<<<<<<< HEAD
     @property
-    def length(self) -> float:
-        """Time of the last step [s]: nothing moves after it."""
-        return float(STEP * (self.level.shape[0] - 1))
+    def over(self) -> FloatArray:
+        """Time from its release after which nothing of a leg moves, shape (n,) [s].
 
-    def parts(self, since: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Parts of the level and the upright ways at ``since`` (..., n) the releases.
-=======
+        The last step's, or when the next leg tells where the drone is.
+        """
+        return np.asarray(np.minimum(self.until, STEP * (self.ways.shape[0] - 1)))
+
     def places(self, since: FloatArray) -> FloatArray:
         """Ways (..., n, 3) [m] covered at ``since`` (..., n) the releases [s].
->>>>>>> b0f151e (carry)
 
         0 before them; the whole way after the last step, and from the release of the
         next leg on, which tells where the drone is then.
@@ -134,7 +132,7 @@ class Tracks:
         shape = np.broadcast_shapes(np.shape(since), self.until.shape)
         own = np.broadcast_to(since, shape).reshape(-1, self.until.size)
         # A leg and the one after it must not both leave out the instant between them.
-        done = own >= np.minimum(self.until, STEP * last) - INSTANT
+        done = own >= self.over - INSTANT
         covered = done[..., None] * self.along
         flies = (own >= -INSTANT) & ~done
         # Most instants of a show are before or after all of a stage.
@@ -292,12 +290,15 @@ class _Loops:
         distance, speed, acceleration = self._law(time)
         behind = self.direction * distance - x
         below = self.climb * distance - z
-        keeps = self.climb * (w - below) + np.sum(self.direction * (v - behind), axis=0)
+        keeps = self.direction * (v - behind)
+        keeps = keeps[0] + keeps[1] + self.climb * (w - below)
         free = speed < STANDS
         wanted = np.where(
             free,
             1.0,
-            np.clip(SLACK_RATE + keeps / np.where(free, 1.0, speed), 0.0, 1.0),
+            np.minimum(
+                np.maximum(SLACK_RATE + keeps / np.where(free, 1.0, speed), 0.0), 1.0
+            ),
         )
         missed_rate = (behind + self.direction * speed - v - missed) / SMOOTHING
         asked = (
@@ -307,14 +308,14 @@ class _Loops:
             + self.direction * acceleration
         )
         most = GRAVITY * tan(TILT)
-        size = np.hypot(asked[0], asked[1])
+        size = np.sqrt(asked[0] * asked[0] + asked[1] * asked[1])
         over = size > most
         # Nothing is summed up towards where nothing more can be had.
-        held = over & (np.sum(missed * asked, axis=0) > 0.0)
+        held = over & (missed[0] * asked[0] + missed[1] * asked[1] > 0.0)
         asked = asked * np.where(over, most / np.where(over, size, 1.0), 1.0)
         rise = lift - w * (DRAG + DRAG_SQUARE * np.abs(w))
         wanted_up = UPRIGHT_GAIN * missed_up + self.climb * acceleration
-        drag = DRAG + DRAG_SQUARE * np.hypot(v[0], v[1])
+        drag = DRAG + DRAG_SQUARE * np.sqrt(v[0] * v[0] + v[1] * v[1])
         rates = np.empty_like(state)
         rates[:2] = v
         rates[2:4] = push * (1.0 + lift / GRAVITY) - v * drag

@@ -33,8 +33,11 @@ AFTER = 10.0
 FADING = 1.0
 """Time at the end of that in which it comes to rest at its goal [s]."""
 
-BLOCK = 256
+BLOCK = 500
 """Legs that are integrated together; bounds the memory."""
+
+_AT_ONCE = 10_000
+"""Places of laws that are worked out together: they stay in the processor's cache."""
 
 STATES = 21
 """Rows of a state: level place, speed, speed missed, its sum, its change, lean half
@@ -136,11 +139,31 @@ class _Vehicles:
         unit = along[:, :2] / np.where(flat > 0.0, flat, 1.0)[:, None]
         self.aim = np.vstack([unit.T * flights.level, flights.climb])
         count = flights.length.size
-        rows = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 2
-        times = np.repeat(STEP * np.arange(rows), count)
-        legs = np.tile(np.arange(count), rows)
-        self.law = flights.motion(legs, times).reshape(rows, count, 3)
-        self.leg = np.arange(count)
+        self.last = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 1
+        self.leg, self.count = np.arange(count), count
+        # Distance, speed, acceleration over the law's time, one row for all legs.
+        self.law = np.empty((3, (self.last + 1) * count))
+        some = max(1, _AT_ONCE // max(count, 1))
+        for begin in range(0, self.last + 1, some):
+            own = np.arange(begin, min(begin + some, self.last + 1))
+            times, legs = np.repeat(STEP * own, count), np.tile(self.leg, own.size)
+            place = slice(begin * count, begin * count + times.size)
+            self.law[:, place] = flights.motion(legs, times).T
+
+    def led(self, time: FloatArray) -> FloatArray:
+        """Distance, speed, acceleration (3, n) of the law at its times (n,) [s]."""
+        where = np.minimum(time / STEP, float(self.last))
+        row = np.minimum(where.astype(np.int64), self.last - 1)
+        share = where - row
+        row *= self.count
+        row += self.leg
+        first = self.law.take(row, axis=1)
+        row += self.count
+        second = self.law.take(row, axis=1)
+        second -= first
+        second *= share
+        first += second
+        return first
 
     def run(self, state: FloatArray, steps: int) -> FloatArray:
         """States (steps + 1, 21, n), from that at the release, by the midpoint rule."""
@@ -189,11 +212,7 @@ class _Vehicles:
         """Change (21, n) of ``state`` (21, n) [1/s]."""
         x, vx, mx, sx, cx, half_lean, lean = state[:14].reshape(7, 2, -1)
         z, vz, mz, sz, lift, time, rate = state[14:]
-        where = np.minimum(time / STEP, len(self.law) - 1.0)
-        row = np.minimum(where.astype(np.int64), len(self.law) - 2)
-        share = (where - row)[:, None]
-        first, second = self.law[row, self.leg], self.law[row + 1, self.leg]
-        point, speed, push = (first * (1.0 - share) + second * share).T
+        point, speed, push = self.led(time)
         level, climb = self.aim[:2], self.aim[2]
         gap_x, gap_z = point * level - x, point * climb - z
         result = np.empty_like(state)
@@ -201,11 +220,12 @@ class _Vehicles:
         missing = (gap_x + speed * level - vx - mx) * (10.0 * np.pi)
         asked = 2.0 * mx + sx + 0.5 * cx + push * level
         limit = GRAVITY * np.tan(np.radians(30.0))
-        size = np.linalg.norm(asked, axis=0)
-        stuck = (size > limit) & (np.sum(mx * asked, axis=0) > 0.0)
+        size = np.sqrt(asked[0] * asked[0] + asked[1] * asked[1])
+        stuck = (size > limit) & (mx[0] * asked[0] + mx[1] * asked[1] > 0.0)
         asked = asked * np.minimum(1.0, limit / np.maximum(size, limit))
         result[0:2] = vx
-        result[2:4] = lean * (1.0 + lift / GRAVITY) - _drag(vx, vx)
+        flat = np.sqrt(vx[0] * vx[0] + vx[1] * vx[1])
+        result[2:4] = lean * (1.0 + lift / GRAVITY) - vx * (0.25 + 0.027 * flat)
         result[4:6] = missing
         result[6:8] = np.where(stuck, 0.0, mx)
         result[8:10] = (missing - cx) * (10.0 * np.pi)
@@ -213,20 +233,17 @@ class _Vehicles:
         result[12:14] = (half_lean - lean) / 0.03
         # Upright: 5/s of the speed missed, by a lift that comes late.
         result[14] = vz
-        result[15] = lift - _drag(vz, vz[None])
+        result[15] = lift - vz * (0.25 + 0.027 * np.abs(vz))
         result[16] = (gap_z + speed * climb - vz - mz) * (10.0 * np.pi)
         short = 5.0 * mz + push * climb - result[15]
         result[17] = 0.1 * GRAVITY / 0.39 * short
         result[18] = (0.05 * GRAVITY / 0.39 * short + sz - lift) / 0.075
         # The law waits for who cannot keep up.
-        ahead = np.sum((vx - gap_x) * level, axis=0) + (vz - gap_z) * climb
-        slow = np.where(speed < 1e-5, 1.0, speed)
-        wanted = np.clip(0.05 + ahead / slow, 0.0, 1.0)
+        toward = (vx - gap_x) * level
+        ahead = toward[0] + toward[1] + (vz - gap_z) * climb
+        still = speed < 1e-5
+        wanted = 0.05 + ahead / np.where(still, 1.0, speed)
+        wanted = np.where(still, 1.0, np.minimum(np.maximum(wanted, 0.0), 1.0))
         result[19] = rate
-        result[20] = (np.where(speed < 1e-5, 1.0, wanted) - rate) / self.lag
+        result[20] = (wanted - rate) / self.lag
         return result
-
-
-def _drag(speed: FloatArray, all_axes: FloatArray) -> FloatArray:
-    """Deceleration [m/s²] at ``speed``, part of the speed of ``all_axes``."""
-    return np.asarray(speed * (0.25 + 0.027 * np.linalg.norm(all_axes, axis=0)))
