@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC
+from datetime import UTC, datetime, timedelta
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,8 +23,6 @@ from showc.mission.waypoints import waypoint_file
 from showc.progress import Silent
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
     from numpy.typing import NDArray
 
     from showc.flight import Flight
@@ -207,9 +205,10 @@ def _warnings(
     if prediction["start"] is None:
         found += _loose_notes(legs, show.separation.distance)
     elif timeline.legs:
+        begin = datetime.fromisoformat(prediction["start"]).astimezone(UTC)
+        latest = begin + timedelta(seconds=prediction["latest_mission_start"])
         found.append(
-            "start the missions by "
-            f"{prediction['latest_mission_start']:+.1f} s: who misses a clock slot "
+            f"start the missions before {latest:%H:%M:%S} UTC: who misses a clock slot "
             "waits for it until the next day"
         )
         if show.mission.slack < LEAST_SLACK:
