@@ -106,6 +106,11 @@ class Profiles:
         names = self.__dataclass_fields__
         return Profiles(*(getattr(self, name)[begin:end] for name in names))
 
+    def chosen(self, rows: NDArray[np.int64]) -> Profiles:
+        """Return the legs of some rows, in that order."""
+        names = self.__dataclass_fields__
+        return Profiles(*(getattr(self, name)[rows] for name in names))
+
     def law_time(self, leg: NDArray[np.int64], since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
 

@@ -9,7 +9,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.autopilot import CLOCK_LAG, SPREAD
 from showc.verify.decode import parse
-from showc.verify.legs import joined, stacked
+from showc.verify.legs import TimedLegs, joined
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
 from showc.verify.tracked import STEP, Fleet
@@ -19,13 +19,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.verify.legs import MissionLegs
+    from showc.verify.legs import FleetLegs, MissionLegs
     from showc.verify.logfile import LogFile
     from showc.verify.show import LoggedShow
-    from showc.verify.tracked import Tracked
 
     FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TOPIC = "/fleet/predicted"
 
@@ -48,7 +46,7 @@ PLACES = ("x", "y", "z")
 def check_drawn(
     log: LogFile,
     show: LoggedShow,
-    missions: Sequence[MissionLegs],
+    flown: FleetLegs,
     begin: float | None,
 ) -> Check:
     """Compare the places on ``/fleet/predicted`` with the missions' timed legs.
@@ -60,7 +58,7 @@ def check_drawn(
     ----------
     log, show
         The log.
-    missions
+    flown
         What each drone flies, read from its mission.
     begin
         When the missions start, on the clock of their releases [s]; None: they have
@@ -71,10 +69,11 @@ def check_drawn(
     ]
     if not channels:
         return Check("missions", NAME, "skipped", notes=("the log draws none",))
-    fleet = _Fleet(missions, begin)
+    fleet = _Fleet(flown, begin)
     limit = TOLERANCE
     if begin is None:
-        fastest = max(float(m.profiles.speed.max(initial=0.0)) for m in missions)
+        speeds = [one.profiles.speed.max(initial=0.0) for one in flown.missions]
+        fastest = float(max(speeds))
         limit += UNCLOCKED * fastest
     worst, where, count = 0.0, Place(), 0
     layout: np.dtype[np.void] | None = None
@@ -87,9 +86,9 @@ def check_drawn(
         points = np.stack(clouds)
         drawn = np.stack([points[name] for name in PLACES], axis=-1)
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
-        flown = fleet(times)
-        timed = np.isfinite(flown[..., 0])
-        off = np.sqrt(np.sum((drawn - flown) ** 2, axis=-1))
+        places = fleet(times)
+        timed = np.isfinite(places[..., 0])
+        off = np.sqrt(np.sum((drawn - places) ** 2, axis=-1))
         # Whatever is no number on the drawn side must not pass for untimed.
         off = np.where(timed, np.where(np.isnan(off), np.inf, off), 0.0)
         count += int(timed.sum())
@@ -112,51 +111,63 @@ def check_drawn(
 class _Fleet:
     """Places of all drones over mission time: where they most likely are."""
 
-    def __init__(self, missions: Sequence[MissionLegs], begin: float | None) -> None:
+    def __init__(self, flown: FleetLegs, begin: float | None) -> None:
+        missions = flown.missions
         # Without a clock there is none that could be late.
         self.late = 0.0 if begin is None else 0.5 * CLOCK_LAG
-        flights, first = joined(missions)
-        followed = flights.followed(SPREAD)
-        timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
-        shape = len(missions), max((rows.size for rows in timed), default=0)
-        self.release = np.full(shape, np.inf)
-        self.along = np.zeros((*shape, 3))
+        table, first = joined(missions)
+        followed = table.followed(SPREAD)
         self.begin = np.zeros((len(missions), 3))
+        self.first = np.full(len(missions), np.inf)
         self.last = np.full(len(missions), -np.inf)
-        for drone, (mission, rows) in enumerate(zip(missions, timed, strict=True)):
+        for drone, mission in enumerate(missions):
+            rows = np.flatnonzero(np.isfinite(mission.release))
             if rows.size:
                 release = mission.release[rows] - (begin or 0.0)
-                self.release[drone, : rows.size] = release
-                self.along[drone, : rows.size] = np.diff(mission.places, axis=0)[rows]
                 self.begin[drone] = mission.places[rows[0]]
+                self.first[drone] = release[0]
                 self.last[drone] = (release + followed[first[drone] + rows]).max()
-        fleet = Fleet(len(missions), missions[0].lag)
-        self.flown: list[tuple[IntArray, Tracked]] = []
-        for leg in range(shape[1]):
-            drones = np.flatnonzero(np.isfinite(self.release[:, leg]))
-            until = np.full(drones.size, np.inf)
-            if leg + 1 < shape[1]:
-                until = self.release[drones, leg + 1] - self.release[drones, leg]
-            parts = [
-                missions[drone].profiles.part(row := int(timed[drone][leg]), row + 1)
-                for drone in drones.tolist()
-            ]
-            flown = fleet.fly(drones, stacked(parts), self.along[drones, leg], until)
-            self.flown.append((drones, flown))
+        self.flights = flown.flights or _by_the_clock(missions, begin or 0.0)
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
         place = np.broadcast_to(self.begin, (times.size, *self.begin.shape)).copy()
-        for leg, (drones, flown) in enumerate(self.flown):
-            since = times[:, None] - self.late - self.release[drones, leg]
+        for flight in self.flights:
+            tracked = flight.tracked
+            since = times[:, None] - self.late - flight.release
             # From its next release on a drone is where that leg says.
-            lasts = STEP * (flown.ways.shape[1] - 1)
-            done = since >= np.minimum(flown.until, lasts) - SAME
-            way = done[..., None] * self.along[drones, leg]
+            lasts = STEP * (tracked.ways.shape[1] - 1)
+            done = since >= np.minimum(tracked.until, lasts) - SAME
             flies = (since >= -SAME) & ~done
-            way[flies] = flown.covered(np.nonzero(flies)[1], since[flies])
-            place[:, drones] += way
-        first = self.release[:, 0] if self.flown else np.inf
-        known = (times[:, None] >= first) & (times[:, None] <= self.last)
+            if flies.any() or done.any():
+                way = done[..., None] * flight.along
+                way[flies] = tracked.covered(np.nonzero(flies)[1], since[flies])
+                place[:, flight.drones] += way
+        known = (times[:, None] >= self.first) & (times[:, None] <= self.last)
         place[~known] = np.nan
         return place
+
+
+def _by_the_clock(
+    missions: Sequence[MissionLegs], begin: float
+) -> tuple[TimedLegs, ...]:
+    """All timed legs, flown from their releases."""
+    table, first = joined(missions)
+    timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
+    most = max((rows.size for rows in timed), default=0)
+    release = np.full((len(missions), most + 1), np.inf)
+    row = np.zeros((len(missions), most), dtype=np.int64)
+    along = np.zeros((len(missions), most, 3))
+    for drone, (mission, rows) in enumerate(zip(missions, timed, strict=True)):
+        release[drone, : rows.size] = mission.release[rows] - begin
+        row[drone, : rows.size] = first[drone] + rows
+        along[drone, : rows.size] = np.diff(mission.places, axis=0)[rows]
+    fleet = Fleet(len(missions), missions[0].lag)
+    flights = []
+    for leg in range(most):
+        drones = np.flatnonzero(np.isfinite(release[:, leg]))
+        until = release[drones, leg + 1] - release[drones, leg]
+        legs, ways = table.chosen(row[drones, leg]), along[drones, leg]
+        tracked = fleet.fly(drones, legs, ways, until=until)
+        flights.append(TimedLegs(drones, release[drones, leg], ways, tracked))
+    return tuple(flights)

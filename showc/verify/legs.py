@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Site
+    from showc.verify.tracked import Tracked
     from showc.verify.waypoints import Item
 
     FloatArray = NDArray[np.float64]
@@ -49,6 +50,30 @@ class MissionLegs:
     """How each leg is planned."""
     lag: float
     """How late the law's time changes its rate: acceleration over jerk [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedLegs:
+    """The next timed leg of some drones, flown."""
+
+    drones: IntArray
+    """Which drones, shape (n,)."""
+    release: FloatArray
+    """When each is released, since the missions began, shape (n,) [s]."""
+    along: FloatArray
+    """From the legs' begins to their ends, show frame, shape (n, 3) [m]."""
+    tracked: Tracked
+    """How they are flown."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetLegs:
+    """What all drones fly."""
+
+    missions: list[MissionLegs]
+    """Drone by drone."""
+    flights: tuple[TimedLegs, ...] | None
+    """All timed legs flown, if their releases had to be found so; else None."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,9 +169,7 @@ def read_rows(
     )
 
 
-def fly_rows(
-    missions: Sequence[MissionRows], values: Mapping[str, float]
-) -> list[MissionLegs]:
+def fly_rows(missions: Sequence[MissionRows], values: Mapping[str, float]) -> FleetLegs:
     """Return the legs of a fleet's missions under one set of parameters.
 
     A leg that follows a hold is timed: by the clock if the hold waits for one, else by
@@ -162,7 +185,7 @@ def fly_rows(
     except KeyError as error:
         raise MissionFormatError(f"parameter {error} is missing") from None
     if not missions:
-        return []
+        return FleetLegs([], None)
     limits = np.concatenate([mission.limits for mission in missions])
     step = np.concatenate([mission.steps for mission in missions])
     # All legs of the fleet at once: a call for each drone would take far longer.
@@ -177,19 +200,21 @@ def fly_rows(
         fleet.append(MissionLegs(mission.places, releases, own, lag))
     if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
         return _without_clock(missions, fleet, lag)
-    return fleet
+    return FleetLegs(fleet, None)
 
 
 def _without_clock(
-    missions: Sequence[MissionRows], fleet: Sequence[MissionLegs], lag: float
-) -> list[MissionLegs]:
+    missions: Sequence[MissionRows], fleet: list[MissionLegs], lag: float
+) -> FleetLegs:
     """Return the legs of ``fleet``, released when those before have ended and held.
 
     An autopilot takes the next item when the law's own time for a leg has ended.
     """
     flying = Fleet(len(fleet), lag)
+    table, first = joined(fleet)
     releases = [one.release.copy() for one in fleet]
     clocks = np.zeros(len(fleet))
+    flights = []
     for leg in range(max(one.release.size for one in fleet)):
         timed, through = [], []
         for drone, mission in enumerate(missions):
@@ -206,50 +231,47 @@ def _without_clock(
                 clocks[drone] += float(takeoff.followed(0.0)[0])
             else:
                 through.append(drone)
-        for drones, flight in ((timed, flying), (through, Fleet(len(fleet), lag))):
-            if drones:
-                clocks[drones] += _flown(missions, fleet, flight, drones, leg)
-    return [
+        for some, flight in ((timed, flying), (through, Fleet(len(fleet), lag))):
+            if some:
+                drones = np.array(some)
+                places = np.stack([fleet[k].places[leg : leg + 2] for k in some])
+                along = places[:, 1] - places[:, 0]
+                rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in some]
+                holds = np.array([rest[0][1] if rest else np.inf for rest in rests])
+                legs = table.chosen(first[drones] + leg)
+                tracked = flight.fly(drones, legs, along, holds=holds)
+                if flight is flying:
+                    release = clocks[drones].copy()
+                    flights.append(TimedLegs(drones, release, along, tracked))
+                clocks[drones] += tracked.ended
+    own = [
         replace(one, release=release)
         for one, release in zip(fleet, releases, strict=True)
     ]
+    return FleetLegs(own, _until_the_next(flights, len(fleet)))
 
 
-def _flown(
-    missions: Sequence[MissionRows],
-    fleet: Sequence[MissionLegs],
-    flight: Fleet,
-    drones: list[int],
-    leg: int,
-) -> FloatArray:
-    """Fly one leg of some ``drones``; return when the law's time has ended (n,) [s]."""
-    parts = [fleet[drone].profiles.part(leg, leg + 1) for drone in drones]
-    ways = [np.diff(fleet[drone].places[leg : leg + 2], axis=0) for drone in drones]
-    rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in drones]
-    holds = np.array([rest[0][1] if rest else np.inf for rest in rests])
-
-    def until(ended: FloatArray) -> FloatArray:
-        return np.asarray(ended + holds)
-
-    return flight.fly(
-        np.array(drones), stacked(parts), np.concatenate(ways), until
-    ).ended
-
-
-def stacked(parts: Sequence[Profiles]) -> Profiles:
-    """Put tables of legs one below the other."""
-    return Profiles(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in Profiles.__dataclass_fields__
-        )
-    )
+def _until_the_next(flights: Sequence[TimedLegs], drones: int) -> tuple[TimedLegs, ...]:
+    """Let each leg count until the next timed one of its drone is released."""
+    soonest = np.full(drones, np.inf)
+    found = []
+    for one in reversed(flights):
+        until = soonest[one.drones] - one.release
+        soonest[one.drones] = one.release
+        found.append(replace(one, tracked=replace(one.tracked, until=until)))
+    return tuple(reversed(found))
 
 
 def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
     """All legs of all drones in one table, and where each drone's begin."""
     counts = [mission.release.size for mission in missions]
-    table = stacked([mission.profiles for mission in missions])
+    parts = [mission.profiles for mission in missions]
+    table = Profiles(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in Profiles.__dataclass_fields__
+        )
+    )
     return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
 

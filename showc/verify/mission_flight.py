@@ -84,9 +84,10 @@ def check_mission_flight(
             where = Place(drone + 1, file=f"{folder.name}/{missions[drone]}")
             items = parse((folder / missions[drone]).read_bytes())
             rows.append(read_rows(items, rules.site, values))
-        flown = fly_rows(rows, values)
+        fleet = fly_rows(rows, values)
     except (OSError, MissionFormatError, ValueError, IndexError) as error:
         return [Check(GROUP, NAME, "fail", where=where, notes=(str(error),))]
+    flown = fleet.missions
     if len(flown) < 2:
         return [Check(GROUP, NAME, "pass", notes=("one drone flies alone",))]
     wanted = rules.separation
@@ -111,7 +112,7 @@ def check_mission_flight(
     checks.append(_as_claimed(timed, description))
     if drawn is not None:
         begin = _start_of_day(description) if description.get("start") else None
-        checks.append(check_drawn(*drawn, flown, begin))
+        checks.append(check_drawn(*drawn, fleet, begin))
     return checks
 
 

@@ -15,8 +15,6 @@ import numpy as np
 from showc.verify.autopilot import GRAVITY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from showc.verify.autopilot import Profiles
@@ -33,7 +31,7 @@ AFTER = 10.0
 FADING = 1.0
 """Time at the end of that in which it comes to rest at its goal [s]."""
 
-BLOCK = 500
+BLOCK = 1024
 """Legs that are integrated together; bounds the memory."""
 
 _AT_ONCE = 10_000
@@ -43,6 +41,10 @@ STATES = 21
 """Rows of a state: level place, speed, speed missed, its sum, its change, lean half
 way, lean, two each; place, speed, speed missed, sum and lift upright; time and rate of
 the law."""
+
+
+_PLACES = [0, 1, 14]
+"""Rows of a state that are places."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,45 +91,38 @@ class Fleet:
         drones: IntArray,
         flights: Profiles,
         along: FloatArray,
-        until: FloatArray | Callable[[FloatArray], FloatArray],
+        *,
+        until: FloatArray | None = None,
+        holds: FloatArray | None = None,
     ) -> Tracked:
         """Fly the next legs of the ``drones`` (n,).
 
         ``flights`` are their n legs, ``along`` (n, 3) [m] the ways in the show frame.
-        ``until`` (n,) is when the leg after it is released, or tells that from when
-        the law of each has ended (n,); both from this leg's release [s].
+        The leg after it is released ``until`` (n,) from this leg's release, or
+        ``holds`` (n,) after the law's own time for this leg has ended [s].
         """
         lasting = flights.duration + AFTER
-        if not callable(until):
+        if until is not None:
             lasting = np.minimum(lasting, until + STEP)
         steps = max(int(np.ceil(lasting.max(initial=0.0) / STEP)), 1)
         count = drones.size
         ways = np.zeros((count, steps + 1, 3), dtype=np.float32)
-        ended = np.zeros(count)
-        histories = []
+        ended, later = np.zeros(count), np.full(count, np.inf)
         for begin in range(0, count, BLOCK):
             rows = slice(begin, min(begin + BLOCK, count))
-            part = flights.part(rows.start, rows.stop)
-            vehicles = _Vehicles(part, along[rows], self.lag)
-            history = vehicles.run(self.states[:, drones[rows]], steps)
-            ways[rows], ended[rows] = vehicles.ways(history), _ended(part, history)
-            later = (until(ended) if callable(until) else until)[rows]
-            histories.append(vehicles.handed_over(history, later))
-        if histories:
-            self.states[:, drones] = np.concatenate(histories, axis=1)
-        return Tracked(ways, ended, until(ended) if callable(until) else until)
-
-
-def _ended(flights: Profiles, history: FloatArray) -> FloatArray:
-    """When the law's own time passes the legs' durations, shape (n,) [s]."""
-    clock = history[:, 19]
-    found = np.full(flights.length.size, STEP * (len(clock) - 1))
-    for leg in np.flatnonzero(clock[-1] >= flights.duration):
-        row = int(np.searchsorted(clock[:, leg], flights.duration[leg]))
-        before, after = clock[row - 1, leg], clock[row, leg]
-        share = (flights.duration[leg] - before) / (after - before)
-        found[leg] = STEP * (row - 1 + share)
-    return np.where(flights.length > 0.0, found, 0.0)
+            vehicles = _Vehicles(
+                flights.part(rows.start, rows.stop), along[rows], self.lag
+            )
+            who = drones[rows]
+            vehicles.run(
+                self.states[:, who],
+                ways[rows],
+                None if until is None else until[rows],
+                None if holds is None else holds[rows],
+            )
+            self.states[:, who] = vehicles.carried
+            ended[rows], later[rows] = vehicles.ended, vehicles.until
+        return Tracked(ways, ended, later)
 
 
 class _Vehicles:
@@ -165,48 +160,80 @@ class _Vehicles:
         first += second
         return first
 
-    def run(self, state: FloatArray, steps: int) -> FloatArray:
-        """States (steps + 1, 21, n), from that at the release, by the midpoint rule."""
-        history = np.empty((steps + 1, *state.shape))
-        history[0] = state
-        history[0, 19] = 0.0
-        for step in range(steps):
-            now = history[step]
-            half = now + 0.5 * STEP * self.change(now)
-            history[step + 1] = now + STEP * self.change(half)
-        return history
+    def run(
+        self,
+        state: FloatArray,
+        ways: NDArray[np.float32],
+        until: FloatArray | None,
+        holds: FloatArray | None,
+    ) -> None:
+        """Integrate from ``state`` (21, n) into ``ways`` (n, steps + 1, 3).
 
-    def _off(self, history: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places from the ends (steps, 3, n) [m], and what is left of them to count."""
-        left = self.flights.duration + AFTER - STEP * np.arange(len(history))[:, None]
-        left = np.clip(left / FADING, 0.0, 1.0)
-        off = history[:, [0, 1, 14]] - self.aim * self.flights.length
-        return off * left[:, None], left
+        Sets when the laws' times end, when the next legs are released, and with which
+        states these begin, seen from the ends: at rest, if that is not reached.
+        """
+        moves = self.flights.length > 0.0
+        steps = ways.shape[1] - 1
+        due = np.where(moves, self.flights.duration, 0.0)
+        self.ended = np.where(moves, steps * STEP, 0.0)
+        self.until = np.full(self.count, np.inf) if until is None else until.copy()
+        if holds is not None:
+            self.until[~moves] = holds[~moves]
+        self.carried = np.zeros_like(state)
+        self.carried[20] = 1.0
+        goal, scale = self.aim * self.flights.length, self._scale()
+        places = np.empty((steps + 1, 3, self.count), dtype=np.float32)
+        flying = moves.copy()
+        now = state.copy()
+        now[19] = 0.0
+        before = now
+        for step in range(steps + 1):
+            if step:
+                before = now
+                half = now + 0.5 * STEP * self.change(now)
+                now = now + STEP * self.change(half)
+            over = flying & (now[19] >= due)
+            if step and over.any():
+                flying &= ~over
+                first, second = before[19, over], now[19, over]
+                share = (due[over] - first) / (second - first)
+                self.ended[over] = STEP * (step - 1 + share)
+                if holds is not None:
+                    self.until[over] = self.ended[over] + holds[over]
+            off = (now[_PLACES] - goal) * self._left(step)
+            places[step] = off * scale
+            handover = np.round(np.minimum(self.until, 1e9) / STEP).astype(np.int64)
+            self._hand_over(handover == step, now, off, step)
+            # A leg that ends within a step may hand over before that step.
+            if step:
+                early = over & (handover == step - 1)
+                was = (before[_PLACES] - goal) * self._left(step - 1)
+                self._hand_over(early, before, was, step - 1)
+        ways[:] = places.transpose(2, 0, 1)
+        ways += self.along[:, None].astype(np.float32)
 
-    def ways(self, history: FloatArray) -> FloatArray:
-        """Ways covered (n, steps + 1, 3), show frame [m]."""
-        off, _ = self._off(history)
+    def _hand_over(
+        self, some: NDArray[np.bool_], state: FloatArray, off: FloatArray, step: int
+    ) -> None:
+        if some.any():
+            self.carried[:, some] = state[:, some] * self._left(step)[some]
+            for row, place in enumerate(_PLACES):
+                self.carried[place, some] = off[row, some]
+            self.carried[20, some] = state[20, some]
+
+    def _left(self, step: int) -> FloatArray:
+        """Return how much of what the drones are off their ends still counts, (n,)."""
+        left = (self.flights.duration + AFTER - STEP * step) / FADING
+        return np.asarray(np.minimum(np.maximum(left, 0.0), 1.0))
+
+    def _scale(self) -> FloatArray:
+        """From the autopilot's metre to the show's, level and upright, (3, n)."""
         flat = np.linalg.norm(self.along[:, :2], axis=1)
         level = self.flights.length * self.flights.level
         climb = self.flights.length * self.flights.climb
-        # The autopilot's metre is no metre of the show.
-        off[:, :2] *= np.where(level > 0.0, flat / np.where(level > 0.0, level, 1.0), 1)
-        upright = self.along[:, 2] / np.where(climb != 0.0, climb, 1.0)
-        off[:, 2] *= np.where(climb != 0.0, upright, 1.0)
-        return np.asarray(off.transpose(2, 0, 1) + self.along[:, None])
-
-    def handed_over(self, history: FloatArray, until: FloatArray) -> FloatArray:
-        """States (21, n) at ``until`` (n,) [s], seen from the ends; at rest if late."""
-        result = np.zeros(history.shape[1:])
-        result[20] = 1.0
-        row = np.round(np.minimum(until, 1e9) / STEP).astype(np.int64)
-        some = np.flatnonzero(row < len(history))
-        off, left = self._off(history)
-        taken = history[row[some], :, some].T * left[row[some], some]
-        taken[[0, 1, 14]] = off[row[some], :, some].T
-        taken[20] = history[row[some], 20, some]
-        result[:, some] = taken
-        return result
+        across = np.where(level > 0.0, flat / np.where(level > 0.0, level, 1.0), 1.0)
+        up = self.along[:, 2] / np.where(climb != 0.0, climb, 1.0)
+        return np.stack([across, across, np.where(climb != 0.0, up, 1.0)])
 
     def change(self, state: FloatArray) -> FloatArray:
         """Change (21, n) of ``state`` (21, n) [1/s]."""

@@ -211,5 +211,5 @@ def test_the_checker_works_out_the_same(legs):
         level = np.maximum(leg.speed * stage.level, 1e-9)
         upright = np.maximum(leg.speed * np.abs(stage.climb), 1e-9)
         flights = profiles(stage.end, level, upright, law)
-        theirs = fleet.fly(np.array([0]), flights, stage.end, mine.until)
+        theirs = fleet.fly(np.array([0]), flights, stage.end, until=mine.until)
         assert np.abs(theirs.ways.transpose(1, 0, 2) - mine.ways).max() < 1e-3

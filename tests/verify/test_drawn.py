@@ -10,7 +10,7 @@ from verified import loaded
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.verify.drawn import UNCLOCKED, check_drawn
-from showc.verify.legs import fly_rows, read_parameters, read_rows
+from showc.verify.legs import FleetLegs, fly_rows, read_parameters, read_rows
 from showc.verify.waypoints import parse
 
 START = datetime(2026, 6, 1, 20, 0, tzinfo=UTC)
@@ -83,4 +83,4 @@ def test_without_a_clock_releases_are_nominal(gliding, tmp_path):
 
 def test_nothing_drawn_is_left_out(log_path):
     log, show = loaded(log_path)
-    assert check_drawn(log, show, [], BEGIN).verdict == "skipped"
+    assert check_drawn(log, show, FleetLegs([], None), BEGIN).verdict == "skipped"
