@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.verify.crew import run_all
 from showc.verify.drawn import check_drawn
 from showc.verify.legs import MissionRows, fly_rows, read_parameters, read_rows
 from showc.verify.predicted import (
@@ -21,7 +23,7 @@ from showc.verify.stretches import OverlappingLegsError
 from showc.verify.waypoints import MissionFormatError, parse
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from showc.log import showc_pb2 as pb
@@ -57,6 +59,7 @@ def check_mission_flight(
     rules: pb.Rules,
     *,
     drawn: tuple[LogFile, LoggedShow] | None = None,
+    jobs: int | None = 1,
 ) -> list[Check]:
     """Prove the separation of the flights that the autopilots will make.
 
@@ -72,6 +75,8 @@ def check_mission_flight(
         Site and separation, from the log.
     drawn
         The log, if the predicted fleet that it draws is to be checked too.
+    jobs
+        Processes to share the work; None: one for each core.
     """
     if description.get("autopilot") != "ardupilot":
         note = "how this autopilot flies a leg is not known: nothing is predicted"
@@ -91,14 +96,20 @@ def check_mission_flight(
     if len(flown) < 2:
         return [Check(GROUP, NAME, "pass", notes=("one drone flies alone",))]
     wanted = rules.separation
+    work: list[Callable[[], Any]] = [
+        partial(nearest_timed, flown, wanted),
+        partial(nearest_untimed, flown, wanted, landing=False),
+        partial(nearest_untimed, flown, wanted, landing=True),
+    ]
+    if drawn is not None:
+        begin = _start_of_day(description) if description.get("start") else None
+        work.append(partial(check_drawn, *drawn, fleet, begin))
     try:
-        timed = nearest_timed(flown, wanted)
+        timed, climb, land, *rest = run_all(work, jobs)
     except OverlappingLegsError as error:
         note = f"{error} is released before the leg before it has surely ended"
         place = Place(error.drone + 1)
         return [Check(GROUP, NAME, "fail", where=place, notes=(note,))]
-    climb = nearest_untimed(flown, wanted, landing=False)
-    land = nearest_untimed(flown, wanted, landing=True)
     if timed is not None:
         timed = replace(timed, time=timed.time - _start_of_day(description))
     checks = [_verdict(NAME, timed, wanted.distance)]
@@ -109,11 +120,7 @@ def check_mission_flight(
         _verdict(f"{name} keeps the separation at any timing", found, wanted.distance)
         for name, found in (("take-off", climb), ("landing", land))
     ]
-    checks.append(_as_claimed(timed, description))
-    if drawn is not None:
-        begin = _start_of_day(description) if description.get("start") else None
-        checks.append(check_drawn(*drawn, fleet, begin))
-    return checks
+    return [*checks, _as_claimed(timed, description), *rest]
 
 
 def _start_of_day(description: Mapping[str, Any]) -> float:

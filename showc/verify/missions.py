@@ -112,8 +112,14 @@ def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
     return [check for part in mission_parts(log, show) for check in part()]
 
 
-def mission_parts(log: LogFile, show: LoggedShow) -> list[Callable[[], list[Check]]]:
-    """Return the checks of the folder beside the log, in parts for side by side."""
+def mission_parts(
+    log: LogFile, show: LoggedShow, jobs: int | None = 1
+) -> list[Callable[[], list[Check]]]:
+    """Return the checks of the folder beside the log, in parts for side by side.
+
+    What the missions fly takes long and comes last of all: it is shared by ``jobs``
+    processes once more.
+    """
     folder = log.path.with_suffix("")
     manifest = _manifest(log)
     if not folder.is_dir():
@@ -145,6 +151,7 @@ def mission_parts(log: LogFile, show: LoggedShow) -> list[Callable[[], list[Chec
                 described,
                 show.rules,
                 drawn=(log, show),
+                jobs=jobs,
             )
         )
     return parts

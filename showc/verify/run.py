@@ -145,7 +145,7 @@ def _verify(
         "samples": fleet_parts(log, show, grids),
         "others": [partial(check_other_samples, log, show, grids)],
         "certificates": [partial(check_certificates, show)],
-        "missions": mission_parts(log, show) if missions else [],
+        "missions": mission_parts(log, show, jobs) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += _segments(show, found["segments"])
