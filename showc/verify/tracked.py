@@ -209,8 +209,8 @@ class _Vehicles:
                 early = over & (handover == step - 1)
                 was = (before[_PLACES] - goal) * self._left(step - 1)
                 self._hand_over(early, before, was, step - 1)
-            if np.all(handover < step):
-                # From here on every drone is on its next leg.
+            if np.all(handover < step - 1):
+                # From here on every drone is on its next leg, rounding included.
                 places[step + 1 :] = places[step]
                 break
         ways[:] = places.transpose(2, 0, 1)
