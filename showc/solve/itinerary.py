@@ -80,6 +80,9 @@ def solve_itinerary(
         few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
         if len(few) > 1:
             together = [tasks.pop(key) for key in few]
+            if options.cluster is not None:
+                # Another machine has no business in this one's cache.
+                together = [replace(task, parts=None) for task in together]
             found |= _side_by_side(together, cache, crew, progress)
         for key, task in tasks.items():
             found[key] = task.solve(crew, progress)

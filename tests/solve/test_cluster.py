@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from solve.handmade import make_itinerary, make_leg, make_options
+from solve.handmade import Listening, make_itinerary, make_leg, make_options
 
 from showc.progress import Silent
 from showc.solve import solve_itinerary
@@ -101,3 +101,25 @@ def test_a_cluster_gives_what_one_process_gives_even_if_a_worker_dies(cluster):
     here = solve_itinerary(make_itinerary(legs), make_options(jobs=1), Silent())
     for a, b in zip(there.legs[0].trajectories, here.legs[0].trajectories, strict=True):
         assert np.array_equal(a.state.coefficients, b.state.coefficients)
+
+
+@pytest.mark.slow
+def test_whole_legs_go_to_the_cluster_and_leave_nothing_in_our_cache(cluster, tmp_path):
+    address, _ = cluster
+    start = np.array([[0.0, 0.0, 10.0], [9.0, 0.2, 10.0]])
+    goal = start + [0.0, 5.0, 2.0]
+    legs = [
+        make_leg(start, goal, index=0, duration=5.0, name="out"),
+        make_leg(goal, start, index=1, duration=5.5, name="back"),
+    ]
+    options = make_options(cluster=address, use_cache=True, cache=tmp_path)
+    listening = Listening()
+    there = solve_itinerary(make_itinerary(legs), options, listening)
+    assert ("solve 2 legs side by side", 2) in listening.stages
+    here = solve_itinerary(make_itinerary(legs), make_options(), Silent())
+    for one, other in zip(there.legs, here.legs, strict=True):
+        for a, b in zip(one.trajectories, other.trajectories, strict=True):
+            assert np.array_equal(a.state.coefficients, b.state.coefficients)
+    kept = [path.suffix for path in tmp_path.rglob("*") if path.is_file()]
+    assert kept == [".leg", ".leg"]
+    assert not any(path.suffix == ".parts" for path in tmp_path.rglob("*"))

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
 
 Symbol = Any
-_DYNAMICS, _START, _END = "dynamics", "start", "end"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,16 +77,16 @@ def lay_out(stage: Stage, intervals: int, time: TimeKind) -> Layout:
         places[k, : stage.states] = len(rows) + np.arange(stage.states)
         following = (k + 1) * size
         picked += [(len(rows) + i, following + i) for i in range(stage.states)]
-        rows += [Row((_DYNAMICS, name), 1.0) for name in names]
+        rows += [Row(("dynamics", name), 1.0) for name in names]
         if k == 0:
-            ends(_START, 0)
+            ends("start", 0)
         for r, row in enumerate(stage.rows):
             if (k == 0 and row.at_start) or (k == intervals - 1 and row.at_end):
                 continue
             places[k, stage.states + r] = len(rows)
             rows.append(row)
         interval += [k] * (len(rows) - len(interval))
-    ends(_END, intervals * size)
+    ends("end", intervals * size)
     if time == "free":
         picked.append((len(rows), intervals * size + stage.states - 1))
         rows.append(Row(("duration",), 1.0))
