@@ -6,10 +6,10 @@ sent back. Who works changes nothing in what is found.
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from showc.processes import undisturbed, usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,13 +22,6 @@ _work: list[Callable[[int], Any]] = []
 
 def _ignore() -> None:
     """Take no notice."""
-
-
-def cores() -> int:
-    """Count the processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def side_by_side(
@@ -56,7 +49,7 @@ def side_by_side(
     Exception
         What the first piece that failed, in their order, has raised.
     """
-    wanted = min(cores() if jobs is None else jobs, count)
+    wanted = min(usable_cores() if jobs is None else jobs, count)
     found: list[Result] = []
     if wanted > 1 and sys.platform == "linux":
         _in_copies(work, count, wanted, found, done)
@@ -82,9 +75,12 @@ def _in_copies(
 
     before = set(active_children())
     _work.append(work)
-    crew = ProcessPoolExecutor(jobs, get_context("fork"), _undisturbed)
+    crew = ProcessPoolExecutor(jobs, get_context("fork"))
     try:
-        for future in [crew.submit(_do, number) for number in range(count)]:
+        # From their first instruction on: the process that was copied ends them.
+        with undisturbed():
+            futures = [crew.submit(_do, number) for number in range(count)]
+        for future in futures:
             found.append(future.result())
             done()
     except BrokenProcessPool:
@@ -96,11 +92,6 @@ def _in_copies(
     finally:
         crew.shutdown(cancel_futures=True)
         _work.pop()
-
-
-def _undisturbed() -> None:
-    """Leave interrupts to the process that was copied: it ends its copies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _do(number: int) -> Any:  # noqa: ANN401 - whatever the work gives

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import signal
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -18,6 +17,7 @@ from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, Protocol
 
 from showc.errors import UsageError
+from showc.processes import undisturbed, usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -204,7 +204,9 @@ def _started(jobs: int) -> ProcessPoolExecutor:
     context = get_context(method)
     if method == "forkserver":
         context.set_forkserver_preload(list(_PRELOAD))
-    with _single_threaded(), _undisturbed():
+        # Starting it later would let interrupts through again.
+        resource_tracker.ensure_running()
+    with _single_threaded(), undisturbed():
         executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_warm)
         # The server and its workers inherit the environment of this moment; that they
         # import what they need is not waited for.
@@ -311,13 +313,6 @@ def workers(jobs: int | None, cluster: str | None) -> Iterator[Workers]:
         local.close()
 
 
-def usable_cores() -> int:
-    """Count the cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 @contextmanager
 def _single_threaded() -> Iterator[None]:
     """One thread a solver: the processes share the cores already."""
@@ -331,24 +326,6 @@ def _single_threaded() -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Start processes that an interrupt from the keyboard does not reach.
-
-    It reaches the whole group; whoever reads this hears of it, and ends its workers.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    # Starting the tracker would let interrupts through again; it is started before.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _warm() -> None:
