@@ -35,6 +35,9 @@ SETTLING = 1.5
 CLOCK_LAG = 0.17
 """By how much the vehicles' clocks may be late, all alike [s]."""
 
+PHASES = 15
+"""Phases of a leg."""
+
 _HALVINGS = 80
 
 _SHORTEST = 1e-6
@@ -83,12 +86,9 @@ class Profiles:
     """Cruise speed, shape (n,) [m/s]."""
     edges: FloatArray
     """When the phases begin, and the last one ends, shape (n, 16) [s]."""
-    constant: FloatArray
-    """c0 of each phase, shape (n, 15) [m/s³]."""
-    cosine: FloatArray
-    """c1 of each phase, shape (n, 15) [m/s³]."""
-    start: FloatArray
-    """Distance, speed, acceleration at each phase's begin, shape (n, 15, 3)."""
+    phases: FloatArray
+    """Each phase: distance, speed, acceleration at its begin, c0 and c1 [m/s³], and
+    pi / tau [1/s], shape (n, 15, 6)."""
     level: FloatArray
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
     climb: FloatArray
@@ -147,27 +147,33 @@ class Profiles:
 
         And its rate of change [1/s].
         """
-        moved = self.motion(leg, time)
-        whole = np.where(self.length[leg] > 0.0, self.length[leg], 1.0)
-        part = np.clip(moved[:, 0] / whole, 0.0, 1.0)
-        return part, np.maximum(moved[:, 1] / whole, 0.0)
+        distance, speed, _ = self.motion(leg, time)
+        whole = np.where(self.length > 0.0, self.length, 1.0)[leg]
+        part = np.clip(distance / whole, 0.0, 1.0)
+        return part, np.maximum(speed / whole, 0.0)
 
     def motion(self, leg: NDArray[np.int64], time: ArrayLike) -> FloatArray:
-        """Distance, speed, acceleration (m, 3) of legs ``leg`` (m,) at ``time`` (m,).
+        """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).
 
         In SI; at rest before and after the leg.
         """
-        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.edges[leg, -1])
-        phase = np.clip(np.sum(t[:, None] >= self.edges[leg], axis=1) - 1, 0, 14)
-        begin = self.edges[leg, phase]
-        tau = self.edges[leg, phase + 1] - begin
-        return _advanced(
-            self.start[leg, phase],
-            self.constant[leg, phase],
-            self.cosine[leg, phase],
-            tau,
-            t - begin,
-        )
+        edges = self.edges.take(leg, axis=0)
+        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, edges[:, -1])
+        # Bytes are far quicker to count than truths; a leg has but 15 phases.
+        begun = (t[:, None] >= edges[:, 1:-1]).view(np.uint8)
+        phase = begun.sum(axis=1, dtype=np.uint8).astype(np.int64)
+        since = t - edges.ravel().take((PHASES + 1) * np.arange(t.size) + phase)
+        return self.advanced(leg, phase, since)
+
+    def advanced(
+        self, leg: NDArray[np.int64], phase: NDArray[np.int64], since: FloatArray
+    ) -> FloatArray:
+        """Distance, speed, acceleration (3, m) some time after phases begin.
+
+        ``phase`` (m,) are those of the legs ``leg`` (m,), ``since`` (m,) the time [s].
+        """
+        table = self.phases.reshape(-1, self.phases.shape[2])
+        return _advanced(table.take(PHASES * leg + phase, axis=0).T, since)
 
 
 def profiles(
@@ -197,10 +203,10 @@ def profiles(
         inside = middle * _ramp_time(_ramp(middle, push, law)) <= length
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     speed = np.where(fits, speed, low)
-    edges, constant, cosine, start = _assembled(length, speed, _ramp(speed, push, law))
+    edges, phases = _assembled(length, speed, _ramp(speed, push, law))
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    return Profiles(length, speed, edges, constant, cosine, start, flat, climb, beyond)
+    return Profiles(length, speed, edges, phases, flat, climb, beyond)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:
@@ -227,8 +233,8 @@ def _ramp_time(ramp: FloatArray) -> FloatArray:
 
 def _assembled(
     length: FloatArray, speed: FloatArray, ramp: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Put the phases of whole legs together: edges, c0, c1, and states at begin."""
+) -> tuple[FloatArray, FloatArray]:
+    """Put the phases of whole legs together: when they begin, and what they are."""
     jerk, rise, hold, push = ramp
     moving = length > 0.0
     cruise = np.maximum(
@@ -242,41 +248,37 @@ def _assembled(
         (cruise, 0.0, 0.0),
         *down, (push, 0.0, 0.0), *up,
     ]  # fmt: skip
-    spans = np.stack([np.where(moving, time, none) for time, _, _ in phases], axis=1)
-    constant = np.stack([c0 * jerk for _, c0, _ in phases], axis=1)
-    cosine = np.stack([c1 * jerk for _, _, c1 in phases], axis=1)
-    edges = np.concatenate(
-        [np.zeros((length.size, 1)), np.cumsum(spans, axis=1)], axis=1
-    )
-    state = np.zeros((length.size, 3))
-    start = np.zeros((length.size, len(phases), 3))
-    for phase in range(len(phases)):
-        start[:, phase] = state
-        tau = spans[:, phase]
-        state = _advanced(state, constant[:, phase], cosine[:, phase], tau, tau)
-    return edges, constant, cosine, start
+    spans = np.stack([np.where(moving, time, none) for time, _, _ in phases])
+    edges = np.zeros((length.size, PHASES + 1))
+    np.cumsum(spans.T, axis=1, out=edges[:, 1:])
+    found = np.empty((length.size, PHASES, 6))
+    state = np.zeros((3, length.size))
+    for number, (tau, (_, c0, c1)) in enumerate(zip(spans, phases, strict=True)):
+        turn = np.pi / np.where(tau > 0.0, tau, 1.0)
+        phase = np.stack([*state, c0 * jerk, c1 * jerk, turn])
+        found[:, number] = phase.T
+        state = _advanced(phase, tau)
+    return edges, found
 
 
-def _advanced(
-    state: FloatArray,
-    constant: FloatArray,
-    cosine: FloatArray,
-    tau: FloatArray,
-    since: FloatArray,
-) -> FloatArray:
-    """Distance, speed, acceleration (n, 3) a time ``since`` after ``state`` (n, 3)."""
-    k = np.pi / np.where(tau > 0.0, tau, 1.0)
-    sine, turn = np.sin(k * since), np.cos(k * since)
-    distance, speed, push = state.T
-    return np.stack(
+def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
+    """Distance, speed, acceleration (3, n) ``since`` (n,) [s] ``phase`` (6, n) began."""
+    distance, speed, push, constant, cosine, turn = phase
+    result = np.stack(
         [
             distance
-            + since * (speed + since * (0.5 * push + since * constant / 6.0))
-            + cosine * (since / k**2 - sine / k**3),
-            speed
-            + since * (push + 0.5 * since * constant)
-            + cosine * (1.0 - turn) / k**2,
-            push + since * constant + cosine * sine / k,
-        ],
-        axis=1,
+            + since * (speed + since * (0.5 * push + since * (constant / 6.0))),
+            speed + since * (push + since * (0.5 * constant)),
+            push + since * constant,
+        ]
     )
+    # Most of the time the jerk stays as it is.
+    some = np.flatnonzero(cosine)
+    turn, since, cosine = turn[some], since[some], cosine[some] / turn[some]
+    angle = turn * since
+    sine = np.sin(angle)
+    result[2, some] += cosine * sine
+    cosine /= turn
+    result[1, some] += cosine * (1.0 - np.cos(angle))
+    result[0, some] += cosine * (since - sine / turn)
+    return result

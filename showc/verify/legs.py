@@ -199,16 +199,20 @@ def fly_rows(missions: Sequence[MissionRows], values: Mapping[str, float]) -> Fl
         releases = _releases(mission.waits, nominal[begin:end])
         fleet.append(MissionLegs(mission.places, releases, own, lag))
     if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
-        return _without_clock(missions, fleet, lag)
+        return _without_clock(missions, fleet, lag, nominal)
     return FleetLegs(fleet, None)
 
 
 def _without_clock(
-    missions: Sequence[MissionRows], fleet: list[MissionLegs], lag: float
+    missions: Sequence[MissionRows],
+    fleet: list[MissionLegs],
+    lag: float,
+    nominal: FloatArray,
 ) -> FleetLegs:
     """Return the legs of ``fleet``, released when those before have ended and held.
 
     An autopilot takes the next item when the law's own time for a leg has ended.
+    ``nominal`` are the times in which all legs are most likely flown [s].
     """
     flying = Fleet(len(fleet), lag)
     table, first = joined(fleet)
@@ -227,9 +231,9 @@ def _without_clock(
                 timed.append(drone)
             elif leg == 0:
                 # Take-off follows no law of legs, and is timed nominally.
-                takeoff = fleet[drone].profiles.part(0, 1)
-                clocks[drone] += float(takeoff.followed(0.0)[0])
-            else:
+                clocks[drone] += nominal[first[drone]]
+            elif leg + 1 < len(mission.waits):
+                # What comes last, the landing, times nothing.
                 through.append(drone)
         for some, flight in ((timed, flying), (through, Fleet(len(fleet), lag))):
             if some:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import GRAVITY
+from showc.verify.loops import PLACES, RATE, STATES, TIME, LawTable, Loops
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,18 +33,6 @@ FADING = 1.0
 
 BLOCK = 1024
 """Legs that are integrated together; bounds the memory."""
-
-_AT_ONCE = 10_000
-"""Places of laws that are worked out together: they stay in the processor's cache."""
-
-STATES = 21
-"""Rows of a state: level place, speed, speed missed, its sum, its change, lean half
-way, lean, two each; place, speed, speed missed, sum and lift upright; time and rate of
-the law."""
-
-
-_PLACES = [0, 1, 14]
-"""Rows of a state that are places."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +72,7 @@ class Fleet:
     def __init__(self, drones: int, lag: float) -> None:
         self.lag = lag
         self.states = np.zeros((STATES, drones))
-        self.states[20] = 1.0
+        self.states[RATE] = 1.0
 
     def fly(
         self,
@@ -129,36 +117,15 @@ class _Vehicles:
     """How n vehicles follow their legs."""
 
     def __init__(self, flights: Profiles, along: FloatArray, lag: float) -> None:
-        self.lag, self.flights, self.along = lag, flights, along
+        self.flights, self.along = flights, along
+        self.count = flights.length.size
         flat = np.linalg.norm(along[:, :2], axis=1)
         unit = along[:, :2] / np.where(flat > 0.0, flat, 1.0)[:, None]
-        self.aim = np.vstack([unit.T * flights.level, flights.climb])
-        count = flights.length.size
-        self.last = int(np.ceil(flights.duration.max(initial=0.0) / STEP)) + 1
-        self.leg, self.count = np.arange(count), count
-        # Distance, speed, acceleration over the law's time, one row for all legs.
-        self.law = np.empty((3, (self.last + 1) * count))
-        some = max(1, _AT_ONCE // max(count, 1))
-        for begin in range(0, self.last + 1, some):
-            own = np.arange(begin, min(begin + some, self.last + 1))
-            times, legs = np.repeat(STEP * own, count), np.tile(self.leg, own.size)
-            place = slice(begin * count, begin * count + times.size)
-            self.law[:, place] = flights.motion(legs, times).T
-
-    def led(self, time: FloatArray) -> FloatArray:
-        """Distance, speed, acceleration (3, n) of the law at its times (n,) [s]."""
-        where = np.minimum(time / STEP, float(self.last))
-        row = np.minimum(where.astype(np.int64), self.last - 1)
-        share = where - row
-        row *= self.count
-        row += self.leg
-        first = self.law.take(row, axis=1)
-        row += self.count
-        second = self.law.take(row, axis=1)
-        second -= first
-        second *= share
-        first += second
-        return first
+        aim = np.vstack([unit.T * flights.level, flights.climb])
+        self.loops = Loops(LawTable(flights, STEP), aim, lag)
+        self.goal, self.scale = aim * flights.length, self._scale()
+        # Up to this step, nothing fades.
+        self.whole = int((flights.duration.min(initial=0.0) + AFTER - FADING) / STEP)
 
     def run(
         self,
@@ -180,35 +147,35 @@ class _Vehicles:
         if holds is not None:
             self.until[~moves] = holds[~moves]
         self.carried = np.zeros_like(state)
-        self.carried[20] = 1.0
-        goal, scale = self.aim * self.flights.length, self._scale()
+        self.carried[RATE] = 1.0
         places = np.empty((steps + 1, 3, self.count), dtype=np.float32)
         flying = moves.copy()
         now = state.copy()
-        now[19] = 0.0
-        before = now
+        now[TIME] = 0.0
+        before, half = np.empty_like(now), np.empty_like(now)
+        handover = self._handover()
         for step in range(steps + 1):
+            over = np.zeros(self.count, dtype=np.bool_)
             if step:
-                before = now
-                half = now + 0.5 * STEP * self.change(now)
-                now = now + STEP * self.change(half)
-            over = flying & (now[19] >= due)
-            if step and over.any():
+                before, now = now, before
+                self._advance(before, half, now)
+                over = flying & (now[TIME] >= due)
+            ending = bool(over.any())
+            if ending:
                 flying &= ~over
-                first, second = before[19, over], now[19, over]
+                first, second = before[TIME, over], now[TIME, over]
                 share = (due[over] - first) / (second - first)
                 self.ended[over] = STEP * (step - 1 + share)
                 if holds is not None:
                     self.until[over] = self.ended[over] + holds[over]
-            off = (now[_PLACES] - goal) * self._left(step)
-            places[step] = off * scale
-            handover = np.round(np.minimum(self.until, 1e9) / STEP).astype(np.int64)
+                    handover = self._handover()
+            off = self._off(now, step)
+            np.multiply(off, self.scale, out=places[step], casting="same_kind")
             self._hand_over(handover == step, now, off, step)
             # A leg that ends within a step may hand over before that step.
-            if step:
+            if ending:
                 early = over & (handover == step - 1)
-                was = (before[_PLACES] - goal) * self._left(step - 1)
-                self._hand_over(early, before, was, step - 1)
+                self._hand_over(early, before, self._off(before, step - 1), step - 1)
             if np.all(handover < step - 1):
                 # From here on every drone is on its next leg, rounding included.
                 places[step + 1 :] = places[step]
@@ -216,14 +183,33 @@ class _Vehicles:
         ways[:] = places.transpose(2, 0, 1)
         ways += self.along[:, None].astype(np.float32)
 
+    def _advance(self, state: FloatArray, half: FloatArray, after: FloatArray) -> None:
+        """Put what is half a step, and a step after ``state`` (21, n), in place."""
+        self.loops.change(state, half)
+        half *= 0.5 * STEP
+        half += state
+        self.loops.change(half, after)
+        after *= STEP
+        after += state
+
+    def _handover(self) -> IntArray:
+        """Step at which each next leg begins, (n,)."""
+        return np.round(np.minimum(self.until, 1e9) / STEP).astype(np.int64)
+
+    def _off(self, state: FloatArray, step: int) -> FloatArray:
+        """How far each is off its end, in the autopilot's metres, (3, n)."""
+        off = state[PLACES] - self.goal
+        if step > self.whole:
+            off *= self._left(step)
+        return off
+
     def _hand_over(
         self, some: NDArray[np.bool_], state: FloatArray, off: FloatArray, step: int
     ) -> None:
         if some.any():
             self.carried[:, some] = state[:, some] * self._left(step)[some]
-            for row, place in enumerate(_PLACES):
-                self.carried[place, some] = off[row, some]
-            self.carried[20, some] = state[20, some]
+            self.carried[PLACES, some] = off[:, some]
+            self.carried[RATE, some] = state[RATE, some]
 
     def _left(self, step: int) -> FloatArray:
         """Return how much of what the drones are off their ends still counts, (n,)."""
@@ -238,43 +224,3 @@ class _Vehicles:
         across = np.where(level > 0.0, flat / np.where(level > 0.0, level, 1.0), 1.0)
         up = self.along[:, 2] / np.where(climb != 0.0, climb, 1.0)
         return np.stack([across, across, np.where(climb != 0.0, up, 1.0)])
-
-    def change(self, state: FloatArray) -> FloatArray:
-        """Change (21, n) of ``state`` (21, n) [1/s]."""
-        x, vx, mx, sx, cx, half_lean, lean = state[:14].reshape(7, 2, -1)
-        z, vz, mz, sz, lift, time, rate = state[14:]
-        point, speed, push = self.led(time)
-        level, climb = self.aim[:2], self.aim[2]
-        gap_x, gap_z = point * level - x, point * climb - z
-        result = np.empty_like(state)
-        # Level: 2/s of the speed missed, 1/s² of its sum, half its change.
-        missing = (gap_x + speed * level - vx - mx) * (10.0 * np.pi)
-        asked = 2.0 * mx + sx + 0.5 * cx + push * level
-        limit = GRAVITY * np.tan(np.radians(30.0))
-        size = np.sqrt(asked[0] * asked[0] + asked[1] * asked[1])
-        stuck = (size > limit) & (mx[0] * asked[0] + mx[1] * asked[1] > 0.0)
-        asked = asked * np.minimum(1.0, limit / np.maximum(size, limit))
-        result[0:2] = vx
-        flat = np.sqrt(vx[0] * vx[0] + vx[1] * vx[1])
-        result[2:4] = lean * (1.0 + lift / GRAVITY) - vx * (0.25 + 0.027 * flat)
-        result[4:6] = missing
-        result[6:8] = np.where(stuck, 0.0, mx)
-        result[8:10] = (missing - cx) * (10.0 * np.pi)
-        result[10:12] = (asked - half_lean) / 0.125
-        result[12:14] = (half_lean - lean) / 0.03
-        # Upright: 5/s of the speed missed, by a lift that comes late.
-        result[14] = vz
-        result[15] = lift - vz * (0.25 + 0.027 * np.abs(vz))
-        result[16] = (gap_z + speed * climb - vz - mz) * (10.0 * np.pi)
-        short = 5.0 * mz + push * climb - result[15]
-        result[17] = 0.1 * GRAVITY / 0.39 * short
-        result[18] = (0.05 * GRAVITY / 0.39 * short + sz - lift) / 0.075
-        # The law waits for who cannot keep up.
-        toward = (vx - gap_x) * level
-        ahead = toward[0] + toward[1] + (vz - gap_z) * climb
-        still = speed < 1e-5
-        wanted = 0.05 + ahead / np.where(still, 1.0, speed)
-        wanted = np.where(still, 1.0, np.minimum(np.maximum(wanted, 0.0), 1.0))
-        result[19] = rate
-        result[20] = (wanted - rate) / self.lag
-        return result
