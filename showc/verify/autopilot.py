@@ -262,7 +262,7 @@ def _assembled(
 
 
 def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
-    """Distance, speed, acceleration (3, n) ``since`` (n,) [s] ``phase`` (6, n) began."""
+    """Distance, speed, acceleration (3, n) after ``since`` (n,) of ``phase`` (6, n)."""
     distance, speed, push, constant, cosine, turn = phase
     result = np.stack(
         [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,15 +84,16 @@ def check_drawn(
             cloud = parse(PointCloud, data[start : start + size], offset)
             layout = layout or point_layout(cloud, offset, PLACES)
             clouds.append(points_of(cloud, layout, show.drones, offset))
-        points = np.stack(clouds)
-        drawn = np.stack([points[name] for name in PLACES], axis=-1)
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
-        places = fleet(times)
-        timed = np.isfinite(places[..., 0])
-        off = np.sqrt(np.sum((drawn - places) ** 2, axis=-1))
-        # Whatever is no number on the drawn side must not pass for untimed.
-        off = np.where(timed, np.where(np.isnan(off), np.inf, off), 0.0)
-        count += int(timed.sum())
+        gap, timed = fleet(times)
+        for row, points in enumerate(clouds):
+            for axis, name in enumerate(PLACES):
+                gap[row, :, axis] -= points[name]
+        off = np.sqrt(np.einsum("...k,...k", gap, gap))
+        # Whatever is no number on the drawn side must not pass for a small gap.
+        off[np.isnan(off)] = np.inf
+        off[~timed] = 0.0
+        count += int(np.count_nonzero(timed))
         if off.max() > worst:
             row, drone = np.unravel_index(int(off.argmax()), off.shape)
             worst = float(off[row, drone])
@@ -127,25 +129,66 @@ class _Fleet:
                 self.begin[drone] = mission.places[rows[0]]
                 self.first[drone] = release[0]
                 self.last[drone] = (release + followed[first[drone] + rows]).max()
-        self.flights = flown.flights or _by_the_clock(missions, begin or 0.0)
+        self.flights = [
+            _Flight.of(one, self.late)
+            for one in flown.flights or _by_the_clock(missions, begin or 0.0)
+        ]
 
-    def __call__(self, times: FloatArray) -> FloatArray:
-        """Places (n, drones, 3) [m] at mission times (n,) [s]; NaN: not timed."""
-        place = np.broadcast_to(self.begin, (times.size, *self.begin.shape)).copy()
+    def __call__(self, times: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Places (n, drones, 3) [m] at mission times (n,) [s], rising.
+
+        And which of them are timed, (n, drones).
+        """
+        begin, flying = self.begin.copy(), []
         for flight in self.flights:
-            tracked = flight.tracked
-            since = times[:, None] - self.late - flight.release
-            # From its next release on a drone is where that leg says.
-            lasts = STEP * (tracked.ways.shape[1] - 1)
-            done = since >= np.minimum(tracked.until, lasts) - SAME
-            flies = (since >= -SAME) & ~done
-            if flies.any() or done.any():
-                way = done[..., None] * flight.along
-                way[flies] = tracked.covered(np.nonzero(flies)[1], since[flies])
-                place[:, flight.drones] += way
+            if times[0] >= flight.done:
+                begin[flight.legs.drones] += flight.legs.along
+            elif times[-1] >= flight.begun:
+                flying.append(flight)
+        place = np.repeat(begin[None], times.size, axis=0)
+        for flight in flying:
+            place[:, flight.legs.drones] += flight.ways(times)
         known = (times[:, None] >= self.first) & (times[:, None] <= self.last)
-        place[~known] = np.nan
-        return place
+        return place, known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flight:
+    """The next timed leg of some drones, as a clock that is late sees it."""
+
+    legs: TimedLegs
+    release: FloatArray
+    """When each is released, (n,) [s]."""
+    counts: FloatArray
+    """For how long each counts, (n,) [s]: from its next release on, a drone is where
+    that leg says."""
+    begun: float
+    """Before, none is flown [s]."""
+    done: float
+    """From then on, all are [s]."""
+
+    @classmethod
+    def of(cls, legs: TimedLegs, late: float) -> _Flight:
+        """Return the legs as a clock sees them that is ``late`` [s]."""
+        lasts = STEP * (legs.tracked.ways.shape[1] - 1)
+        counts = np.minimum(legs.tracked.until, lasts)
+        release = legs.release + late
+        return cls(
+            legs,
+            release,
+            counts,
+            float(release.min() - 2.0 * SAME),
+            float((release + counts).max() + 2.0 * SAME),
+        )
+
+    def ways(self, times: FloatArray) -> FloatArray:
+        """Ways (m, n, 3) [m] since the legs' begins at mission times (m,) [s]."""
+        since = times[:, None] - self.release
+        done = since >= self.counts - SAME
+        flies = (since >= -SAME) & ~done
+        way = done[..., None] * self.legs.along
+        way[flies] = self.legs.tracked.covered(np.nonzero(flies)[1], since[flies])
+        return way
 
 
 def _by_the_clock(

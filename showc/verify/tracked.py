@@ -48,14 +48,17 @@ class Tracked:
 
     def covered(self, leg: IntArray, since: FloatArray) -> FloatArray:
         """Ways (m, 3) [m] of legs ``leg`` (m,) at ``since`` (m,) [s], 0 or more."""
-        most = self.ways.shape[1] - 1
-        place = np.clip(since / STEP, 0.0, most)
-        low = np.floor(place).astype(np.int64)
+        steps = self.ways.shape[1]
+        place = np.clip(since / STEP, 0.0, steps - 1)
+        low = place.astype(np.int64)
         rest = (place - low)[:, None]
-        return np.asarray(
-            self.ways[leg, low] * (1.0 - rest)
-            + self.ways[leg, np.minimum(low + 1, most)] * rest
-        )
+        row = leg * steps + low
+        table = self.ways.reshape(-1, 3)
+        result = table.take(row, axis=0) * (1.0 - rest)
+        # Behind the last step nothing is, and nothing of it counts.
+        row += low + 1 < steps
+        result += table.take(row, axis=0) * rest
+        return np.asarray(result)
 
 
 class Fleet:
