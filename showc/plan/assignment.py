@@ -35,12 +35,6 @@ BOTTLENECK_SLACK = 1.02
 BOTTLENECK_RESOLUTION = 1e-3
 """How closely the least possible longest move is found, as a fraction."""
 
-SAMPLE = 250
-"""Drones from which there are enough to sample them, and a sample's size at least."""
-
-PRICE_ROUNDS = 500
-"""Rounds in which prices fall at most: what is not quite right costs time only."""
-
 BOTTLENECK_LIMIT = 2500
 """Drones above which the search for a shorter longest move costs more than it gives."""
 
@@ -117,52 +111,10 @@ def _squared_distances(
 
 def _least_sum(cost: FloatArray) -> IntArray:
     """Solve the linear assignment problem; ties fall as the solver's order has it."""
-    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to import
+    import lap  # noqa: PLC0415 - not needed to check a script
 
-    if cost.shape[0] == cost.shape[1]:
-        cost = _reduced(cost)
-    _, places = linear_sum_assignment(cost)
+    _, places = lap.lapjvr(cost, extend_cost=True, return_cost=False)
     return np.asarray(places, dtype=np.int64)
-
-
-def _reduced(cost: FloatArray) -> FloatArray:
-    """Take prices off rows and columns: no optimum changes, the solver is quicker.
-
-    The nearer the prices are to those of the optimum, the less is left to search. For
-    many drones they come from an even sample of drones and places, solved first; from
-    its prices follow those of all others, since the cost is smooth in the places.
-    """
-    count = cost.shape[0]
-    share = min(count // SAMPLE, 6)
-    if share < 2:
-        cost = cost - cost.mean(axis=1, keepdims=True)
-        return np.asarray(cost - cost.mean(axis=0))
-    shuffle = np.random.default_rng(count)
-    rows, columns = (
-        np.sort(shuffle.permutation(count)[: count // share]) for _ in range(2)
-    )
-    price = _prices(cost[np.ix_(rows, columns)])
-    cost = cost - (cost[:, columns] - price).min(axis=1)[:, None]
-    cost -= cost.min(axis=0)
-    cost -= cost.min(axis=1, keepdims=True)
-    return cost
-
-
-def _prices(cost: FloatArray) -> FloatArray:
-    """Prices v of the columns (n,) such that an optimum has the least c_ij - v_j.
-
-    They are shortest ways in the graph in which a row gives its column up for another
-    (Bellman-Ford): v_j <= c_ij - c_ik + v_k for the column k of row i.
-    """
-    own = _least_sum(cost)
-    given = cost[np.arange(own.size), own]
-    price = np.zeros(own.size)
-    for _ in range(PRICE_ROUNDS):
-        lower = np.minimum(price, (cost + (price[own] - given)[:, None]).min(axis=0))
-        if np.array_equal(lower, price):
-            break
-        price = lower
-    return price
 
 
 def _shorter_longest(
@@ -223,8 +175,5 @@ def _bottleneck(length: FloatArray, limit: float) -> float | None:
 
 def _can_match(allowed: NDArray[np.bool_]) -> bool:
     """Whether every row can have a column of its own among those ``allowed``."""
-    from scipy.sparse import csr_matrix  # noqa: PLC0415 - slow to import
-    from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415
-
-    matching = maximum_bipartite_matching(csr_matrix(allowed), perm_type="column")
-    return bool(np.all(matching >= 0))
+    places = _least_sum(np.where(allowed, 0.0, 1.0))
+    return bool(allowed[np.arange(places.size), places].all())

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.solve.bound import Relaxation, lower_bound
+from showc.solve.bound import lower_bound
 from showc.solve.extremes import extreme_moves
+from showc.solve.relaxation import Relaxation
 from showc.solve.single import Aircraft, Result, minimum_time
 from showc.solve.symmetry import images, kinds
 from showc.solve.synchronise import ROUGHLY, SHAPES, least_times

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from solve.handmade import LIMITS, VEHICLE
 
-from showc.solve.bound import Relaxation, lower_bound, surplus
+from showc.solve.bound import lower_bound, surplus
+from showc.solve.relaxation import Relaxation
 from showc.solve.synchronise import shared_profile
 
 

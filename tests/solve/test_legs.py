@@ -18,8 +18,9 @@ from showc.errors import SolveError
 from showc.plan.metric import measure
 from showc.progress import Silent
 from showc.solve import solve_itinerary, solve_leg
-from showc.solve.bound import Relaxation, surplus
+from showc.solve.bound import surplus
 from showc.solve.pool import InProcess
+from showc.solve.relaxation import Relaxation
 from showc.solve.replay import replay
 from showc.vehicle import Separation
 

@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from solve.handmade import LIMITS, VEHICLE
 
 from showc.progress import Silent
-from showc.solve.bound import Relaxation, lower_bound, surplus
+from showc.solve.bound import lower_bound, surplus
 from showc.solve.extremes import extreme_moves
 from showc.solve.limiting import limiting_time
 from showc.solve.pool import InProcess
+from showc.solve.relaxation import Relaxation
 from showc.solve.single import Aircraft
 
 

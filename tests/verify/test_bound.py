@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.log import showc_pb2 as pb
-from showc.solve.bound import Relaxation, lower_bound
+from showc.solve.bound import lower_bound
+from showc.solve.relaxation import Relaxation
 from showc.vehicle import Limits, Quadrotor
 from showc.verify.bound import Relaxed, proved_time
 
