@@ -86,9 +86,9 @@ def check_drawn(
             clouds.append(points_of(cloud, layout, show.drones, offset))
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
         gap, timed = fleet(times)
-        for row, points in enumerate(clouds):
+        for places, points in zip(gap, clouds, strict=True):
             for axis, name in enumerate(PLACES):
-                gap[row, :, axis] -= points[name]
+                places[:, axis] -= points[name]
         off = np.sqrt(np.einsum("...k,...k", gap, gap))
         # Whatever is no number on the drawn side must not pass for a small gap.
         off[np.isnan(off)] = np.inf

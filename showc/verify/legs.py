@@ -128,7 +128,7 @@ def read_rows(
     Raises
     ------
     MissionFormatError
-        If a parameter is missing.
+        If a parameter is missing, or nothing is flown.
     """
     home = items[0]
     try:
@@ -153,6 +153,8 @@ def read_rows(
             walk.waits.append(("land", 0.0) if item.command == LAND else hold)
             flown.append(item)
             hold = ("through", 0.0)
+    if not walk.steps:
+        raise MissionFormatError("flies nowhere")
     # Heights are stored as whole centimetres, truncated.
     heights = [0.0, *(_stored(item.height) for item in flown[1:])]
     places = east_north_up(

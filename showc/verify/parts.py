@@ -20,32 +20,32 @@ ROWS = 128
 """Drones whose distances from all others are looked at together."""
 
 
-def moving_pairs(moving: NDArray[np.bool_]) -> Iterator[tuple[IntArray, IntArray]]:
-    """All pairs with at least one that moves, block by block."""
-    for top in range(0, moving.size, ROWS):
-        rows = np.arange(top, min(top + ROWS, moving.size))
-        a, b = (side.ravel() for side in np.meshgrid(rows, np.arange(moving.size)))
-        wanted = (a < b) & (moving[a] | moving[b])
-        yield a[wanted], b[wanted]
-
-
 def nearest_places(
-    places: FloatArray, rules: pb.Separation, moving: NDArray[np.bool_]
+    places: FloatArray,
+    rules: pb.Separation,
+    moving: NDArray[np.bool_],
+    limit: float = np.inf,
 ) -> tuple[int, int, float] | None:
     """Return the nearest two of ``places`` (n, 3), one of them a mover's at least.
 
     Returns
     -------
     tuple or None
-        Both rows, the lower first, and their distance; None if there is no such pair.
+        Both rows, the lower first, and their distance; None if no such pair is nearer
+        than ``limit`` [m].
     """
-    best: tuple[int, int, float] | None = None
-    for top, gap in _gaps(places, places, rules, moving):
-        row, column = np.unravel_index(int(gap.argmin()), gap.shape)
-        value = float(gap[row, column])
-        if value < (np.inf if best is None else best[2]):
-            best = top + int(row), top + int(column), value
-    return best
+    best: tuple[float, int, int] | None = None
+    for rows, columns, gap in _gaps(places, places, rules, moving, limit):
+        value = float(gap.min())
+        if not value < limit or (best is not None and value > best[0]):
+            continue
+        one, other = np.nonzero(gap == value)
+        first = np.minimum(rows[one], columns[other])
+        second = np.maximum(rows[one], columns[other])
+        lowest = np.lexsort((second, first))[0]
+        found = value, int(first[lowest]), int(second[lowest])
+        best = found if best is None else min(best, found)
+    return None if best is None else (best[1], best[2], best[0])
 
 
 def near_pairs(
@@ -61,45 +61,63 @@ def near_pairs(
     out have boxes about them that are further apart than ``limit``.
     """
     low, high = np.minimum(one, other), np.maximum(one, other)
-    for top, gap in _gaps(low, high, rules, moving):
-        first, second = np.nonzero(gap <= limit)
-        yield first + top, second + top
+    for rows, columns, gap in _gaps(low, high, rules, moving, limit):
+        row, column = np.nonzero(gap <= limit)
+        first, second = rows[row], columns[column]
+        yield np.minimum(first, second), np.maximum(first, second)
 
 
 def _gaps(
-    low: FloatArray, high: FloatArray, rules: pb.Separation, moving: NDArray[np.bool_]
-) -> Iterator[tuple[int, FloatArray]]:
-    """Distances between boxes, block by block.
+    low: FloatArray,
+    high: FloatArray,
+    rules: pb.Separation,
+    moving: NDArray[np.bool_],
+    limit: float,
+) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+    """Distances between boxes from ``low`` to ``high`` (n, 3), block by block.
+
+    Boxes are taken as they lie along one axis, so that what lies too far along it need
+    not be looked at; every pair within ``limit`` [m] is in one of the blocks.
 
     Yields
     ------
-    int
-        First row and first column of the block.
+    ndarray, ndarray
+        Which boxes the block's rows and columns are.
     ndarray
         Shape (rows, columns) [m]; infinite where the column is not behind the row, or
         neither moves.
     """
     scale = metric_scale(rules)
-    low = np.ascontiguousarray((low * scale).T)
-    high = np.ascontiguousarray((high * scale).T)
+    axis = int(np.argmax(np.ptp(low * scale, axis=0)))
+    order = np.argsort(low[:, axis], kind="stable")
+    low = np.ascontiguousarray((low[order] * scale).T)
+    high = np.ascontiguousarray((high[order] * scale).T)
+    moving = moving[order]
     per_axis = rules.shape in {rules.ANY_AXIS, rules.ALL_AXES}
     join = np.minimum if rules.shape == rules.ALL_AXES else np.maximum
+    # A margin for what the sum is rounded by.
+    reach = np.inf if rules.shape == rules.ALL_AXES else limit * (1.0 + 1e-12) + 1e-9
     for top in range(0, moving.size, ROWS):
-        rows, columns = slice(top, top + ROWS), slice(top, None)
+        rows = slice(top, top + ROWS)
+        stop = np.searchsorted(low[axis], high[axis, rows].max() + reach, side="right")
+        columns = slice(top, max(int(stop), top + 1))
         axes = []
-        for axis in range(3):
-            gap = low[axis, rows, None] - high[axis, None, columns]
-            np.maximum(gap, low[axis, None, columns] - high[axis, rows, None], out=gap)
+        for number in range(3):
+            gap = low[number, rows, None] - high[number, None, columns]
+            back = low[number, None, columns] - high[number, rows, None]
+            np.maximum(gap, back, out=gap)
             np.maximum(gap, 0.0, out=gap)
             axes.append(gap if per_axis else np.square(gap, out=gap))
         if per_axis:
             found = join(join(axes[0], axes[1]), axes[2])
         else:
-            found = np.sqrt(axes[0] + axes[1] + axes[2])
+            axes[0] += axes[1]
+            axes[0] += axes[2]
+            found = np.sqrt(axes[0], out=axes[0])
         idle = ~(moving[rows, None] | moving[None, columns])
-        index = np.arange(found.shape[1])
-        found[idle | (index <= index[: found.shape[0], None])] = np.inf
-        yield top, found
+        here = np.arange(min(ROWS, moving.size - top))
+        found[idle | (np.arange(found.shape[1]) <= here[:, None])] = np.inf
+        yield order[rows], order[columns], found
 
 
 def metric_scale(rules: pb.Separation) -> FloatArray:
@@ -139,17 +157,23 @@ def _segment_distance(
     u, v, w = b - a, d - c, a - c
     best = np.full(a.shape[0], np.inf)
     for point, start, along in ((a, c, v), (b, c, v), (c, a, u), (d, a, u)):
-        length = np.sum(along * along, axis=1)
-        s = np.sum((point - start) * along, axis=1) / np.where(length > 0, length, 1.0)
-        gap = point - start - np.clip(s, 0.0, 1.0)[:, None] * along
-        best = np.minimum(best, np.sum(gap * gap, axis=1))
-    uu, uv, vv = (np.sum(x * y, axis=1) for x, y in ((u, u), (u, v), (v, v)))
-    uw, vw = np.sum(u * w, axis=1), np.sum(v * w, axis=1)
+        length, way = _dot(along, along), point - start
+        s = _dot(way, along) / np.where(length > 0, length, 1.0)
+        way -= np.clip(s, 0.0, 1.0)[:, None] * along
+        np.minimum(best, _dot(way, way), out=best)
+    uu, uv, vv, uw, vw = (
+        _dot(x, y) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w))
+    )
     area = uu * vv - uv * uv
     regular = area > 1e-12 * uu * vv
     safe = np.where(regular, area, 1.0)
     s, t = (uv * vw - vv * uw) / safe, (uu * vw - uv * uw) / safe
     inside = regular & (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
     gap = w + s[:, None] * u - t[:, None] * v
-    best = np.where(inside, np.minimum(best, np.sum(gap * gap, axis=1)), best)
+    best = np.where(inside, np.minimum(best, _dot(gap, gap)), best)
     return np.asarray(np.sqrt(best))
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Products (m,) of the rows of two arrays (m, 3)."""
+    return np.asarray(np.einsum("nk,nk->n", one, other))

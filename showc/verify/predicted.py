@@ -100,13 +100,15 @@ def nearest_untimed(
     found = nearest_places(p, rules, everyone)
     if found is None:
         return None
-    best = Nearest(found[:2], 0.0, found[2])
-    for a, b in near_pairs(p, p + u, rules, best.distance, everyone):
-        value = part_distance((p[a], p[a] + u[a]), (p[b], p[b] + u[b]), rules)
-        if value.size and value.min() < best.distance:
+    a, b, distance = found
+    for one, other in near_pairs(p, p + u, rules, distance, everyone):
+        value = part_distance(
+            (p[one], p[one] + u[one]), (p[other], p[other] + u[other]), rules
+        )
+        if value.size and value.min() < distance:
             row = int(value.argmin())
-            best = Nearest((int(a[row]), int(b[row])), 0.0, float(value[row]))
-    return best
+            a, b, distance = int(one[row]), int(other[row]), float(value[row])
+    return Nearest((a, b), 0.0, distance)
 
 
 def _refined(
@@ -121,19 +123,21 @@ def _refined(
         stretch, flights, everyone, np.ones(everyone.size), span, instant=True
     )
     # The least distance at the end bounds what is worth looking at.
-    found = nearest_places(stop, rules, moving)
-    if found is not None and (best is None or found[2] < best.distance):
+    limit = np.inf if best is None else best.distance
+    found = nearest_places(stop, rules, moving, limit)
+    if found is not None:
         best = Nearest(found[:2], stretch.last, found[2])
     if best is None:
         return None
+    pairs = []
     for a, b in near_pairs(rear, front, rules, best.distance, moving):
         whole = part_distance((rear[a], front[a]), (rear[b], front[b]), rules)
         near = whole < best.distance
-        for top in range(0, int(near.sum()), PAIRS):
-            part = slice(top, top + PAIRS)
-            best = _halved(
-                stretch, flights, rules, (a[near][part], b[near][part]), best
-            )
+        pairs.append((a[near], b[near]))
+    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    for top in range(0, a.size, PAIRS):
+        part = slice(top, top + PAIRS)
+        best = _halved(stretch, flights, rules, (a[part], b[part]), best)
     return best
 
 
@@ -198,7 +202,7 @@ def _examined(
     for speed_a in (slow[one], fast[one]):
         for speed_b in (slow[other], fast[other]):
             gap = speed_a[:, None] * u - speed_b[:, None] * v
-            relative = np.maximum(relative, np.sum(gap * gap, axis=1))
+            np.maximum(relative, np.einsum("nk,nk->n", gap, gap), out=relative)
     sharp = np.maximum(whole, value - 0.5 * width * np.sqrt(relative))
     return np.where(settles[one] | settles[other], whole, sharp), value
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,27 +56,42 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Timed:
-    """The timed legs of one drone."""
+    """The timed legs of all drones, one after the other.
 
-    mission: MissionLegs
-    rows: IntArray
+    Drones with fewer legs than others, or none, are filled up with legs that begin
+    never and lead nowhere.
+    """
+
+    legs: IntArray
+    """Rows in the table of all legs, shape (drones, most)."""
     release: FloatArray
+    """When each is released, shape (drones, most) [s]."""
+    first: FloatArray
+    """When each can begin at the earliest, shape (drones, most) [s]."""
+    last: FloatArray
+    """When each has ended at the latest, shape (drones, most) [s]."""
     begin: FloatArray
-    """When each can begin at the earliest [s]."""
-    end: FloatArray
-    """When each has ended at the latest [s]."""
-    followed: FloatArray
-    """Time from release to that of all the drone's legs [s]."""
+    """Where each begins, shape (drones, most, 3), show frame [m]."""
+    along: FloatArray
+    """From there to its end, shape (drones, most, 3) [m]."""
 
-    def during(self, last: float) -> tuple[int, float, bool]:
-        """Leg up to ``last`` [s], its release, and whether it is flown at all."""
-        begun = int(np.searchsorted(self.begin, last - 1e-9))
-        if begun:
-            return int(self.rows[begun - 1]), float(self.release[begun - 1]), True
-        # Not yet off: it rests where its first timed leg begins.
-        if self.rows.size:
-            return int(self.rows[0]), float(self.release[0]), False
-        return max(self.mission.release.size - 1, 0), 0.0, False
+    def stretch(self, first: float, following: float) -> Stretch | None:
+        """Return what is flown from ``first`` up to ``following`` [s], if anything."""
+        begun = np.count_nonzero(self.first < following - 1e-9, axis=1)
+        flies = begun > 0
+        # Who is not yet off rests where its first timed leg begins.
+        chosen = np.arange(begun.size), np.maximum(begun - 1, 0)
+        last = min(following, float(self.last[chosen][flies].max(initial=-np.inf)))
+        if last <= first:
+            return None
+        return Stretch(
+            self.begin[chosen],
+            self.along[chosen] * flies[:, None],
+            self.legs[chosen],
+            self.release[chosen],
+            first,
+            last,
+        )
 
 
 def stretches(
@@ -92,74 +108,69 @@ def stretches(
         If a drone's legs are not surely apart in time.
     """
     fleet = _timed_legs(missions, flights.followed(SPREAD), first_leg)
-    for drone, one in enumerate(fleet):
-        late = np.flatnonzero(one.end[:-1] > one.begin[1:])
-        if late.size:
-            raise OverlappingLegsError(drone, float(one.release[late[0] + 1]))
-    if not any(one.rows.size for one in fleet):
-        return
+    late = np.argwhere(fleet.last[:, :-1] > fleet.first[:, 1:])
+    if late.size:
+        drone, leg = late[0].tolist()
+        raise OverlappingLegsError(drone, float(fleet.release[drone, leg + 1]))
     cuts = _cuts(fleet)
-    for first, following in zip(cuts, [*cuts[1:], np.inf], strict=True):
-        chosen = [one.during(following) for one in fleet]
-        legs = [leg for leg, _, _ in chosen]
-        begin, along, end = [], [], [-np.inf]
-        for one, (leg, release, flies) in zip(fleet, chosen, strict=True):
-            places = one.mission.places
-            begin.append(places[leg])
-            along.append((places[leg + 1] - places[leg]) * flies)
-            if flies:
-                end.append(release + one.followed[leg])
-        last = min(following, max(end))
-        if last > first:
-            yield Stretch(
-                np.array(begin),
-                np.array(along),
-                first_leg + np.array(legs),
-                np.array([release for _, release, _ in chosen]),
-                float(first),
-                float(last),
-            )
+    for first, following in pairwise([*cuts.tolist(), np.inf]):
+        stretch = fleet.stretch(first, following)
+        if stretch is not None:
+            yield stretch
 
 
 def _timed_legs(
     missions: Sequence[MissionLegs], followed: FloatArray, first_leg: IntArray
-) -> list[_Timed]:
+) -> _Timed:
     """Legs of all drones, those behind midnight after those before it."""
-    first = [
-        mission.release[np.isfinite(mission.release)][:1].sum() for mission in missions
+    timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
+    shape = len(missions), max((rows.size for rows in timed), default=0) or 1
+    moments = [
+        float(one.release[rows[0]]) if rows.size else 0.0
+        for one, rows in zip(missions, timed, strict=True)
     ]
-    late = max(first, default=0.0)
-    fleet = []
-    for mission, moment, row in zip(missions, first, first_leg.tolist(), strict=True):
-        rows = np.flatnonzero(np.isfinite(mission.release))
-        release = mission.release[rows]
-        if moment < late - DAY / 2.0:
-            release = release + DAY
-        own = followed[row : row + mission.release.size]
-        end = release + own[rows]
-        fleet.append(_Timed(mission, rows, release, release - SPREAD, end, own))
-    return fleet
+    late = max(moments, default=0.0)
+    legs = np.zeros(shape, dtype=np.int64)
+    release, begin, along = (
+        np.zeros(shape),
+        np.zeros((*shape, 3)),
+        np.zeros((*shape, 3)),
+    )
+    first, last = np.full(shape, np.inf), np.full(shape, -np.inf)
+    for drone, (one, rows, moment) in enumerate(
+        zip(missions, timed, moments, strict=True)
+    ):
+        # A drone without timed legs waits where its last leg begins.
+        some = rows if rows.size else np.array([one.release.size - 1])
+        part = slice(some.size)
+        legs[drone, part] = first_leg[drone] + some
+        begin[drone, part] = one.places[some]
+        along[drone, part] = one.places[some + 1] - one.places[some]
+        if rows.size:
+            day = DAY if moment < late - DAY / 2.0 else 0.0
+            release[drone, part] = one.release[rows] + day
+            first[drone, part] = release[drone, part] - SPREAD
+            last[drone, part] = release[drone, part] + followed[legs[drone, part]]
+    return _Timed(legs, release, first, last, begin, along)
 
 
-def _cuts(fleet: Sequence[_Timed]) -> FloatArray:
+def _cuts(fleet: _Timed) -> FloatArray:
     """Return times [s] between which nobody can fly more than one leg.
 
     Legs that begin close together share a cut, unless a drone's own leg before it still
     runs then.
     """
-    moments = np.sort(np.concatenate([one.begin for one in fleet]))
+    moments = np.unique(fleet.first[np.isfinite(fleet.first)])
     cuts: list[float] = []
     for moment in moments.tolist():
         if not cuts or moment - cuts[-1] > TOGETHER:
             cuts.append(moment)
+    known = np.isfinite(fleet.first[:, 1:])
+    begins, before = fleet.first[:, 1:][known], fleet.last[:, :-1][known]
     while True:
         edges = np.array(cuts)
-        missing = set()
-        for one in fleet:
-            begins = one.begin[1:]
-            shared = edges[np.searchsorted(edges, begins + 1e-9) - 1]
-            missing |= set(begins[one.end[:-1] > shared + 1e-9].tolist())
-        missing -= set(cuts)
+        shared = edges[np.searchsorted(edges, begins + 1e-9) - 1]
+        missing = set(begins[before > shared + 1e-9].tolist()) - set(cuts)
         if not missing:
             return edges
         cuts = sorted([*cuts, *missing])
