@@ -129,6 +129,21 @@ def loaded(statement):
     return set(run.stdout.split())
 
 
+def test_public_names_of_the_core_are_where_it_says():
+    from showc import ocp  # noqa: PLC0415 - loads casadi
+
+    assert all(getattr(ocp, name) is not None for name in ocp.__all__)
+    assert set(dir(ocp)) == set(ocp.__all__)
+
+
+def test_solving_a_few_drones_does_without_all_of_scipy():
+    statement = (
+        "import showc.solve.itinerary, showc.ocp.staged.transcription,"
+        " showc.solve.relaxed_move, showc.solve.staying"
+    )
+    assert "scipy" not in loaded(statement)
+
+
 @pytest.mark.parametrize(
     "statement",
     [

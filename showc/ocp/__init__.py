@@ -2,30 +2,45 @@
 
 Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of your
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
+
+Names are looked up when first used: who needs one part of the core does not wait for
+all of them to load.
 """
 
-from showc.ocp.adaptive.constraint_generation import solve
-from showc.ocp.adaptive.options import Options
-from showc.ocp.agents.agent import Agent
-from showc.ocp.agents.common_time import AgentsOptions, AgentsSolution, solve_agents
-from showc.ocp.audit.margins import Margin, margins
-from showc.ocp.collocation.limits import Overrides
-from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
-from showc.ocp.collocation.transcription import Transcription
-from showc.ocp.coupling import Imposed
-from showc.ocp.graded.loop import GradedOptions, solve_graded
-from showc.ocp.guess import Guess
-from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord, Step
-from showc.ocp.mesh import Mesh, PhaseMesh
-from showc.ocp.problem import Phase, Problem
-from showc.ocp.quantity import HalfSpaces
-from showc.ocp.solution import (
-    ErrorEstimate,
-    Multipliers,
-    PhaseSolution,
-    Result,
-    Solution,
-)
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from showc.ocp.adaptive.constraint_generation import solve
+    from showc.ocp.adaptive.options import Options
+    from showc.ocp.agents.agent import Agent
+    from showc.ocp.agents.common_time import AgentsOptions, AgentsSolution, solve_agents
+    from showc.ocp.audit.margins import Margin, margins
+    from showc.ocp.collocation.limits import Overrides
+    from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
+    from showc.ocp.collocation.transcription import Transcription
+    from showc.ocp.coupling import Imposed
+    from showc.ocp.graded.loop import GradedOptions, solve_graded
+    from showc.ocp.guess import Guess
+    from showc.ocp.history import (
+        Decision,
+        IntervalRecord,
+        MeshRecord,
+        PhaseRecord,
+        Step,
+    )
+    from showc.ocp.mesh import Mesh, PhaseMesh
+    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.quantity import HalfSpaces
+    from showc.ocp.solution import (
+        ErrorEstimate,
+        Multipliers,
+        PhaseSolution,
+        Result,
+        Solution,
+    )
 
 __all__ = [
     "Agent",
@@ -60,3 +75,52 @@ __all__ = [
     "solve_agents",
     "solve_graded",
 ]
+
+_HOMES = {
+    "solve": "adaptive.constraint_generation",
+    "Options": "adaptive.options",
+    "Agent": "agents.agent",
+    "AgentsOptions": "agents.common_time",
+    "AgentsSolution": "agents.common_time",
+    "solve_agents": "agents.common_time",
+    "Margin": "audit.margins",
+    "margins": "audit.margins",
+    "Overrides": "collocation.limits",
+    "SolverMissingError": "collocation.solver",
+    "SolverOptions": "collocation.solver",
+    "Transcription": "collocation.transcription",
+    "Imposed": "coupling",
+    "GradedOptions": "graded.loop",
+    "solve_graded": "graded.loop",
+    "Guess": "guess",
+    "Decision": "history",
+    "IntervalRecord": "history",
+    "MeshRecord": "history",
+    "PhaseRecord": "history",
+    "Step": "history",
+    "Mesh": "mesh",
+    "PhaseMesh": "mesh",
+    "Phase": "problem",
+    "Problem": "problem",
+    "HalfSpaces": "quantity",
+    "ErrorEstimate": "solution",
+    "Multipliers": "solution",
+    "PhaseSolution": "solution",
+    "Result": "solution",
+    "Solution": "solution",
+}
+"""Module of each public name."""
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever bears the name
+    """Return the public name, and keep it."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return all public names, used or not."""
+    return sorted(__all__)

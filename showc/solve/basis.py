@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.trajectory import bernstein_basis, bernstein_basis_inverse
+from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,19 +48,8 @@ NODES: FloatArray = (np.arange(4) + 0.5) / 4
 @lru_cache(maxsize=16)
 def spline_basis(intervals: int, duration: float) -> Basis:
     """Return the matrices of a spline of ``intervals`` over ``duration`` [s]."""
-    from scipy.interpolate import BSpline  # noqa: PLC0415 - scipy only when solving
-
-    knots = np.concatenate(
-        [np.zeros(DEGREE), np.linspace(0.0, 1.0, intervals + 1), np.ones(DEGREE)]
-    )
     count = intervals + DEGREE
-    inner = (np.arange(LOCAL) + 0.5) / LOCAL
-    at = (np.arange(intervals)[:, None] + inner) / intervals
-    values = BSpline.design_matrix(at.ravel(), knots, DEGREE).toarray()
-    inverse = bernstein_basis_inverse(DEGREE, tuple(inner))
-    whole = np.einsum("ij,kjn->kin", inverse, values.reshape(intervals, -1, count))
-    position = np.stack([whole[k, :, k : k + LOCAL] for k in range(intervals)])
-    position[np.abs(position) < 1e-13] = 0.0
+    position = _bernstein(intervals)
     width = duration / intervals
     velocity = DEGREE * np.diff(position, axis=1) / width
     acceleration = (DEGREE - 1) * np.diff(velocity, axis=1) / width
@@ -82,6 +71,30 @@ def spline_basis(intervals: int, duration: float) -> Basis:
     return Basis(
         position, velocity, acceleration, jerk, gram, -sampled.T / sampled.shape[0]
     )
+
+
+def _bernstein(intervals: int) -> FloatArray:
+    """Matrices from the local coefficients to Bernstein ones, shape (K, 6, 6).
+
+    Bernstein coefficient j on [a, b] is the blossom at (a, ..., a, b, ..., b) with b
+    standing j times, by the algorithm of de Boor with an argument of its own in each
+    step (Ramshaw 1989, Blossoms are polar forms, section 6).
+    """
+    knots = np.concatenate(
+        [np.zeros(DEGREE), np.linspace(0.0, 1.0, intervals + 1), np.ones(DEGREE)]
+    )
+    first = np.arange(intervals)
+    result = np.empty((intervals, LOCAL, LOCAL))
+    for j in range(LOCAL):
+        value = np.broadcast_to(np.eye(LOCAL), (intervals, LOCAL, LOCAL))
+        for step in range(1, LOCAL):
+            at = knots[first + DEGREE + (step <= j)][:, None]
+            number = first[:, None] + np.arange(step, LOCAL)
+            left, right = knots[number], knots[number + LOCAL - step]
+            share = ((at - left) / (right - left))[..., None]
+            value = (1.0 - share) * value[:, :-1] + share * value[:, 1:]
+        result[:, j] = value[:, 0]
+    return result
 
 
 def free_coefficients(count: int) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.plan.metric import measure
+from showc.solve.neighbours import all_pairs, least_distance, near_pairs
 from showc.solve.tracks import Pieces, Tracks, cut
 from showc.trajectory import bernstein_basis, restrict
 
@@ -78,8 +79,6 @@ def closest(tracks: Tracks, separation: Separation) -> Encounters:
 
 def _sampled_distance(tracks: Tracks, separation: Separation) -> float:
     """Least distance over all pairs at a few instants: above the true least."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - scipy only when solving
-
     scale = np.asarray(separation.metric_scale)
     least = np.inf
     for time in np.linspace(0.0, tracks.duration, 9):
@@ -90,9 +89,7 @@ def _sampled_distance(tracks: Tracks, separation: Separation) -> float:
                 if gap.size:
                     least = min(least, float(_measure(gap, separation).min()))
             continue
-        norm = np.inf if separation.shape == "any-axis" else 2
-        distance, _ = cKDTree(points).query(points, k=2, p=norm)
-        least = min(least, float(distance[:, 1].min()))
+        least = min(least, least_distance(points, _norm(separation)))
     return least
 
 
@@ -130,8 +127,6 @@ def _candidates(
     pieces: Pieces, moving: int, separation: Separation, radius: float
 ) -> list[tuple[IntArray, IntArray, IntArray]]:
     """Slots and pairs whose boxes come nearer than ``radius``."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - scipy only when solving
-
     result = []
     slots, first, second = [], [], []
     waiting = 0
@@ -139,14 +134,10 @@ def _candidates(
         lower, upper = pieces.boxes(slot)
         centre, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         if separation.shape == "all-axes":
-            a, b = np.triu_indices(lower.shape[0], 1)
+            a, b = all_pairs(lower.shape[0])
         else:
             reach = 2.0 * float(np.linalg.norm(half, axis=1).max())
-            norm = np.inf if separation.shape == "any-axis" else 2
-            pairs = cKDTree(centre).query_pairs(
-                radius + reach, p=norm, output_type="ndarray"
-            )
-            a, b = pairs[:, 0], pairs[:, 1]
+            a, b = near_pairs(centre, radius + reach, _norm(separation))
         near = a < moving
         a, b = a[near], b[near]
         gap = np.maximum(np.abs(centre[a] - centre[b]) - half[a] - half[b], 0.0)
@@ -161,6 +152,11 @@ def _candidates(
             )
             slots, first, second, waiting = [], [], [], 0
     return result
+
+
+def _norm(separation: Separation) -> float:
+    """Order of the norm that the separation is measured in, all axes at once."""
+    return np.inf if separation.shape == "any-axis" else 2.0
 
 
 def _measure(difference: FloatArray, separation: Separation) -> FloatArray:

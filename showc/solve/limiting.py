@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _CANDIDATES = 12
 _STRAIGHT_ERROR = 1.01
 """How much longer a straight flight may take than its first look says, at most."""
+_FEW = 12
+"""Moves for which a bound is found sooner than the corners of all moves' hull."""
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
 _SCATTER = 0.01
@@ -67,7 +69,8 @@ def limiting_time(
     The first candidates are the moves with the longest straight flights and the longest
     single-axis times; each gets a rigorous bound. So does every corner of the hull of
     all moves whose straight flight takes longer than the greatest of these: no other
-    move can have a greater bound (see :mod:`showc.solve.extremes`). Minimum times are
+    move can have a greater bound (see :mod:`showc.solve.extremes`). Where such moves
+    are few, all of them get one. Minimum times are
     solved for those with the greatest bounds. A drone that is slower still would only
     make the reported gap look larger than it is, never smaller.
 
@@ -111,8 +114,11 @@ def limiting_time(
     candidates = _candidates(aircraft, distinct, straight)
     witnesses = bounded(candidates)
     greatest = max(witness.time for witness in witnesses)
-    rest = np.setdiff1d(_corners(aircraft, distinct), candidates)
-    rest = rest[straight[rest] * _STRAIGHT_ERROR > greatest]
+    rest = np.setdiff1d(
+        np.flatnonzero(straight * _STRAIGHT_ERROR > greatest), candidates
+    )
+    if rest.size > _FEW:
+        rest = np.intersect1d(rest, _corners(aircraft, distinct))
     if rest.size:
         candidates = np.concatenate([candidates, rest])
         witnesses += bounded(rest)

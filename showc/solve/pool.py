@@ -33,9 +33,7 @@ _PRELOAD = (
     "showc.solve.staying",
     "showc.solve.limiting",
     "showc.ocp.staged.transcription",
-    "scipy.optimize",
-    "scipy.sparse.linalg",
-    "scipy.interpolate",
+    "showc.solve.relaxed_move",
     "clarabel",
 )
 """What workers need sooner or later: imported once, by the server that they are forked

@@ -20,6 +20,7 @@ from showc.solve.basis import (
     quadratic_upper,
     spline_basis,
 )
+from showc.solve.columns import Columns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -336,7 +337,6 @@ class Program:
         slack: int,
     ) -> FloatArray | None:
         import clarabel  # noqa: PLC0415 - only when solving
-        from scipy.sparse import csc_matrix  # noqa: PLC0415
 
         free = int(self.free.sum())
         count = self.intervals + DEGREE
@@ -347,9 +347,9 @@ class Program:
         settings.max_iter = 60
         settings.max_threads = 1
         solver = clarabel.DefaultSolver(
-            csc_matrix(upper, shape=(free + slack,) * 2),
+            Columns.of(*upper, (free + slack, free + slack)),
             np.concatenate([linear[self.free], np.full(slack, _PRICE)]),
-            csc_matrix((entries, (rows, columns)), shape=(right.size, free + slack)),
+            Columns.of(entries, (rows, columns), (right.size, free + slack)),
             right,
             [clarabel.NonnegativeConeT(right.size)],
             settings,

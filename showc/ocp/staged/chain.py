@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
-from scipy import sparse
 
 from showc.ocp.staged.stages import Row
 
@@ -286,10 +285,8 @@ def _scattered(
     shape: tuple[int, int],
 ) -> Symbol:
     """Sparse matrix that has entry ``numbers[i]`` of a column at row i, column i."""
-    order = sparse.coo_matrix(
-        (np.arange(1, rows.size + 1), (rows, columns)), shape=shape
-    ).tocsc()
-    order.sort_indices()
-    pattern = casadi.Sparsity(*shape, order.indptr.tolist(), order.indices.tolist())
-    chosen = np.asarray(numbers)[order.data - 1]
+    order = np.lexsort((rows, columns))
+    begins = np.searchsorted(columns[order], np.arange(shape[1] + 1))
+    pattern = casadi.Sparsity(*shape, begins.tolist(), rows[order].tolist())
+    chosen = np.asarray(numbers)[order]
     return casadi.sparsity_cast(source[chosen.tolist()], pattern)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import casadi
 import numpy as np
-from scipy.sparse import linalg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,6 +36,14 @@ class Gaps:
 
     def __init__(self, slopes: Any, equal: NDArray[np.bool_]) -> None:  # noqa: ANN401
         self._slopes, self._equal = slopes, equal
+        rows = np.flatnonzero(equal).tolist()
+        self._chosen = casadi.DM.triplet(
+            list(range(len(rows))),
+            rows,
+            casadi.DM.ones(len(rows)),
+            len(rows),
+            equal.size,
+        )
 
     def closed(
         self,
@@ -59,9 +67,9 @@ class Gaps:
             gap = rows[self._equal] - wanted
             if not CLOSED < np.abs(gap).max() < NEAR:
                 break
-            matrix = self._slopes(unknowns, parameters)[1]
-            slopes = matrix.sparse().tocsr()[self._equal].tocsc()
-            multipliers = linalg.spsolve((slopes @ slopes.T).tocsc(), gap)
-            unknowns = unknowns - slopes.T @ multipliers
+            slopes = casadi.mtimes(self._chosen, self._slopes(unknowns, parameters)[1])
+            normal = casadi.mtimes(slopes, slopes.T)
+            change = casadi.mtimes(slopes.T, casadi.solve(normal, gap, "ldl"))
+            unknowns = unknowns - np.array(change).ravel()
             rows = np.array(self._slopes(unknowns, parameters)[0]).ravel()
         return unknowns, rows

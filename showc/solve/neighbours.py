@@ -1,0 +1,55 @@
+"""Which points are near each other, in metric coordinates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+FEW = 200
+"""Points up to which looking at all pairs costs less than loading SciPy's k-d trees."""
+
+
+def near_pairs(
+    points: FloatArray, reach: float, norm: float
+) -> tuple[IntArray, IntArray]:
+    """Pairs (first, second) that contain all whose points are within ``reach``.
+
+    Parameters
+    ----------
+    points
+        Shape (n, 3) [m].
+    reach
+        Distance [m].
+    norm
+        In which it is measured: 2, or infinity for the greatest of the axes.
+    """
+    if points.shape[0] <= FEW:
+        return all_pairs(points.shape[0])
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - only for many points
+
+    pairs = cKDTree(points).query_pairs(reach, p=norm, output_type="ndarray")
+    return pairs[:, 0], pairs[:, 1]
+
+
+def least_distance(points: FloatArray, norm: float) -> float:
+    """Least distance of a pair of ``points`` (n, 3) [m], n at least 2."""
+    if points.shape[0] <= FEW:
+        first, second = all_pairs(points.shape[0])
+        gap = points[first] - points[second]
+        return float(np.linalg.norm(gap, ord=norm, axis=1).min())
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - only for many points
+
+    distance, _ = cKDTree(points).query(points, k=2, p=norm)
+    return float(distance[:, 1].min())
+
+
+def all_pairs(count: int) -> tuple[IntArray, IntArray]:
+    """All pairs (first, second) of so many, the first the lower index."""
+    return np.triu_indices(count, 1)
