@@ -29,7 +29,7 @@ from showc.mission.lights import (
     pulse_widths,
 )
 from showc.mission.timing import SPIN_UP
-from showc.mission.tracking import tracks
+from showc.mission.tracking import law_ends
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -110,8 +110,7 @@ class Encoder:
         """When autopilots end the rest of the climb, shape (n,) [s]."""
         if self.start is not None:
             return staging.followed
-        (track,) = tracks([(0.0, staging)], self.show.drones, self.parameters)
-        return track.ended
+        return law_ends(staging, self.parameters)
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))

@@ -71,7 +71,7 @@ class LegProfile:
         """
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
         near = np.minimum(t, self.duration - t)
-        ramp = self._ramp(np.minimum(near, self.ramp_time))
+        ramp, _, _ = self.ramp_motion(np.minimum(near, self.ramp_time))
         covered = ramp + self.speed * np.maximum(near - self.ramp_time, 0.0)
         covered = np.where(t <= 0.5 * self.duration, covered, self.length - covered)
         return np.asarray(np.clip(covered, 0.0, self.length))
@@ -85,10 +85,7 @@ class LegProfile:
         """Speed along the leg [m/s] at ``time`` [s], broadcast to (..., n)."""
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
         near = np.minimum(np.minimum(t, self.duration - t), self.ramp_time)
-        late = near > 0.5 * self.ramp_time
-        early = np.where(late, self.ramp_time - near, near)
-        _, speed, _ = self._half_ramp(early)
-        return np.asarray(np.where(late, self.speed - speed, speed))
+        return self.ramp_motion(near)[1]
 
     def motion(self, time: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distance [m], speed [m/s], acceleration [m/s²] at ``time`` [s], in one go.
@@ -97,44 +94,51 @@ class LegProfile:
         """
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
         near = np.minimum(t, self.duration - t)
-        ramp = np.minimum(near, self.ramp_time)
-        late = ramp > 0.5 * self.ramp_time
-        distance, speed, acceleration = self._half_ramp(
-            np.where(late, self.ramp_time - ramp, ramp)
-        )
-        distance += np.where(late, self.speed * (ramp - 0.5 * self.ramp_time), 0.0)
-        distance += self.speed * (near - ramp)
-        speed = np.where(late, self.speed - speed, speed)
+        # Most instants of a long leg are cruise or rest, which take no trigonometry.
+        moves = near > 0.0
+        distance = np.where(moves, self.speed * (near - 0.5 * self.ramp_time), 0.0)
+        speed = np.where(moves, self.speed, 0.0)
+        acceleration = np.zeros_like(t)
+        some = moves & (near < self.ramp_time)
+        ramps = self.select(np.broadcast_to(np.arange(len(self)), t.shape)[some])
+        distance[some], speed[some], acceleration[some] = ramps.ramp_motion(near[some])
         braking = t > 0.5 * self.duration
         distance = np.where(braking, self.length - distance, distance)
         acceleration = np.where(braking, -acceleration, acceleration)
         return np.clip(distance, 0.0, self.length), speed, acceleration
 
-    def _ramp(self, t: FloatArray) -> FloatArray:
-        """Distance covered ``t`` [s] after rest, within the ramp."""
+    def ramp_motion(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distance [m], speed [m/s], acceleration [m/s²] within the ramp.
+
+        All of the shape of ``t`` (..., n) [s], the time since the start.
+        """
         # The ramp's speed is point-symmetric about (ramp_time / 2, speed / 2).
         late = t > 0.5 * self.ramp_time
-        early = np.where(late, self.ramp_time - t, t)
-        covered, _, _ = self._half_ramp(early)
-        return np.asarray(
-            np.where(late, self.speed * (t - 0.5 * self.ramp_time) + covered, covered)
+        distance, speed, acceleration = self._half_ramp(
+            np.where(late, self.ramp_time - t, t)
         )
+        distance = np.where(
+            late, self.speed * (t - 0.5 * self.ramp_time) + distance, distance
+        )
+        return distance, np.where(late, self.speed - speed, speed), acceleration
 
     def _half_ramp(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distance, speed and acceleration in the first half of the ramp."""
         rise = self.jerk_time
         edge = rise + self.hold_time
         top = edge + rise
-        distance_1, speed_1, acceleration_1 = self._raised_cosine(np.minimum(t, rise))
+        # The jerk rises from rest; its fall mirrors that about the top.
+        falls = t > edge
+        left = np.maximum(top - t, 0.0)
+        rising = self._raised_cosine(np.minimum(np.where(falls, left, t), rise))
+        distance, speed, acceleration = rising
         held = np.clip(t - rise, 0.0, self.hold_time)
-        distance_2 = held * (
-            speed_1 + held * (0.5 * acceleration_1 + held * self.jerk / 6.0)
+        distance = distance + held * (
+            speed + held * (0.5 * acceleration + held * self.jerk / 6.0)
         )
-        speed_2 = held * (acceleration_1 + 0.5 * held * self.jerk)
-        distance = distance_1 + distance_2
-        speed = speed_1 + speed_2
-        acceleration = acceleration_1 + held * self.jerk
-        # Jerk falls: the acceleration mirrors its rise about (top, acceleration).
+        speed = speed + held * (acceleration + 0.5 * held * self.jerk)
+        acceleration = acceleration + held * self.jerk
+        mirror, mirror_speed, missing = rising
         full, full_speed, _ = self._raised_cosine(rise)
         speed_top = 0.5 * self.acceleration * top
         at_edge = full + self.hold_time * (
@@ -145,29 +149,20 @@ class LegProfile:
         distance_top = (
             at_edge + speed_top * rise - 0.5 * self.acceleration * rise**2 + full
         )
-        left = np.maximum(top - t, 0.0)
-        mirror, mirror_speed, missing = self._raised_cosine(np.minimum(left, rise))
-        falling = (t > edge) & (t <= top)
+        # After the top the acceleration stays.
+        pushed = np.maximum(t - top, 0.0)
+        since = pushed - left
         distance = np.where(
-            falling,
+            falls,
             distance_top
-            - speed_top * left
-            + 0.5 * self.acceleration * left**2
+            + since * (speed_top + 0.5 * self.acceleration * since)
             - mirror,
             distance,
         )
         speed = np.where(
-            falling, speed_top - self.acceleration * left + mirror_speed, speed
+            falls, speed_top + self.acceleration * since + mirror_speed, speed
         )
-        acceleration = np.where(t > edge, self.acceleration - missing, acceleration)
-        pushed = np.maximum(t - top, 0.0)
-        pushing = t > top
-        distance = np.where(
-            pushing,
-            distance_top + pushed * (speed_top + 0.5 * self.acceleration * pushed),
-            distance,
-        )
-        speed = np.where(pushing, speed_top + self.acceleration * pushed, speed)
+        acceleration = np.where(falls, self.acceleration - missing, acceleration)
         return np.asarray(distance), np.asarray(speed), np.asarray(acceleration)
 
     def _raised_cosine(
@@ -176,9 +171,10 @@ class LegProfile:
         """Distance, speed, acceleration while the jerk rises from rest."""
         half = 0.5 * self.jerk
         rate = np.pi / np.where(self.jerk_time > 0.0, self.jerk_time, 1.0)
-        acceleration = half * (t - np.sin(rate * t) / rate)
-        speed = half * (0.5 * t**2 + (np.cos(rate * t) - 1.0) / rate**2)
-        distance = half * (t**3 / 6.0 - t / rate**2 + np.sin(rate * t) / rate**3)
+        sine, cosine = np.sin(rate * t), np.cos(rate * t)
+        acceleration = half * (t - sine / rate)
+        speed = half * (0.5 * t * t + (cosine - 1.0) / rate**2)
+        distance = half * (t * t * t / 6.0 - t / rate**2 + sine / rate**3)
         return distance, speed, acceleration
 
 

@@ -210,7 +210,9 @@ class _Layout:
     def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
         """Add how the drones are likely to fly ``legs``, one after the other."""
         flown = [part for leg in legs for part in leg.flown]
-        every = iter(tracks(flown, self.show.drones, self.builder.parameters))
+        every = iter(
+            tracks(flown, self.show.drones, self.builder.parameters, self.jobs)
+        )
         return [
             replace(leg, tracks=tuple(next(every) for _ in leg.releases))
             for leg in legs

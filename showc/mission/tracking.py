@@ -1,38 +1,28 @@
-"""The flight that the autopilot's loops make of a leg: late, and a little too far.
+"""The flights that the autopilot's loops make of legs: late, and a little too far.
 
-ArduCopter leads a point along the leg by the law, and lets the vehicle follow it. What
-it does then is integrated here, for the default quadrotor of ArduPilot's simulation:
-
-- The law's own time t runs at a rate r, which follows, acceleration / jerk late, how
-  well the drone keeps up: 0.05 + (its speed along the leg - 1/s times its distance
-  behind the point) / the law's speed, 0 to 1.
-- Level, in both axes: the speed asked for is the law's and 1/s times the distance to
-  the point. The speed missed, smoothed over 0.032 s, asks for the acceleration of the
-  law plus 2/s of it, 1/s² of its sum and 0.5 of its change, up to a tilt of 30 degrees.
-  The vehicle leans to that 0.125 s and 0.03 s late, and pushes the harder the more it
-  lifts. Drag takes 0.25/s times its speed and 0.027/m times its square.
-- Upright: the speed missed asks for the acceleration of the law plus 5/s of it; the
-  acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which comes
-  0.075 s late. Drag is the same.
-
-The form is that of the autopilot's controllers under their default gains; the times
-of lean and lift, and drag, are fitted to a transcription of those controllers that is
-kept outside this repository and gives what was measured in simulation. The law is
-taken from a table in steps of 20 ms, straight in between; the loops are integrated by
-the midpoint rule in steps of 20 ms. What a drone is off its end is followed for 10 s
-after the law's own end, and fades out over the last of them. A drone whose next leg
-is released before begins it as it is then.
+:mod:`showc.mission.loops` says how a drone follows its leg. What it is off its end is
+followed for 10 s after the law's own end, and fades out over the last of them. A drone
+whose next leg is released before begins it as it is then.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, radians, tan
-from typing import TYPE_CHECKING
+from functools import cached_property
+from mmap import mmap
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.mission.parameters import GRAVITY
+from showc.mission.crew import side_by_side
+from showc.mission.loops import (
+    PLACE,
+    RATE,
+    STEP,
+    TIME,
+    Loops,
+    states_at_rest,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,9 +33,7 @@ if TYPE_CHECKING:
     from showc.mission.stage import Stage
 
     FloatArray = NDArray[np.float64]
-
-STEP = 0.02
-"""Step of the table and of the integration [s]."""
+    IntArray = NDArray[np.int64]
 
 TAIL = 10.0
 """How long after the law's end a drone is followed on [s]."""
@@ -53,49 +41,14 @@ TAIL = 10.0
 FADE = 1.0
 """Time at the end of that in which it comes to rest at its goal [s]."""
 
-SLACK_RATE = 0.05
-"""How much slower than the law a drone may be before the law's time slows down."""
-
-STANDS = 1e-5
-"""Below this speed of the law its time runs freely [m/s]."""
-
-SMOOTHING = 1.0 / (2.0 * pi * 5.0)
-"""Time constant of the speed missed: 5 Hz [s]."""
-
-LEVEL_GAIN, LEVEL_SUM, LEVEL_CHANGE = 2.0, 1.0, 0.5
-"""Acceleration over the level speed missed [1/s], over its sum [1/s²], its change."""
-
-UPRIGHT_GAIN = 5.0
-"""Acceleration over the upright speed missed [1/s]."""
-
-TILT = radians(30.0)
-"""Greatest tilt that is asked for [rad]."""
-
-LEAN_TIMES = 0.125, 0.03
-"""Time constants of leaning [s]."""
-
-HOVER = 0.39
-"""Throttle of hovering: lift over throttle is free fall over this."""
-
-LIFT_GAIN, LIFT_SUM = 0.05 * GRAVITY / HOVER, 0.1 * GRAVITY / HOVER
-"""Lift over the upright acceleration missed, and over its sum [1/s]."""
-
-LIFT_TIME = 0.075
-"""Time constant of the lift [s]."""
-
-DRAG, DRAG_SQUARE = 0.25, 0.027
-"""Deceleration over speed [1/s], and over its square [1/m]."""
-
 INSTANT = 1e-9
 """Times that are nearer are the same [s]."""
 
 TOGETHER = 512
-"""Legs that are integrated at once; bounds the memory."""
+"""Drones that are integrated at once: their numbers fit the processor's cache."""
 
-STATES = 21
-"""Numbers that describe a drone: place, speed, speed missed, its sum, its change, lean
-asked for and lean, two each; place, speed, speed missed, sum and lift upright; time and
-rate of the law."""
+CHUNK = 32
+"""Steps after which places are worked out from states."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,11 +114,15 @@ class Tracks:
 
 
 def tracks(
-    flown: Sequence[tuple[float, Stage]], drones: int, parameters: Parameters
+    flown: Sequence[tuple[float, Stage]],
+    drones: int,
+    parameters: Parameters,
+    jobs: int | None = 1,
 ) -> list[Tracks]:
     """Return the flights along stages, released at mission times [s], in order.
 
-    ``drones`` is the number of all drones of the fleet; they rest before.
+    ``drones`` is the number of all drones of the fleet; they rest before. They are
+    shared among ``jobs`` processes (None: one for each core), which changes nothing.
     """
     soonest = np.full(drones, np.inf)
     untils = []
@@ -173,176 +130,213 @@ def tracks(
         own = release + stage.wait
         untils.append(soonest[stage.drones] - own)
         soonest[stage.drones] = own
-    carried = np.zeros((STATES, drones))
-    carried[20] = 1.0
-    found = []
-    for (_, stage), until in zip(flown, reversed(untils), strict=True):
-        lasting = np.minimum(until + STEP, stage.profile.duration + TAIL)
-        steps = int(np.ceil(lasting.max(initial=0.0) / STEP))
-        parts = []
-        for begin in range(0, max(stage.drones.size, 1), TOGETHER):
-            some = np.arange(begin, min(begin + TOGETHER, stage.drones.size))
-            who = stage.drones[some]
-            loops = _Loops(stage, some, parameters)
-            part, carried[:, who] = loops.run(
-                carried[:, who], until[some], max(steps, 1)
-            )
-            parts.append(part)
-        found.append(
-            Tracks(
-                np.concatenate([part.along for part in parts]),
-                np.concatenate([part.ways for part in parts], axis=1),
-                np.concatenate([part.until for part in parts]),
-                np.concatenate([part.half_way for part in parts]),
-                np.concatenate([part.ended for part in parts]),
-            )
-        )
+    untils.reverse()
+    blocks = range(0, drones, TOGETHER)
+    found = [
+        _blank(stage, until, shared=len(blocks) > 1)
+        for (_, stage), until in zip(flown, untils, strict=True)
+    ]
+
+    def fly(number: int) -> None:
+        first = blocks[number]
+        carried = states_at_rest(min(TOGETHER, drones - first))
+        for (_, stage), track in zip(flown, found, strict=True):
+            own = stage.drones - first
+            some = np.flatnonzero((own >= 0) & (own < carried.shape[1]))
+            if some.size:
+                flight = _Flight(stage, some, parameters, carried[:, own[some]])
+                carried[:, own[some]] = flight.draw(track)
+
+    # Drones do not know of each other, and what they fly is put where all see it.
+    side_by_side(fly, len(blocks), jobs)
     return found
 
 
-class _Loops:
-    """The loops of n drones, and the table of their law."""
+def law_ends(stage: Stage, parameters: Parameters) -> FloatArray:
+    """When the law's own time ends for drones that fly ``stage`` from rest, (n,) [s].
+
+    From their own releases, as ``Tracks.ended``.
+    """
+    found = [np.zeros(0)]
+    for begin in range(0, stage.drones.size, TOGETHER):
+        some = np.arange(begin, min(begin + TOGETHER, stage.drones.size))
+        flight = _Flight(stage, some, parameters, states_at_rest(some.size))
+        found.append(flight.follow())
+    return np.concatenate(found)
+
+
+def _steps(stage: Stage, until: FloatArray) -> int:
+    """How many steps drones of ``stage`` fly, the next leg's first one included."""
+    lasting = np.minimum(until + STEP, stage.profile.duration + TAIL)
+    return max(int(np.ceil(lasting.max(initial=0.0) / STEP)), 1)
+
+
+def _blank(stage: Stage, until: FloatArray, *, shared: bool) -> Tracks:
+    """Return room for the flights of ``stage``; if ``shared``, for copies of us too."""
+    count = stage.drones.size
+    places = (_steps(stage, until) + 1) * count * 3
+    room = mmap(-1, max(4 * places + 16 * count, 1)) if shared else None
+
+    def array(size: int, offset: int, kind: type) -> Any:  # noqa: ANN401 - of any kind
+        if room is None:
+            return np.empty(size, kind)
+        return np.frombuffer(room, kind, size, offset)
+
+    return Tracks(
+        stage.end - stage.begin,
+        array(places, 16 * count, np.float32).reshape(-1, count, 3),
+        until,
+        array(count, 0, np.float64),
+        array(count, 8 * count, np.float64),
+    )
+
+
+class _Flight:
+    """The flights of n drones along legs of one stage.
+
+    Parameters
+    ----------
+    some
+        Their positions in the stage, shape (n,).
+    state
+        Their states (STATES, n) at their releases, seen from where the legs begin.
+    """
 
     def __init__(
-        self, stage: Stage, some: NDArray[np.int64], parameters: Parameters
+        self,
+        stage: Stage,
+        some: IntArray,
+        parameters: Parameters,
+        state: FloatArray,
     ) -> None:
-        self.profile = profile = stage.profile.select(some)
-        self.along = stage.end[some] - stage.begin[some]
-        flat = np.hypot(self.along[:, 0], self.along[:, 1])
-        self.direction = (
-            stage.level[some] * self.along[:, :2].T / np.where(flat > 0.0, flat, 1.0)
-        )
-        self.climb = stage.climb[some]
-        self.late = parameters.acceleration / parameters.jerk
-        times = STEP * np.arange(
-            2 + int(np.ceil(profile.duration.max(initial=0.0) / STEP))
-        )
-        self.rows = times.size - 1
-        self.column = np.arange(len(profile))
-        self.table = np.stack(profile.motion(times[:, None]), axis=-1).reshape(-1, 3)
+        self.some = some
+        profile = stage.profile.select(some)
+        self.due, self.moves = profile.duration, profile.length > 0.0
+        self.along = (stage.end[some] - stage.begin[some]).T
+        flat = np.hypot(self.along[0], self.along[1])
+        direction = self.along[:2] / np.where(flat > 0.0, flat, 1.0)
+        self.aim = np.vstack([stage.level[some] * direction, stage.climb[some]])
+        self.goal = profile.length * self.aim
+        self.half = 0.5 * profile.length
+        self.loops = Loops(profile, self.aim, parameters.acceleration / parameters.jerk)
+        self.loops.state[:] = state
+        self.loops.state[TIME] = 0.0
+        self.step = 0
+        self.half_way, self.ended = np.full((2, some.size), np.inf)
+        self.places = np.empty((CHUNK + 1, TIME + 1, some.size))
+        self.places[0] = self.loops.state[: TIME + 1]
 
-    def run(
-        self, state: FloatArray, until: FloatArray, steps: int
-    ) -> tuple[Tracks, FloatArray]:
-        """Integrate from ``state`` (21, n), relative to the begins, over ``steps``.
+    def follow(self) -> FloatArray:
+        """Fly until the law's time has ended; return when that is, (n,) [s]."""
+        steps = max(int(np.ceil((self.due + TAIL).max(initial=0.0) / STEP)), 1)
+        while self.step < steps and np.any(self.moves & np.isinf(self.ended)):
+            for _ in range(self._next(steps)):
+                self._advance()
+            self._note()
+        ended = np.where(np.isinf(self.ended), steps * STEP, self.ended)
+        return np.where(self.moves, ended, 0.0)
 
-        Returns the flights, and the states (21, n) at ``until`` (n,) [s], relative to
-        the ends.
+    def draw(self, track: Tracks) -> FloatArray:
+        """Fly till the next legs, and put where the drones are into ``track``.
+
+        Returns
+        -------
+        ndarray
+            States (STATES, n) at their next legs' releases, seen from where these
+            begin; at rest for who has none.
         """
-        profile, due = self.profile, self.profile.duration
-        count = len(profile)
-        goal = profile.length * np.vstack([self.direction, self.climb])
-        # From the autopilot's metric to the show's, which agree to a few parts in 1000.
-        scale = self.along.T / np.where(goal != 0.0, goal, np.inf)
-        level = np.where(np.any(scale[:2] != 0.0, axis=0), scale[:2].max(axis=0), 1.0)
-        scale = np.vstack([level, level, np.where(scale[2] != 0.0, scale[2], 1.0)])
-        ways = np.zeros((steps + 1, count, 3), dtype=np.float32)
-        ended = np.full(count, steps * STEP)
-        half_way = ended.copy()
-        state = state.copy()
-        state[19] = 0.0
-        carried = np.zeros((STATES, count))
-        carried[20] = 1.0
+        some, most = self.some, len(track.ways) - 1
+        until = track.until[some]
+        lasting = np.minimum(until + STEP, self.due + TAIL)
+        steps = max(int(np.ceil(lasting.max() / STEP)), 1)
         handover = np.round(np.minimum(until, 1e9) / STEP).astype(np.int64)
-        for step in range(steps + 1):
-            if step:
-                before = state
-                middle = state + 0.5 * STEP * self._rates(state)
-                state = state + STEP * self._rates(middle)
-                _note(ended, step, before[19], state[19], due)
-                _note(
-                    half_way,
-                    step,
-                    self._covered(before),
-                    self._covered(state),
-                    0.5 * profile.length,
-                )
-            left = np.clip((due + TAIL - STEP * step) / FADE, 0.0, 1.0)
-            off = left * (np.vstack([state[:2], state[14]]) - goal)
-            ways[step] = self.along + (scale * off).T
-            ends = handover == step
-            if ends.any():
-                rest = left[ends] * state[:, ends]
-                rest[[0, 1, 14]] = off[:, ends]
-                rest[20] = state[20, ends]
-                carried[:, ends] = rest
-        moves = profile.length > 0.0
-        half_way, ended = np.where(moves, half_way, 0.0), np.where(moves, ended, 0.0)
-        return Tracks(self.along, ways, until, half_way, ended), carried
+        events = set(handover.tolist())
+        carried = states_at_rest(some.size)
+        track.ways[0, some] = self._ways(0)[0]
+        if 0 in events:
+            self._hand_over(handover == 0, carried)
+        while self.step < steps:
+            count = self._next(steps)
+            for _ in range(count):
+                self._advance()
+                if self.step in events:
+                    self._hand_over(handover == self.step, carried)
+            rows = slice(self.step - count + 1, self.step + 1)
+            track.ways[rows, some] = self._ways(count)[1:]
+            self._note()
+        # From here on all are on their next legs, or rest.
+        track.ways[steps + 1 :, some] = track.ways[steps, some]
+        for found, moment in (
+            (track.half_way, self.half_way),
+            (track.ended, self.ended),
+        ):
+            never = np.where(np.isinf(moment), most * STEP, moment)
+            found[some] = np.where(self.moves, never, 0.0)
+        return carried
 
-    def _covered(self, state: FloatArray) -> FloatArray:
-        """Way covered along the leg, shape (n,) [m]."""
-        level = np.sum(self.direction * state[:2], axis=0)
-        return np.asarray(level + self.climb * state[14])
+    def _next(self, steps: int) -> int:
+        """Begin to keep places anew; return for how many steps."""
+        count = min(CHUNK, steps - self.step)
+        self.row = 0
+        self.places[0] = self.loops.state[: TIME + 1]
+        self.loops.look_ahead()
+        return count
 
-    def _law(self, time: FloatArray) -> FloatArray:
-        """Distance, speed, acceleration of the law, shape (3, n)."""
-        place = np.minimum(time / STEP, float(self.rows))
-        row = np.minimum(place.astype(np.int64), self.rows - 1)
-        at = row * self.column.size + self.column
-        low, high = self.table[at], self.table[at + self.column.size]
-        return np.asarray((low + (high - low) * (place - row)[:, None]).T)
+    def _advance(self) -> None:
+        self.loops.advance()
+        self.step += 1
+        self.row += 1
+        self.places[self.row] = self.loops.state[: TIME + 1]
 
-    def _rates(self, state: FloatArray) -> FloatArray:
-        """Rates of change (21, n) of the ``state`` (21, n)."""
-        x, v, missed, total, change, lean, push = state[:14].reshape(7, 2, -1)
-        z, w, missed_up, lift_total, lift, time, rate = state[14:]
-        distance, speed, acceleration = self._law(time)
-        behind = self.direction * distance - x
-        below = self.climb * distance - z
-        keeps = self.direction * (v - behind)
-        keeps = keeps[0] + keeps[1] + self.climb * (w - below)
-        free = speed < STANDS
-        wanted = np.where(
-            free,
-            1.0,
-            np.minimum(
-                np.maximum(SLACK_RATE + keeps / np.where(free, 1.0, speed), 0.0), 1.0
-            ),
-        )
-        missed_rate = (behind + self.direction * speed - v - missed) / SMOOTHING
-        asked = (
-            LEVEL_GAIN * missed
-            + LEVEL_SUM * total
-            + LEVEL_CHANGE * change
-            + self.direction * acceleration
-        )
-        most = GRAVITY * tan(TILT)
-        size = np.sqrt(asked[0] * asked[0] + asked[1] * asked[1])
-        over = size > most
-        # Nothing is summed up towards where nothing more can be had.
-        held = over & (missed[0] * asked[0] + missed[1] * asked[1] > 0.0)
-        asked = asked * np.where(over, most / np.where(over, size, 1.0), 1.0)
-        rise = lift - w * (DRAG + DRAG_SQUARE * np.abs(w))
-        wanted_up = UPRIGHT_GAIN * missed_up + self.climb * acceleration
-        drag = DRAG + DRAG_SQUARE * np.sqrt(v[0] * v[0] + v[1] * v[1])
-        rates = np.empty_like(state)
-        rates[:2] = v
-        rates[2:4] = push * (1.0 + lift / GRAVITY) - v * drag
-        rates[4:6] = missed_rate
-        rates[6:8] = np.where(held, 0.0, missed)
-        rates[8:10] = (missed_rate - change) / SMOOTHING
-        rates[10:12] = (asked - lean) / LEAN_TIMES[0]
-        rates[12:14] = (lean - push) / LEAN_TIMES[1]
-        rates[14] = w
-        rates[15] = rise
-        rates[16] = (below + self.climb * speed - w - missed_up) / SMOOTHING
-        rates[17] = LIFT_SUM * (wanted_up - rise)
-        rates[18] = (LIFT_GAIN * (wanted_up - rise) + lift_total - lift) / LIFT_TIME
-        rates[19] = rate
-        rates[20] = (wanted - rate) / self.late
-        return rates
+    def _left(self, steps: IntArray | int) -> FloatArray:
+        """Return how much of what drones are off their ends counts at ``steps``."""
+        return np.clip((self.due + TAIL - STEP * steps) / FADE, 0.0, 1.0)
+
+    def _ways(self, count: int) -> FloatArray:
+        """Ways (count + 1, n, 3) [m] covered at the last steps, show frame."""
+        off = self.places[: count + 1, PLACE] - self.goal
+        if STEP * self.step > self.due.min() + TAIL - FADE:
+            steps = np.arange(self.step - count, self.step + 1)
+            off *= self._left(steps[:, None])[:, None]
+        off *= self._scale
+        off += self.along
+        return off.transpose(0, 2, 1)
+
+    @cached_property
+    def _scale(self) -> FloatArray:
+        """From the autopilot's metric to the show's, which agree to a few per mille."""
+        scale = self.along / np.where(self.goal != 0.0, self.goal, np.inf)
+        level = np.where(np.any(scale[:2] != 0.0, axis=0), scale[:2].max(axis=0), 1.0)
+        return np.vstack([level, level, np.where(scale[2] != 0.0, scale[2], 1.0)])
+
+    def _hand_over(self, ends: NDArray[np.bool_], carried: FloatArray) -> None:
+        """Put the states of those whose next legs begin now into ``carried``."""
+        state = self.loops.state[:, ends]
+        rest = self._left(self.step)[ends] * state
+        rest[PLACE] = self._left(self.step)[ends] * (state[PLACE] - self.goal[:, ends])
+        rest[RATE] = state[RATE]
+        carried[:, ends] = rest
+
+    def _note(self) -> None:
+        """Note who has come half way, and whose law has ended, in the last steps."""
+        first, rows = self.step - self.row, slice(0, self.row + 1)
+        if np.isinf(self.ended).any():
+            _passed(self.ended, first, self.places[rows, TIME], self.due / STEP)
+        if np.isinf(self.half_way).any():
+            covered = np.add.reduce(self.aim * self.places[rows, PLACE], axis=1)
+            _passed(self.half_way, first, covered, self.half)
 
 
-def _note(
-    moment: FloatArray,
-    step: int,
-    before: FloatArray,
-    after: FloatArray,
-    mark: FloatArray,
+def _passed(
+    moment: FloatArray, first: int, values: FloatArray, mark: FloatArray
 ) -> None:
-    """Put into ``moment`` (n,) [s] when values pass ``mark`` during ``step``."""
-    passes = (before < mark) & (after >= mark)
-    share = (mark[passes] - before[passes]) / (after[passes] - before[passes])
-    # Of several times the first.
-    moment[passes] = np.minimum(moment[passes], STEP * (step - 1 + share))
+    """Put into ``moment`` (n,) [s] when values first pass ``mark`` (n,), if they do.
+
+    The ``values`` (m, n) are those at step ``first`` and after it; moments that are
+    known stay.
+    """
+    passes = (values[:-1] < mark) & (values[1:] >= mark)
+    some = np.flatnonzero(passes.any(axis=0) & np.isinf(moment))
+    step = passes[:, some].argmax(axis=0)
+    before, after = values[step, some], values[step + 1, some]
+    moment[some] = STEP * (first + step + (mark[some] - before) / (after - before))

@@ -166,3 +166,22 @@ def test_no_leg_takes_no_time():
     leg = profile(legs([0.0, 0, 0]), TUNED)
     assert leg.duration[0] == 0.0
     assert leg.fraction(np.array([[-1.0], [0.0], [9.0]])).tolist() == [[0], [0], [0]]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.floats(0.01, 60.0), st.floats(0.1, 10.0)), min_size=1))
+def test_motion_in_one_go_is_that_of_the_single_functions(wanted):
+    displacement = np.array([[length, 0.0, 0.0] for length, _ in wanted])
+    speed = np.array([speed for _, speed in wanted])
+    leg = profile(leg_limits(displacement, TUNED, speed), TUNED)
+    times = np.linspace(-0.5, leg.duration.max() + 0.5, 301)[:, None]
+    distance, velocity, acceleration = leg.motion(times)
+    np.testing.assert_allclose(distance, leg.distance(times), atol=1e-12)
+    np.testing.assert_allclose(velocity, leg.velocity(times), atol=1e-12)
+    # The acceleration is the speed's change, to the second order of the step.
+    small = 1e-4
+    later, sooner = leg.velocity(times + small), leg.velocity(times - small)
+    change = (later - sooner) / (2.0 * small)
+    inside = (times > small) & (times < leg.duration - small)
+    np.testing.assert_allclose(acceleration[inside], change[inside], atol=2e-3)
+    assert not acceleration[(times < 0.0) | (times > leg.duration)].any()

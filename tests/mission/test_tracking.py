@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from showc.mission import tracking
 from showc.mission.following import SETTLING, law_time, leg_overshoot
 from showc.mission.law import leg_limits, profile
+from showc.mission.loops import STEP
 from showc.mission.parameters import Parameters
 from showc.mission.speeds import fitting_speed, speed_for
 from showc.mission.stage import Stage
-from showc.mission.tracking import STEP, TAIL, tracks
+from showc.mission.tracking import TAIL, law_ends, tracks
 from showc.verify.autopilot import Law, profiles
 from showc.verify.tracked import Fleet
 
@@ -213,3 +215,84 @@ def test_the_checker_works_out_the_same(legs):
         flights = profiles(stage.end, level, upright, law)
         theirs = fleet.fly(np.array([0]), flights, stage.end, until=mine.until)
         assert np.abs(theirs.ways.transpose(1, 0, 2) - mine.ways).max() < 1e-3
+
+
+def show_of_many(drones=11, seed=5):
+    """Stages of some or all drones, released sooner or later than they have settled."""
+    random = np.random.default_rng(seed)
+    flown, release = [], 0.0
+    for number in range(5):
+        some = np.sort(random.permutation(drones)[: drones - number])
+        ways = np.round(random.uniform(-20.0, 20.0, (some.size, 3)), 2)
+        ways[0] *= number % 2
+        stage = stage_of(ways, random.uniform(0.5, 8.0, some.size), drones=some)
+        waits = np.round(random.integers(0, 20, some.size) * 0.1, 1)
+        flown.append((release, stage.waiting(waits)))
+        release = round(release + stage.duration + float(random.uniform(1.0, 9.0)), 1)
+    return flown
+
+
+def as_arrays(found):
+    names = ("along", "ways", "until", "half_way", "ended")
+    return [getattr(track, name) for track in found for name in names]
+
+
+def test_who_flies_whom_changes_nothing(monkeypatch):
+    flown = show_of_many()
+    whole = tracks(flown, 11, TUNED)
+    monkeypatch.setattr(tracking, "TOGETHER", 4)
+    alone = tracks(flown, 11, TUNED, 1)
+    for jobs in (2, 3):
+        shared = tracks(flown, 11, TUNED, jobs)
+        for one, other in zip(as_arrays(alone), as_arrays(shared), strict=True):
+            np.testing.assert_array_equal(one, other)
+    for one, other in zip(alone, whole, strict=True):
+        same_flights(one, other, np.arange(11)[: one.until.size])
+
+
+def test_each_drone_flies_as_if_it_were_alone():
+    flown = show_of_many()
+    together = tracks(flown, 11, TUNED)
+    for drone in range(11):
+        own, rows = [], []
+        for release, stage in flown:
+            some = np.flatnonzero(stage.drones == drone)
+            if some.size:
+                own.append((release, part(stage, some)))
+            rows.append(some)
+        alone = iter(tracks(own, 1, TUNED))
+        for track, some in zip(together, rows, strict=True):
+            if not some.size:
+                continue
+            single = next(alone)
+            same_flights(single, track, some)
+
+
+def same_flights(few, many, some):
+    """Hold the flights of ``few`` against those of ``some`` of the ``many``."""
+    instants = np.arange(0.0, 40.0, 0.01)[:, None]
+    # Vectors of other lengths are rounded otherwise.
+    found, wanted = few.places(instants), many.places(instants)[:, some]
+    np.testing.assert_allclose(found, wanted, atol=1e-5)
+    np.testing.assert_allclose(few.half_way, many.half_way[some], atol=1e-9)
+    np.testing.assert_allclose(few.ended, many.ended[some], atol=1e-9)
+    np.testing.assert_array_equal(few.until, many.until[some])
+
+
+def part(stage, some):
+    return replace(
+        stage,
+        drones=np.zeros(1, dtype=int),
+        begin=stage.begin[some],
+        end=stage.end[some],
+        profile=stage.profile.select(some),
+        level=stage.level[some],
+        climb=stage.climb[some],
+        wait=stage.wait[some],
+    )
+
+
+def test_ends_of_the_law_are_those_of_the_whole_flight():
+    for _, stage in show_of_many():
+        (track,) = tracks([(0.0, stage)], 11, TUNED)
+        np.testing.assert_array_equal(law_ends(stage, TUNED), track.ended)

@@ -1,0 +1,297 @@
+"""The autopilot's loops: how a drone changes that follows a leg, a step at a time.
+
+ArduCopter leads a point along the leg by the law, and lets the vehicle follow it. What
+it does then, for the default quadrotor of ArduPilot's simulation:
+
+- The law's own time t runs at a rate r, which follows, acceleration / jerk late, how
+  well the drone keeps up: 0.05 + (its speed along the leg - 1/s times its distance
+  behind the point) / the law's speed, 0 to 1.
+- Level, in both axes: the speed asked for is the law's and 1/s times the distance to
+  the point. The speed missed, smoothed over 0.032 s, asks for the acceleration of the
+  law plus 2/s of it, 1/s² of its sum and 0.5 of its change, up to a tilt of 30 degrees.
+  The vehicle leans to that 0.125 s and 0.03 s late, and pushes the harder the more it
+  lifts. Drag takes 0.25/s times its speed and 0.027/m times its square.
+- Upright: the speed missed asks for the acceleration of the law plus 5/s of it; the
+  acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which comes
+  0.075 s late. Drag is the same.
+
+The form is that of the autopilot's controllers under their default gains; the times
+of lean and lift, and drag, are fitted to a transcription of those controllers that is
+kept outside this repository and gives what was measured in simulation. The law is
+taken from a table in steps of 20 ms, straight in between; the loops are integrated by
+the midpoint rule in steps of 20 ms.
+
+Arrays of a few hundred drones take as long to make as to fill, and those of a few
+drones take no time but that of the calls: everything is worked out in place, and rows
+that are treated alike lie together.
+"""
+
+from __future__ import annotations
+
+from math import pi, radians, tan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.mission.parameters import GRAVITY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.mission.law import LegProfile
+
+    FloatArray = NDArray[np.float64]
+
+STEP = 0.02
+"""Step of the table and of the integration [s]."""
+
+SLACK_RATE = 0.05
+"""How much slower than the law a drone may be before the law's time slows down."""
+
+STANDS = 1e-5
+"""Below this speed of the law its time runs freely [m/s]."""
+
+SMOOTHING = 1.0 / (2.0 * pi * 5.0)
+"""Time constant of the speed missed: 5 Hz [s]."""
+
+LEVEL_GAIN, LEVEL_CHANGE = 2.0, 0.5
+"""Acceleration over the level speed missed [1/s], and over its change; over its sum it
+is 1/s²."""
+
+UPRIGHT_GAIN = 5.0
+"""Acceleration over the upright speed missed [1/s]."""
+
+STEEPEST = GRAVITY * tan(radians(30.0))
+"""Greatest level acceleration that is asked for [m/s²]."""
+
+LEAN_TIMES = 0.125, 0.03
+"""Time constants of leaning [s]."""
+
+HOVER = 0.39
+"""Throttle of hovering: lift over throttle is free fall over this."""
+
+LIFT_GAIN, LIFT_SUM = 0.05 * GRAVITY / HOVER, 0.1 * GRAVITY / HOVER
+"""Lift over the upright acceleration missed, and over its sum [1/s]."""
+
+LIFT_TIME = 0.075
+"""Time constant of the lift [s]."""
+
+DRAG, DRAG_SQUARE = 0.25, 0.027
+"""Deceleration over speed [1/s], and over its square [1/m]."""
+
+STATES = 22
+"""Numbers that describe a drone, in this order: place (3) [m], the law's time [steps],
+sum of the speed missed (2, and one that nothing heeds) [m]; speed (3) [m/s], rate of
+the law's time, speed missed (3) [m/s]; part of the level acceleration asked for that
+is the change of the speed missed, lean asked for, lean (2 each) [m/s²]; lift [m/s²];
+lift asked for by the sum of the acceleration missed [m/s²]. Of three axes two are level
+and the last is upright."""
+
+PLACE, TIME, RATE = slice(0, 3), 3, 10
+"""Rows of a state."""
+
+
+def states_at_rest(count: int) -> FloatArray:
+    """Return the states (STATES, ``count``) of drones that rest at their places."""
+    found = np.zeros((STATES, count))
+    found[RATE] = 1.0
+    return found
+
+
+class _Rows:
+    """A state (STATES, n), or its change, with names for its rows."""
+
+    def __init__(self, values: FloatArray) -> None:
+        self.all = values
+        self.place, self.time, self.total = values[PLACE], values[TIME], values[4:6]
+        self.speed, self.rate, self.missed = values[7:10], values[RATE], values[11:14]
+        self.change, self.lean_asked = values[14:16], values[16:18]
+        self.lean, self.lift, self.lift_total = values[18:20], values[20], values[21]
+        # What is summed up, and what of.
+        self.sums, self.summands = values[:7], values[7:14]
+        self.late, self.leans = values[14:20], values[16:18]
+        self.level_missed, self.upright_missed = values[11:13], values[13]
+        self.level_speed, self.upright_speed = values[7:9], values[9]
+
+
+def _gains(span: float, late: float) -> FloatArray:
+    """Return what makes changes over ``span`` [s] of what ``_change`` gives.
+
+    That is the difference to what each row follows; this is over its time constant.
+    """
+    gains = np.ones((STATES, 1))
+    gains[TIME] = 1.0 / STEP
+    gains[RATE] = 1.0 / late
+    gains[11:16] = 1.0 / SMOOTHING
+    gains[16:18], gains[18:20] = (1.0 / time for time in LEAN_TIMES)
+    gains[20] = 1.0 / LIFT_TIME
+    gains[21] = LIFT_SUM
+    return span * gains
+
+
+class Loops:
+    """The loops of n drones that follow a leg each.
+
+    Parameters
+    ----------
+    profile
+        How the law has their n legs.
+    aim
+        Unit vectors of the legs, shape (3, n); zero for legs of no length.
+    late
+        How late the law's time changes its rate [s].
+
+    Attributes
+    ----------
+    state
+        Their states, shape (STATES, n); those of ``advance``.
+    """
+
+    def __init__(self, profile: LegProfile, aim: FloatArray, late: float) -> None:
+        count = len(profile)
+        self.aim = aim
+        self.last = 1 + int(np.ceil(profile.duration.max(initial=0.0) / STEP))
+        self.table = _table(profile, self.last)
+        self.finished = False
+        self.state = states_at_rest(count)
+        self._now = _Rows(self.state)
+        self._half = _Rows(np.empty((STATES, count)))
+        self._step = _Rows(np.empty((STATES, count)))
+        self._half_gains, self._gains = (_gains(s * STEP, late) for s in (0.5, 1.0))
+        self._column = np.arange(count)
+        self._at = np.empty(count, dtype=np.int64)
+        self._read = np.empty((6, count))
+        self._law, self._slope = self._read[:3], self._read[3:]
+        self._share, self._one = np.empty((2, count))
+        self._moves = np.empty(count, dtype=np.bool_)
+        self._three, self._ahead, self._asked = np.empty((3, 3, count))
+        self._level_asked, self._upright_asked = self._asked[:2], self._asked[2]
+        self._wanted = np.ones(count)
+        self._push = np.empty(count)
+
+    def advance(self) -> None:
+        """Put the states a step on, by the midpoint rule."""
+        half, step = self._half, self._step
+        self._change(self._now, half)
+        half.all *= self._half_gains
+        half.all += self.state
+        self._change(half, step)
+        step.all *= self._gains
+        self.state += step.all
+
+    def look_ahead(self) -> None:
+        """Note when the law has come to the end of all legs: it rests from then on."""
+        if not self.finished and self.state[TIME].min(initial=np.inf) >= self.last:
+            self.finished = True
+            self._law[:] = self.table[:3, -self._column.size :]
+            self._wanted.fill(1.0)
+
+    def _change(self, now: _Rows, out: _Rows) -> None:
+        """Put the changes of ``now``, without their gains, into ``out``."""
+        three, asked, one = self._three, self._asked, self._one
+        if not self.finished:
+            self._look_up(now.time)
+        point, speed, push = self._law
+        ahead = np.add(now.place, now.speed, out=self._ahead)
+        np.copyto(out.sums, now.summands)
+        # The speed missed: the law's and 1/s of the distance to its place, less ours.
+        np.add(point, speed, out=one)
+        np.multiply(self.aim, one, out=out.missed)
+        out.missed -= ahead
+        out.missed -= now.missed
+        if not self.finished:
+            self._wait(ahead, point, speed)
+        np.subtract(self._wanted, now.rate, out=out.rate)
+        # Asked for are the law's acceleration and what the speed missed makes of it.
+        np.multiply(self.aim, push, out=asked)
+        np.multiply(now.missed, _MISSED_GAINS, out=three)
+        asked += three
+        level = self._level_asked
+        level += now.total
+        level += now.change
+        self._keep_upright(now, out)
+        # Each of these follows another one, late.
+        np.multiply(out.level_missed, LEVEL_CHANGE / SMOOTHING, out=out.change)
+        out.lean_asked[:] = level
+        out.lean[:] = now.lean_asked
+        out.late -= now.late
+        # Lean and lift push, drag brakes.
+        np.multiply(now.speed, now.speed, out=three)
+        flat = three[0]
+        flat += three[1]
+        three[1] = flat
+        np.sqrt(three, out=three)
+        three *= -DRAG_SQUARE
+        three -= DRAG
+        np.multiply(three, now.speed, out=out.speed)
+        np.multiply(now.lift, 1.0 / GRAVITY, out=one)
+        one += 1.0
+        np.multiply(now.lean, one, out=three[:2])
+        three[2] = now.lift
+        out.speed += three
+        # The upright acceleration missed asks for lift.
+        upright = self._upright_asked
+        np.subtract(upright, out.upright_speed, out=out.lift_total)
+        np.multiply(out.lift_total, LIFT_GAIN, out=out.lift)
+        out.lift += now.lift_total
+        out.lift -= now.lift
+
+    def _look_up(self, time: FloatArray) -> None:
+        """Read distance, speed and acceleration of the law at ``time`` (n,) [steps]."""
+        share, at = self._share, self._at
+        np.minimum(time, self.last, out=share)
+        np.copyto(at, share, casting="unsafe")
+        share -= at
+        at *= self._column.size
+        at += self._column
+        # All are within the table: "clip" only spares a copy.
+        self.table.take(at, axis=1, out=self._read, mode="clip")
+        self._slope *= share
+        self._law += self._slope
+
+    def _wait(self, ahead: FloatArray, point: FloatArray, speed: FloatArray) -> None:
+        """Find the rate that the law's time follows, for places + speeds ``ahead``."""
+        three, wanted = self._three, self._wanted
+        np.multiply(self.aim, ahead, out=three)
+        keeps = np.add(three[0], three[1], out=three[0])
+        keeps += three[2]
+        keeps -= point
+        # Where the law stands, it waits for nobody.
+        np.greater_equal(speed, STANDS, out=self._moves)
+        wanted.fill(1.0)
+        np.divide(keeps, speed, out=wanted, where=self._moves)
+        wanted += SLACK_RATE
+        np.maximum(wanted, 0.0, out=wanted)
+        np.minimum(wanted, 1.0, out=wanted)
+
+    def _keep_upright(self, now: _Rows, out: _Rows) -> None:
+        """Lean no further than is allowed; what is missed is then not summed up."""
+        level = self._level_asked
+        squares = np.multiply(level, level, out=self._three[:2])
+        size = np.add(squares[0], squares[1], out=self._push)
+        if np.maximum.reduce(size) <= STEEPEST**2:
+            return
+        over = np.flatnonzero(size > STEEPEST**2)
+        helps = np.sum(now.level_missed[:, over] * level[:, over], axis=0) > 0.0
+        level[:, over] *= STEEPEST / np.sqrt(size[over])
+        # Nothing is summed up towards where nothing more can be had.
+        out.total[:, over[helps]] = 0.0
+
+
+_MISSED_GAINS = np.array([[LEVEL_GAIN], [LEVEL_GAIN], [UPRIGHT_GAIN]])
+
+
+def _table(profile: LegProfile, last: int) -> FloatArray:
+    """Law of n legs at steps 0 to ``last``, and what each adds till the next.
+
+    Distance [m], speed [m/s] and acceleration [m/s²], and the same three once more, as
+    differences; shape (6, (last + 1) n), the legs of a step together.
+    """
+    times = STEP * np.arange(last + 1)[:, None]
+    count = len(profile)
+    found = np.empty((6, (last + 1) * count))
+    for row, values in enumerate(profile.motion(times)):
+        found[row] = values.ravel()
+    found[3:, : last * count] = found[:3, count:] - found[:3, : last * count]
+    found[3:, last * count :] = 0.0
+    return found
