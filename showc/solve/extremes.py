@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import highspy
 import numpy as np
 
 if TYPE_CHECKING:
@@ -20,39 +21,73 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-_FLAT = 1e-9
-"""Extent, over the greatest, below which the moves have no extent in a direction."""
+_OUTSIDE = 1e-9
+"""How far a corner stands out at least, over the length of the longest move."""
 
 
-def extreme_moves(displacement: FloatArray) -> IntArray:
-    """Rows of the moves that are corners of the hull of all moves and the origin.
+def extreme_moves(displacement: FloatArray, wanted: IntArray) -> IntArray:
+    """Return corners of the hull of all moves, among them all that are ``wanted``.
+
+    A move is held against the corners found so far; while a plane parts it from them,
+    the move that is the farthest beyond the plane is one more (Clarkson 1994, More
+    output-sensitive geometric algorithms, section 2).
 
     Parameters
     ----------
     displacement
         Shape (n, 3) [m], at least one of them not zero.
+    wanted
+        Rows that are asked about.
 
     Returns
     -------
     ndarray
-        Increasing; moves that differ from a mixture of these by less than rounding may
-        be left out.
+        Rows, increasing; of the wanted moves those that stand out of a mixture of
+        these by less than rounding may be missing, and of equal ones all but the
+        first.
     """
-    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 - slow to import
+    points = displacement / np.linalg.norm(displacement, axis=1).max()
+    corners: set[int] = set()
+    planes = _PartingPlanes()
+    for row in wanted.tolist():
+        while row not in corners:
+            normal = planes.beyond(points[row])
+            if normal is None:
+                break
+            farthest = int(np.argmax(points @ normal))
+            if farthest in corners:
+                break
+            corners.add(farthest)
+            planes.add(points[farthest])
+    return np.array(sorted(corners), dtype=np.int64)
 
-    points = np.vstack([displacement, np.zeros(3)])
-    origin = displacement.shape[0]
-    _, spread, axes = np.linalg.svd(points, full_matrices=False)
-    rank = int((spread > _FLAT * spread[0]).sum())
-    # The origin is among the points: they span a subspace, not only a plane or a line.
-    inner = points @ axes[:rank].T
-    if rank == 1:
-        corners = np.array([int(np.argmin(inner)), int(np.argmax(inner))])
-    elif points.shape[0] <= rank + 1:
-        corners = np.arange(points.shape[0])
-    else:
-        try:
-            corners = np.asarray(ConvexHull(inner).vertices, dtype=np.int64)
-        except QhullError:
-            corners = np.arange(points.shape[0])
-    return np.unique(corners[corners != origin])
+
+class _PartingPlanes:
+    """Planes that part a point from the origin and the points added.
+
+    The greatest n . p - t over normals n in the unit box such that n . s <= t for all
+    points s: a linear program in four unknowns.
+    """
+
+    def __init__(self) -> None:
+        self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
+        for option, value in (("output_flag", False), ("threads", 1)):
+            self._solver.setOptionValue(option, value)
+        unbounded = highspy.kHighsInf
+        self._solver.addVars(
+            4, np.array([-1.0, -1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0, unbounded])
+        )
+
+    def add(self, point: FloatArray) -> None:
+        """Count one more point among those to be parted from."""
+        self._solver.addRow(
+            -highspy.kHighsInf, 0.0, 4, np.arange(4), np.append(point, -1.0)
+        )
+
+    def beyond(self, point: FloatArray) -> FloatArray | None:
+        """Return the normal (3,) of a plane beyond which ``point`` lies, if any."""
+        self._solver.changeColsCost(4, np.arange(4), np.append(-point, 1.0))
+        self._solver.run()
+        if -self._solver.getObjectiveValue() <= _OUTSIDE:
+            return None
+        return np.array(self._solver.getSolution().col_value[:3])

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.solve.bound import lower_bound
-from showc.solve.extremes import extreme_moves
 from showc.solve.relaxation import Relaxation
 from showc.solve.single import Aircraft, Result, minimum_time
 from showc.solve.symmetry import images, kinds
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 _CANDIDATES = 12
 _STRAIGHT_ERROR = 1.01
 """How much longer a straight flight may take than its first look says, at most."""
-_FEW = 12
-"""Moves for which a bound is found sooner than the corners of all moves' hull."""
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
 _SCATTER = 0.01
@@ -69,8 +66,7 @@ def limiting_time(
     The first candidates are the moves with the longest straight flights and the longest
     single-axis times; each gets a rigorous bound. So does every corner of the hull of
     all moves whose straight flight takes longer than the greatest of these: no other
-    move can have a greater bound (see :mod:`showc.solve.extremes`). Where such moves
-    are few, all of them get one. Minimum times are
+    move can have a greater bound (see :mod:`showc.solve.extremes`). Minimum times are
     solved for those with the greatest bounds. A drone that is slower still would only
     make the reported gap look larger than it is, never smaller.
 
@@ -114,11 +110,8 @@ def limiting_time(
     candidates = _candidates(aircraft, distinct, straight)
     witnesses = bounded(candidates)
     greatest = max(witness.time for witness in witnesses)
-    rest = np.setdiff1d(
-        np.flatnonzero(straight * _STRAIGHT_ERROR > greatest), candidates
-    )
-    if rest.size > _FEW:
-        rest = np.intersect1d(rest, _corners(aircraft, distinct))
+    slower = np.flatnonzero(straight * _STRAIGHT_ERROR > greatest)
+    rest = _corners(aircraft, distinct, np.setdiff1d(slower, candidates))
     if rest.size:
         candidates = np.concatenate([candidates, rest])
         witnesses += bounded(rest)
@@ -179,11 +172,20 @@ def _straight(aircraft: Aircraft, displacement: FloatArray) -> FloatArray:
     return np.asarray(times.min(axis=1))
 
 
-def _corners(aircraft: Aircraft, displacement: FloatArray) -> IntArray:
-    """Rows of the moves of which one has the greatest bound of all."""
+def _corners(
+    aircraft: Aircraft, displacement: FloatArray, wanted: IntArray
+) -> IntArray:
+    """Rows of those of the ``wanted`` moves that may have the greatest bound of all."""
+    if not wanted.size:
+        return wanted
+    # HiGHS is loaded only by who solves.
+    from showc.solve.extremes import extreme_moves  # noqa: PLC0415
+
     signs = images(aircraft)
     every = (displacement[:, None] * signs).reshape(-1, 3)
-    return np.unique(extreme_moves(every) // signs.shape[0])
+    # What holds of a move holds of its images.
+    corners = extreme_moves(every, wanted * len(signs)) // len(signs)
+    return np.intersect1d(wanted, corners)
 
 
 def _candidates(

@@ -108,27 +108,49 @@ class Relaxation:
             ).sum(axis=-1)
         )
 
-    def vertices(self, roll: float, pitch: float, steps: int = 3) -> FloatArray:
-        """Points of U, shape (m, 3) [m/s²], whose hull nearly fills U's."""
+    def vertices(
+        self, roll: FloatArray, pitch: FloatArray, steps: int = 3
+    ) -> FloatArray:
+        """Points of U, shape (k, m, 3) [m/s²], whose hull nearly fills U's.
+
+        Parameters
+        ----------
+        roll, pitch
+            Greatest |roll| and |pitch|, shape (k,) [rad].
+        """
         least_thrust, most_thrust = self.specific_thrust
-        grid = np.linspace(-1.0, 1.0, steps)
         if self.yaw == "free":
-            cone = math.acos(math.cos(roll) * math.cos(pitch))
+            cone = np.arccos(np.cos(roll) * np.cos(pitch))[:, None]
             turn = 2.0 * np.pi * np.arange(12) / 12
-            rim = np.stack([np.cos(turn), np.sin(turn)], axis=1) * math.sin(cone)
-            directions = np.column_stack([rim, np.full(12, math.cos(cone))])
-            directions = np.vstack([directions, [[0.0, 0.0, 1.0]]])
-        else:
-            phi, theta = (
-                part.ravel() for part in np.meshgrid(roll * grid, pitch * grid)
+            up = np.array([0.0, 0.0, 1.0])
+            rim = np.stack(
+                [
+                    np.cos(turn) * np.sin(cone),
+                    np.sin(turn) * np.sin(cone),
+                    np.broadcast_to(np.cos(cone), (cone.size, turn.size)),
+                ],
+                axis=-1,
             )
-            directions = np.column_stack(
-                [np.cos(phi) * np.sin(theta), -np.sin(phi), np.cos(phi) * np.cos(theta)]
+            top = np.broadcast_to(up, (cone.size, 1, 3))
+            directions = np.concatenate([rim, top], axis=1)
+        else:
+            grid = np.linspace(-1.0, 1.0, steps)
+            phi = roll[:, None] * np.tile(grid, steps)
+            theta = pitch[:, None] * np.repeat(grid, steps)
+            directions = np.stack(
+                [
+                    np.cos(phi) * np.sin(theta),
+                    -np.sin(phi),
+                    np.cos(phi) * np.cos(theta),
+                ],
+                axis=-1,
             )
             cosine, sine = math.cos(self.heading), math.sin(self.heading)
             rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
             directions = directions @ rotation.T
-        return np.vstack([most_thrust * directions, least_thrust * directions])
+        return np.concatenate(
+            [most_thrust * directions, least_thrust * directions], axis=1
+        )
 
 
 def _arc(ahead: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:

@@ -88,9 +88,7 @@ class RelaxedMove:
         intervals, nodes = widths.size, knots.size
         instants = knots * time
         roll, pitch = relaxation.caps(np.minimum(instants, time - instants))
-        corners = np.stack(
-            [relaxation.vertices(float(roll[k]), float(pitch[k])) for k in range(nodes)]
-        )
+        corners = relaxation.vertices(roll, pitch)
         size = corners.shape[1]
         weight = np.zeros(nodes)
         weight[:-1] += 0.5 * widths

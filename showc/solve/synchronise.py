@@ -151,7 +151,7 @@ def shared_profile(  # noqa: PLR0917 - same
     heading: float,
     start: FloatArray,
     goal: FloatArray,
-    working: int = 12,
+    working: int = 2,
 ) -> Profile:
     """Find the fastest profile of the family that every drone can fly straight.
 
@@ -172,7 +172,7 @@ def shared_profile(  # noqa: PLR0917 - same
     if not moving.any():
         raise ValueError("no drone moves: a hold has no profile")
     displacement = np.unique(displacement[moving], axis=0)
-    coarse = SHAPES[::17]
+    coarse = SHAPES[::71]
     rough = least_times(vehicle, limits, heading, displacement, coarse, ROUGHLY)
     chosen = np.argsort(rough.min(axis=1))[::-1][:working]
     for _ in range(8):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 from solve.handmade import LIMITS, VEHICLE
 
 from showc.progress import Silent
@@ -22,11 +23,20 @@ def test_no_direction_has_a_longer_move_than_the_corners(seed, rank):
     moves = rng.normal(size=(int(rng.integers(1, 40)), rank)) @ rng.normal(
         size=(rank, 3)
     )
-    corners = extreme_moves(moves)
+    corners = extreme_moves(moves, np.arange(len(moves)))
     for beta in rng.normal(size=(50, 3)):
         greatest = max(float((moves @ beta).max()), 0.0)
         found = max(float((moves[corners] @ beta).max()), 0.0)
-        assert found == pytest.approx(greatest, rel=1e-9, abs=1e-9)
+        assert found == pytest.approx(greatest, rel=1e-7, abs=1e-7)
+
+
+def test_the_corners_of_many_moves_are_those_of_their_hull():
+    moves = np.random.default_rng(5).normal(size=(300, 3)) * [8.0, 8.0, 2.0]
+    hull = ConvexHull(np.vstack([moves, np.zeros(3)])).vertices
+    wanted = np.arange(0, 300, 2)
+    found = extreme_moves(moves, wanted)
+    assert set(found) <= set(hull)
+    assert set(hull) & set(wanted) <= set(found)
 
 
 @settings(max_examples=8, deadline=None)
