@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 SMALL = 128
 """Drones up to which a leg is one task: little could be shared out within it."""
+LONE = 24
+"""Drones up to which a leg that is missing alone is solved here: starting processes
+takes longer than they would save."""
 
 
 def solve_itinerary(
@@ -66,8 +69,9 @@ def solve_itinerary(
                 continue
             flight = cache.find(key, leg)
             if flight is None:
-                crew.prepare()
                 missing[key] = leg
+                if len(missing) > 1 or leg.drones.size > LONE:
+                    crew.prepare()
             else:
                 found[key] = flight
         if found:
@@ -84,8 +88,10 @@ def solve_itinerary(
                 # Another machine has no business in this one's cache.
                 together = [replace(task, parts=None) for task in together]
             found |= _side_by_side(together, cache, crew, progress)
+        lone = len(missing) == 1 and options.cluster is None
         for key, task in tasks.items():
-            found[key] = task.solve(crew, progress)
+            here = lone and task.leg.drones.size <= LONE
+            found[key] = task.solve(InProcess() if here else crew, progress)
             cache.keep(key, found[key])
     flights = tuple(
         replace(found[key], leg=leg)
