@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     BoolArray = NDArray[np.bool_]
+    IntArray = NDArray[np.int64]
 
 _PHASES = np.concatenate([np.geomspace(0.004, 0.3, 22), np.linspace(0.32, 0.5, 10)])
 _RAMPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
@@ -31,6 +32,8 @@ SHAPES: FloatArray = np.array(
     [(phase, phase * ramp) for phase in _PHASES for ramp in _RAMPS]
 )
 """Shapes tried: phase / T and ramp / T, shape (m, 2)."""
+_SAMPLE, _TRIED = 100, 24
+"""Drones that name the shapes tried for many of them, and how many of these."""
 CLOSELY, ROUGHLY = 14, 8
 """Halvings of the time between twice too short and long enough."""
 
@@ -214,6 +217,8 @@ def best_profile(
 ) -> tuple[Profile, BoolArray]:
     """Choose the profile over ``duration`` that the most drones can fly straight.
 
+    For many drones an even sample of them names the shapes that are worth trying.
+
     Returns
     -------
     Profile
@@ -223,25 +228,51 @@ def best_profile(
     """
     distinct, inverse = np.unique(displacement, axis=0, return_inverse=True)
     weights = np.bincount(inverse.ravel(), minlength=distinct.shape[0])
-    count = SHAPES.shape[0]
-    # All drones under all shapes, in blocks that bound the memory.
-    use = np.empty((distinct.shape[0], count))
-    for top in range(0, distinct.shape[0], 100):
-        way = distinct[top : top + 100]
+
+    def judged(rows: IntArray, shapes: FloatArray) -> tuple[BoolArray, FloatArray]:
+        """Who keeps all limits under which shape, (n, m), and each shape's score."""
+        use = _uses(vehicle, limits, heading, distinct[rows], duration, shapes)
+        fits = use <= 0.9999
+        least = np.minimum(use, 10.0).max(axis=0)
+        return fits, weights[rows] @ fits - 1e-3 * least
+
+    every, shapes = np.arange(distinct.shape[0]), SHAPES
+    if every.size > 2 * _SAMPLE:
+        # In the order of their lengths, so that the longest one is among them.
+        order = np.argsort(np.linalg.norm(distinct, axis=1), kind="stable")[::-1]
+        sample = order[:: every.size // _SAMPLE]
+        _, score = judged(sample, shapes)
+        shapes = shapes[np.sort(np.argsort(-score, kind="stable")[:_TRIED])]
+    fits, score = judged(every, shapes)
+    best = int(np.argmax(score))
+    phase, ramp = shapes[best]
+    profile = Profile(duration, float(phase) * duration, float(ramp) * duration)
+    return profile, np.asarray(fits[inverse.ravel(), best])
+
+
+def _uses(  # noqa: PLR0917 - same
+    vehicle: Quadrotor,
+    limits: Limits,
+    heading: float,
+    displacement: FloatArray,
+    duration: float,
+    shapes: FloatArray,
+) -> FloatArray:
+    """Greatest use of a limit by each move (n, 3) under each shape, shape (n, m)."""
+    count = shapes.shape[0]
+    use = np.empty((displacement.shape[0], count))
+    # In blocks that bound the memory.
+    for top in range(0, displacement.shape[0], 100):
+        way = displacement[top : top + 100]
         use[top : top + 100] = strain(
             vehicle,
             limits,
             heading,
             np.repeat(way, count, axis=0),
             np.full(way.shape[0] * count, duration),
-            np.tile(SHAPES, (way.shape[0], 1)),
+            np.tile(shapes, (way.shape[0], 1)),
         ).reshape(way.shape[0], count)
-    fits = use <= 0.9999
-    score = weights @ fits - 1e-3 * np.minimum(use, 10.0).max(axis=0)
-    best = int(np.argmax(score))
-    phase, ramp = SHAPES[best]
-    profile = Profile(duration, float(phase) * duration, float(ramp) * duration)
-    return profile, np.asarray(fits[inverse.ravel(), best])
+    return use
 
 
 def _proved(
