@@ -15,8 +15,9 @@ import signal
 import struct
 import sys
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection, wait
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,6 +40,37 @@ def _ignore() -> None:
     """Take no notice."""
 
 
+class Ahead:
+    """A part that a copy of this process does while this one goes on.
+
+    It is a part like any other: who calls it does it here, and :func:`run_all` waits
+    for the copy. To be used in a ``with`` statement, which leaves no copy behind.
+    """
+
+    def __init__(self, part: Part, jobs: int | None = None) -> None:
+        self._part = part
+        self.connection: Connection | None = None
+        """Where the copy's report comes from; None if there is no copy."""
+        self.process = 0
+        """Number of the copy."""
+        if _wanted(jobs) > 1 and sys.platform == "linux":
+            self.connection, self.process = _copy(partial(_report, 0, part))
+
+    def __call__(self) -> Any:  # noqa: ANN401 - as of all parts
+        """Do the part here."""
+        return self._part()
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the copy if it still works: nobody will ask for what it finds."""
+        if self.connection is not None:
+            _end(self.connection, self.process)
+            self.connection = None
+
+
 def run_all(
     parts: Sequence[Part],
     jobs: int | None = None,
@@ -52,7 +84,7 @@ def run_all(
     ----------
     parts
         Functions without arguments that change nothing and depend on nothing that
-        changes.
+        changes. What is an :class:`Ahead` has been begun already.
     jobs
         Processes to share the work; None: one for each core. Where the system cannot
         copy a process safely (elsewhere than on Linux), the work is done in this one.
@@ -68,7 +100,7 @@ def run_all(
     Exception
         Whatever the first part (in their order) that failed raised.
     """
-    wanted = min(cores() if jobs is None else jobs, len(parts))
+    wanted = min(_wanted(jobs), len(parts))
     found: dict[int, tuple[bool, Any]] = {}
     if wanted > 1 and len(parts) <= _MOST and sys.platform == "linux":
         numbers = range(len(parts)) if begin is None else begin
@@ -86,25 +118,35 @@ def run_all(
     return results
 
 
+def _wanted(jobs: int | None) -> int:
+    return cores() if jobs is None else jobs
+
+
 def _shared(
     parts: Sequence[Part], begin: Sequence[int], jobs: int, done: Callable[[], None]
 ) -> dict[int, tuple[bool, Any]]:
     """Whether each part went well, and what it gave; without those of the dead."""
+    ahead = {
+        part.connection: number
+        for number, part in enumerate(parts)
+        if isinstance(part, Ahead) and part.connection is not None
+    }
+    rest = [number for number in begin if number not in ahead.values()]
     orders, give = os.pipe()
-    os.write(give, b"".join(_NUMBER.pack(number) for number in begin))
+    os.write(give, b"".join(_NUMBER.pack(number) for number in rest))
     os.close(give)
     copies: dict[Connection, int] = {}
     found: dict[int, tuple[bool, Any]] = {}
-    waiting: list[Connection] = []
+    waiting: list[Connection] = list(ahead)
+
+    def one_more() -> None:
+        connection, process = _copy(partial(_work, parts, orders))
+        copies[connection] = process
+        waiting.append(connection)
+
     try:
-        for _ in range(jobs):
-            receive, send = os.pipe()
-            process = os.fork()
-            if process == 0:
-                _work(parts, orders, send)
-            os.close(send)
-            copies[Connection(receive, writable=False)] = process
-        waiting = list(copies)
+        for _ in range(min(max(jobs - len(ahead), 1), len(rest))):
+            one_more()
         while waiting:
             for connection in wait(waiting):
                 assert isinstance(connection, Connection)  # noqa: S101 - put in above
@@ -114,33 +156,63 @@ def _shared(
                 except (EOFError, OSError):
                     waiting.remove(connection)
                     continue
+                if connection in ahead:
+                    # Its copy ends here; another one helps with the rest.
+                    number = ahead[connection]
+                    waiting.remove(connection)
+                    if len(found) + 1 < len(parts):
+                        one_more()
                 found[number] = good, value
                 done()
         return found
     finally:
         os.close(orders)
         for connection, process in copies.items():
-            if connection in waiting:  # interrupted: what it still does is of no use
-                with suppress(OSError):
-                    os.kill(process, signal.SIGKILL)
-            connection.close()
-            with suppress(OSError):
-                os.waitpid(process, 0)
+            _end(connection, process, kill=connection in waiting)
 
 
-def _work(parts: Sequence[Part], orders: int, send: int) -> NoReturn:
-    """Do parts until none is left; ends this process."""
+def _copy(work: Callable[[Connection], None]) -> tuple[Connection, int]:
+    """Let a copy of this process ``work``; where it reports to, and its number."""
+    receive, send = os.pipe()
+    process = os.fork()
+    if process == 0:
+        _do(work, send)
+    os.close(send)
+    return Connection(receive, writable=False), process
+
+
+def _do(work: Callable[[Connection], None], send: int) -> NoReturn:
+    """Do ``work``; ends this process."""
     status = 1
     try:
-        connection = Connection(send, readable=False)
-        while order := os.read(orders, _NUMBER.size):
-            (number,) = _NUMBER.unpack(order)
-            try:
-                report = number, True, parts[number]()
-            except Exception as error:  # noqa: BLE001 - raised again by who asked
-                report = number, False, error
-            connection.send_bytes(pickle.dumps(report))
+        work(Connection(send, readable=False))
         status = 0
     finally:
         # Neither the parent's open files nor its clean-up are this copy's business.
         os._exit(status)
+
+
+def _work(parts: Sequence[Part], orders: int, connection: Connection) -> None:
+    """Do parts until none is left."""
+    while order := os.read(orders, _NUMBER.size):
+        (number,) = _NUMBER.unpack(order)
+        _report(number, parts[number], connection)
+
+
+def _report(number: int, part: Part, connection: Connection) -> None:
+    """Do a part, and say what it gave."""
+    try:
+        report = number, True, part()
+    except Exception as error:  # noqa: BLE001 - raised again by who asked
+        report = number, False, error
+    connection.send_bytes(pickle.dumps(report))
+
+
+def _end(connection: Connection, process: int, *, kill: bool = True) -> None:
+    """Take leave of a copy; if it still works, what it does is of no use."""
+    if kill:
+        with suppress(OSError):
+            os.kill(process, signal.SIGKILL)
+    connection.close()
+    with suppress(OSError):
+        os.waitpid(process, 0)

@@ -31,6 +31,18 @@ SMALLEST = 1e-15
 """Least number that what is positive can be (SI): below it quotients leave float64."""
 
 
+def read_rules(log: LogFile) -> LoggedShow:
+    """Decode the rules alone; return a show without segments.
+
+    Raises
+    ------
+    Damage
+        If they are missing, malformed or contradict each other.
+    """
+    rules, epoch = _rules(log, _channels(log)[RULES])
+    return LoggedShow(rules, (), epoch)
+
+
 def read_show(log: LogFile) -> LoggedShow:
     """Decode rules, segments and all polynomials.
 
@@ -40,10 +52,7 @@ def read_show(log: LogFile) -> LoggedShow:
         If they are missing, malformed or contradict each other; names the byte at
         which the data of the chunk begin.
     """
-    topics = {channel.topic: number for number, channel in log.channels.items()}
-    for topic in (RULES, SEGMENTS):
-        if topic not in topics:
-            raise Damage(0, f"there is no {topic}; this is not a log of showc's")
+    topics = _channels(log)
     rules, epoch = _rules(log, topics[RULES])
     messages = _segments(log, topics[SEGMENTS], rules, epoch)
     end = max(message.start + message.duration for message in messages.values())
@@ -55,6 +64,15 @@ def read_show(log: LogFile) -> LoggedShow:
     return LoggedShow(
         rules, tuple(segment for _, segment in sorted(segments.items())), epoch
     )
+
+
+def _channels(log: LogFile) -> dict[str, int]:
+    """Channels by topic, those of the show among them."""
+    topics = {channel.topic: number for number, channel in log.channels.items()}
+    for topic in (RULES, SEGMENTS):
+        if topic not in topics:
+            raise Damage(0, f"there is no {topic}; this is not a log of showc's")
+    return topics
 
 
 def parse(kind: type[Parsed], data: bytes, offset: int) -> Parsed:

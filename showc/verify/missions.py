@@ -33,7 +33,7 @@ from showc.verify.waypoints import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from numpy.typing import NDArray
 
@@ -109,16 +109,46 @@ def _manifest(log: LogFile) -> dict[str, Any] | None:
 
 def check_missions(log: LogFile, show: LoggedShow) -> list[Check]:
     """Check the folder beside the log: manifest, hashes, end points, flights."""
-    return [check for part in mission_parts(log, show) for check in part()]
+    flight = flight_part(log, show)
+    return [check for part in mission_parts(log, show, flight) for check in part()]
+
+
+def flight_part(
+    log: LogFile, show: LoggedShow, jobs: int | None = 1
+) -> Callable[[], list[Check]] | None:
+    """Return the check of what the missions fly; None if there is nothing to fly.
+
+    It takes long, and is shared by ``jobs`` processes once more. Of the ``show`` it
+    needs the rules alone.
+    """
+    manifest = _manifest(log)
+    folder = log.path.with_suffix("")
+    described = (manifest or {}).get("missions")
+    missions = _missions(_files(manifest))
+    if not (
+        isinstance(described, dict)
+        and folder.is_dir()
+        and sorted(missions) == list(range(show.drones))
+    ):
+        return None
+    drawn = log, show
+    return partial(
+        check_mission_flight,
+        folder,
+        missions,
+        described,
+        show.rules,
+        drawn=drawn,
+        jobs=jobs,
+    )
 
 
 def mission_parts(
-    log: LogFile, show: LoggedShow, jobs: int | None = 1
+    log: LogFile, show: LoggedShow, flight: Callable[[], list[Check]] | None
 ) -> list[Callable[[], list[Check]]]:
     """Return the checks of the folder beside the log, in parts for side by side.
 
-    What the missions fly takes long and comes last of all: it is shared by ``jobs``
-    processes once more.
+    ``flight`` is that of :func:`flight_part`.
     """
     folder = log.path.with_suffix("")
     manifest = _manifest(log)
@@ -135,26 +165,17 @@ def mission_parts(
         skipped = Check(GROUP, "mission files", "skipped", notes=(note,))
         return [lambda: [_same_manifest(log, folder), skipped]]
     files = _files(manifest)
-    missions = {
+    parts: list[Callable[[], list[Check]]] = [
+        partial(_check_files, log, show, files, _missions(files))
+    ]
+    return parts if flight is None else [*parts, flight]
+
+
+def _missions(files: Iterable[str]) -> dict[int, str]:
+    """Paths of the missions among those of all files, by drone."""
+    return {
         int(match[1]) - 1: path for path in files if (match := _MISSION.fullmatch(path))
     }
-    parts: list[Callable[[], list[Check]]] = [
-        partial(_check_files, log, show, files, missions)
-    ]
-    described = (manifest or {}).get("missions")
-    if isinstance(described, dict) and sorted(missions) == list(range(show.drones)):
-        parts.append(
-            partial(
-                check_mission_flight,
-                folder,
-                missions,
-                described,
-                show.rules,
-                drawn=(log, show),
-                jobs=jobs,
-            )
-        )
-    return parts
 
 
 def _check_files(

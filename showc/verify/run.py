@@ -12,12 +12,12 @@ import numpy as np
 
 from showc.verify.certificates import check_certificates
 from showc.verify.choreography import check_choreography
-from showc.verify.crew import run_all
+from showc.verify.crew import Ahead, run_all
 from showc.verify.damage import Damage, DamagedLogError
-from showc.verify.decode import read_show
+from showc.verify.decode import read_rules, read_show
 from showc.verify.limits import TOLERANCE, Extreme, extremes
 from showc.verify.mcap import open_log
-from showc.verify.missions import check_attachments, mission_parts
+from showc.verify.missions import check_attachments, flight_part, mission_parts
 from showc.verify.physics import Deviation, Replay, replay
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import (
@@ -128,6 +128,24 @@ def verify_log(
 def _verify(
     log: LogFile, watch: Progress, *, missions: bool, jobs: int | None
 ) -> Verification:
+    if not missions:
+        return _prove(log, watch, None, missions=False, jobs=jobs)
+    # What the missions fly needs little of the log, and takes longest of all.
+    flight = flight_part(log, read_rules(log), jobs)
+    if flight is None:
+        return _prove(log, watch, None, missions=True, jobs=jobs)
+    with Ahead(flight, jobs) as begun:
+        return _prove(log, watch, begun, missions=True, jobs=jobs)
+
+
+def _prove(
+    log: LogFile,
+    watch: Progress,
+    flight: Callable[[], list[Check]] | None,
+    *,
+    missions: bool,
+    jobs: int | None,
+) -> Verification:
     show = read_show(log)
     metadata = _metadata(log)
     checks = [
@@ -145,7 +163,7 @@ def _verify(
         "samples": fleet_parts(log, show, grids),
         "others": [partial(check_other_samples, log, show, grids)],
         "certificates": [partial(check_certificates, show)],
-        "missions": mission_parts(log, show, jobs) if missions else [],
+        "missions": mission_parts(log, show, flight) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += _segments(show, found["segments"])
