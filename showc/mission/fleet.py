@@ -18,7 +18,7 @@ from showc.mission.parameters import FIRMWARE, parameter_file, parameters_for
 from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.mission.stage import StageBuilder
-from showc.mission.timeline import build_timeline
+from showc.mission.timeline import MANY, build_timeline
 from showc.mission.waypoints import waypoint_file
 from showc.progress import Silent
 
@@ -123,7 +123,9 @@ def mission_files(
         notes = (*PX4_WARNINGS, *lights_left_out(show))
         return MissionSet(files, token, {"clock": "relative"}, notes, None)
     files["missions/ardupilot.parm"] = parameter_file(parameters)
-    prediction = prediction_summary(flight, timeline, start)
+    prediction = prediction_summary(
+        flight, timeline, start, jobs if show.drones >= MANY else 1
+    )
     return MissionSet(
         files,
         token,

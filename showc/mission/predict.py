@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.mission.crew import side_by_side
 from showc.mission.encoding import stage_motion
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import closest_encounter
@@ -128,26 +129,29 @@ def prediction_summary(
     flight: Flight,
     timeline: Timeline,
     start: datetime | None,
+    jobs: int | None = 1,
 ) -> dict[str, Any]:
-    """Return what the report and the manifest say about the predicted flight."""
+    """Return what the report and the manifest say about the predicted flight.
+
+    Legs are looked at in ``jobs`` processes (None: one for each core), which changes
+    nothing.
+    """
     from showc.mission.parameters import FIRMWARE  # noqa: PLC0415
 
-    spread = TAKEOFF_SPREAD
-    legs = []
-    positions = timeline.pads.copy()
-    positions[timeline.takeoff.drones] = timeline.takeoff.end
-    positions[timeline.staging.drones] = timeline.staging.end
     solved = {item.leg.index: item for item in flight.legs}
     separation = flight.itinerary.show.separation
-    for scheduled in timeline.legs:
+    before = list(_looseness(timeline))
+
+    def entry_of(number: int) -> dict[str, Any]:
+        scheduled = timeline.legs[number]
         entry = _leg_entry(scheduled, solved[scheduled.leg.index], start)
         if start is None:
+            positions, spread = before[number]
             worst = _unclocked(scheduled, positions, separation, spread)
             entry["unclocked"] = {"spread": round(spread, 3), "closest": worst}
-            spread += ARRIVAL_SPREAD * len(scheduled.releases)
-        for _, stage in scheduled.flown:
-            positions[stage.drones] = stage.end
-        legs.append(entry)
+        return entry
+
+    legs = side_by_side(entry_of, len(timeline.legs), jobs)
     return {
         "firmware": FIRMWARE,
         "clock": "UTC" if start is not None else "relative",
@@ -163,6 +167,22 @@ def prediction_summary(
         "land": _encounter(timeline.land_closest),
         "land_start": round(timeline.land_start, 3),
     }
+
+
+def _looseness(timeline: Timeline) -> Iterator[tuple[FloatArray, float]]:
+    """Where everyone is before each timed leg, (drones, 3) [m], and how loosely.
+
+    That is half the width of the releases if no clock holds the drones together [s].
+    """
+    spread = TAKEOFF_SPREAD
+    positions = timeline.pads.copy()
+    positions[timeline.takeoff.drones] = timeline.takeoff.end
+    positions[timeline.staging.drones] = timeline.staging.end
+    for scheduled in timeline.legs:
+        yield positions.copy(), spread
+        spread += ARRIVAL_SPREAD * len(scheduled.releases)
+        for _, stage in scheduled.flown:
+            positions[stage.drones] = stage.end
 
 
 def _typical_delay(timeline: Timeline, clocked: bool) -> float:  # noqa: FBT001
@@ -188,7 +208,8 @@ def _leg_entry(
 ) -> dict[str, Any]:
     """One leg of the summary."""
     late = _clock_lag(start is not None)
-    position, arrival = _difference(scheduled, solved, late)
+    arrivals = arrival_times(scheduled, late)
+    position, arrival = _difference(scheduled, solved, late, arrivals)
     closest = [
         _encounter(found, release)
         for found, release in zip(
@@ -208,9 +229,7 @@ def _leg_entry(
         "optimal_duration": round(scheduled.planned_duration, 3),
         "drones": [int(drone) + 1 for drone in scheduled.leg.drones],
         "delays": [round(float(value), 3) for value in _delays(scheduled)],
-        "arrivals": [
-            round(float(value), 3) for value in arrival_times(scheduled, late)
-        ],
+        "arrivals": [round(float(value), 3) for value in arrivals],
         "ended": [round(float(value), 3) for value in _ended(scheduled)],
         "position_difference": [round(float(value), 3) for value in position],
         "arrival_difference": [round(float(value), 3) for value in arrival],
@@ -262,12 +281,13 @@ def _ended(scheduled: ScheduledLeg) -> FloatArray:
 
 
 def _difference(
-    scheduled: ScheduledLeg, solved: LegFlight, late: float
+    scheduled: ScheduledLeg, solved: LegFlight, late: float, arrivals: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Greatest distance and difference of arrival to the solved flight, per drone.
 
     Both are taken on the leg's own clock: release against the solved leg's start. A
-    drone has arrived when it first is within 0.3 m of its goal.
+    drone has arrived when it first is within 0.3 m of its goal: at the mission times
+    ``arrivals`` (n,) [s] of the predicted flights.
     """
     drones = scheduled.leg.drones
     first = scheduled.releases[0]
@@ -286,7 +306,7 @@ def _difference(
         place[:, stage.drones] += track.places(since)
     difference = np.linalg.norm(place[:, drones] - wanted, axis=2).max(axis=0)
     moves = np.linalg.norm(goal - start, axis=1) > ARRIVED
-    flown = np.where(moves, arrival_times(scheduled, late) - first, 0.0)
+    flown = np.where(moves, arrivals - first, 0.0)
     return difference, flown - _arrivals(times, wanted, goal)
 
 

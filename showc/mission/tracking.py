@@ -102,15 +102,24 @@ class Tracks:
 
         The time of the last step for one that never is.
         """
-        left = np.linalg.norm(self.along - self.ways, axis=2)
-        inside = left <= distance
-        first = np.where(inside.any(axis=0), inside.argmax(axis=0), len(inside) - 1)
-        column = np.arange(first.size)
-        before = np.maximum(first - 1, 0)
-        high, low = left[before, column], left[first, column]
-        fall = np.where(high > low, high - low, 1.0)
-        share = np.clip((high - distance) / fall, 0.0, 1.0)
-        return np.asarray(STEP * (before + np.where(first > 0, share, 0.0)))
+        steps, count = self.ways.shape[:2]
+        moment = np.full(count, STEP * (steps - 1))
+        some, high = np.arange(count), np.linalg.norm(self.along - self.ways[0], axis=1)
+        moment[high <= distance] = 0.0
+        for begin in range(1, steps, CHUNK):
+            # Only who has not been so near yet matters.
+            far = high > distance
+            some, high = some[far], high[far]
+            rows = self.ways[begin : begin + CHUNK, some]
+            left = np.vstack([high, np.linalg.norm(self.along[some] - rows, axis=2)])
+            inside = left <= distance
+            some_inside = np.flatnonzero(inside.any(axis=0))
+            first = inside[:, some_inside].argmax(axis=0)
+            one, other = left[first - 1, some_inside], left[first, some_inside]
+            share = (one - distance) / (one - other)
+            moment[some[some_inside]] = STEP * (begin + first - 2 + share)
+            high = np.where(inside.any(axis=0), 0.0, left[-1])
+        return moment
 
 
 def tracks(
