@@ -18,6 +18,7 @@ cache. What was compiled is proved by ``showc verify`` of the same run. Beside i
 from __future__ import annotations
 
 import argparse
+import compileall
 import json
 import math
 import os
@@ -336,6 +337,8 @@ def main() -> None:
         return
     if unknown := set(arguments.shows) - set(shows):
         parser.error(f"no such show: {', '.join(sorted(unknown))}")
+    # As an installer leaves it: no compile pays for what is done once.
+    compileall.compile_dir(ROOT / "showc", quiet=1)
     chosen = {key: shows[key] for key in arguments.shows or shows}
     rows: dict[str, list[Sequence[str]]] = {"whole": [], "leg": [], "note": []}
     grown: list[Sequence[str]] = []
