@@ -88,7 +88,9 @@ def staggered(
     tails = _tails(near, order, flights.tolist())
     if tails is None:
         return None
-    best: tuple[float, list[int]] | None = None
+    turns = _Turns(near, order, takes.tolist())
+    best: list[int] | None = None
+    end = float("inf")
     shuffle = np.random.default_rng(0)
     spread = max(tails) - min(tails) + 1
     for attempt in range(1 + min(SHUFFLES, MOST_TRIES // max(2 * first.size, 1))):
@@ -96,19 +98,16 @@ def staggered(
         rank = -np.array(tails, dtype=np.float64)
         if attempt:
             rank += (0.02 + 0.04 * (attempt % 4)) * spread * chance
-        turns, _ = ordered(gaps.drones, order, rank.tolist())
-        waits = _give_out(turns, near)
+        waits = turns.give_out(rank.tolist(), end)
         if waits is None:
             continue
-        end = float((np.array(waits) * STEP + takes).max(initial=0.0))
-        if best is None or end < best[0]:
-            best = end, waits
+        best, end = waits, float((np.array(waits) * STEP + takes).max(initial=0.0))
         # Nothing ends before the longest chain.
-        if best[0] <= max(tails) * STEP:
+        if end <= max(tails) * STEP:
             break
-    if best is None or max(best[1], default=0) * STEP > LONGEST_WAIT:
+    if best is None or max(best, default=0) * STEP > LONGEST_WAIT:
         return None
-    found = np.array(best[1], dtype=np.float64)
+    found = np.array(best, dtype=np.float64)
     return np.asarray(np.round((found - found.min(initial=0.0)) * STEP, 6))
 
 
@@ -162,22 +161,56 @@ def _tails(
     return tails
 
 
-def _give_out(turns: list[int], near: Near) -> list[int] | None:
-    """Give each drone in turn the first release, in steps, that the others allow."""
-    given = [-1] * len(near)
-    for drone in turns:
-        wait = 0
-        forbidden = [
-            (given[other] - behind, given[other] + ahead)
-            for other, ahead, behind in near[drone]
-            if given[other] >= 0
-        ]
-        forbidden.sort()
-        for low, high in forbidden:
-            if low >= wait:
-                break
-            wait = max(wait, high)
-        if wait >= NEVER // 2:
-            return None
-        given[drone] = wait
-    return given
+class _Turns:
+    """Gives out releases, in orders in which some drones come before others.
+
+    Parameters
+    ----------
+    near
+        For each drone whom it is near, how much later it may leave than that one, and
+        how much sooner [steps].
+    before
+        Pairs of drones, the first of which gets its release before the second.
+    takes
+        How long each one flies [s].
+    """
+
+    def __init__(
+        self, near: Near, before: list[tuple[int, int]], takes: list[float]
+    ) -> None:
+        self.near, self.takes = near, takes
+        self.later: list[list[int]] = [[] for _ in near]
+        self.missing = [0] * len(near)
+        for one, other in before:
+            self.later[one].append(other)
+            self.missing[other] += 1
+
+    def give_out(self, rank: list[float], end: float) -> list[int] | None:
+        """Give each drone the first release, in steps, that those before it allow.
+
+        The least ``rank`` comes first where there is a choice, as in :func:`ordered`.
+        None if a drone finds no release, or arrives no sooner than ``end`` [s].
+        """
+        missing = self.missing.copy()
+        given = [-1] * len(missing)
+        forbidden: list[list[tuple[int, int]]] = [[] for _ in missing]
+        ready = [(rank[drone], drone) for drone, none in enumerate(missing) if not none]
+        heapify(ready)
+        while ready:
+            _, drone = heappop(ready)
+            wait = 0
+            for low, high in sorted(forbidden[drone]):
+                if low >= wait:
+                    break
+                wait = max(wait, high)
+            if wait >= NEVER // 2 or wait * STEP + self.takes[drone] >= end:
+                return None
+            given[drone] = wait
+            for other, ahead, behind in self.near[drone]:
+                if given[other] < 0:
+                    forbidden[other].append((wait - ahead, wait + behind))
+            for other in self.later[drone]:
+                missing[other] -= 1
+                if not missing[other]:
+                    heappush(ready, (rank[other], other))
+        return given
