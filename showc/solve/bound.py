@@ -33,6 +33,7 @@ _SUBDIVISIONS = 32
 _MARGIN = 1e-9
 _INTERVALS = 36
 _NEAR = 5e-4
+_WORTH_A_PROOF = 0.03
 _RESOLUTION = 1e-6
 
 
@@ -114,12 +115,20 @@ def lower_bound(
     from showc.solve.relaxed_move import RelaxedMove  # noqa: PLC0415
 
     move = RelaxedMove(relaxation, displacement)
+    best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
     before: tuple[float, float] | None = None
     time, power = guess, 1.25
-    for _ in range(rounds):
+    for number in range(rounds):
         knots = _knots(relaxation, time)
         beta, multipliers, reach = move.multipliers(time, knots)
-        if abs(reach - 1.0) < _NEAR:
+        last = number == rounds - 1 or abs(reach - 1.0) < _NEAR
+        if last or abs(reach - 1.0) < _WORTH_A_PROOF:
+            proof = relaxation, displacement, beta, knots, multipliers, time
+            longest = _longest(*proof)
+            if best is None or longest > best[0]:
+                # A longer time makes the same multipliers less steep.
+                best = longest, beta, knots, multipliers * (longest / time)
+        if last:
             break
         # The reach grows between linearly (cruise) and with the square of the time;
         # two programs tell the power.
@@ -128,12 +137,8 @@ def lower_bound(
             power = min(2.5, max(0.8, slope))
         before = time, reach
         time *= min(2.0, max(0.5, reach ** (-1.0 / power)))
-    else:
-        knots = _knots(relaxation, time)
-        beta, multipliers, _ = move.multipliers(time, knots)
-    longest = _longest(relaxation, displacement, beta, knots, multipliers, time)
-    # A longer time makes the same multipliers less steep; they are scaled along.
-    multipliers = multipliers * (longest / time)
+    assert best is not None  # noqa: S101 - rounds >= 1
+    longest, beta, knots, multipliers = best
     return DualWitness(
         drone=drone,
         time=longest,
