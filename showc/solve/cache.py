@@ -105,6 +105,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
     )
 
 
+@lru_cache(maxsize=1)
 def _engine_versions() -> list[str]:
     """Versions of the libraries that solve, and a hash of the code that uses them.
 
@@ -113,11 +114,10 @@ def _engine_versions() -> list[str]:
     """
     from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
-    libraries = [version(name) for name in ("casadi", "clarabel", "numpy", "scipy")]
-    return [*libraries, _source_digest()]
+    names = ("casadi", "clarabel", "highspy", "numpy", "scipy")
+    return [*(version(name) for name in names), _source_digest()]
 
 
-@lru_cache(maxsize=1)
 def _source_digest() -> str:
     package = Path(__file__).parents[1]
     files = [package / "trajectory.py", package / "plan" / "metric.py"]
