@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-ROWS = 128
-"""Drones whose distances from all others are looked at together."""
+BLOCK = 500_000
+"""Pairs that are looked at together; bounds the memory."""
 
 
 def part_distance(
@@ -40,8 +40,11 @@ def part_distance(
             gap.max(axis=1) if separation.shape == "any-axis" else gap.min(axis=1)
         )
     scale = np.array(separation.metric_scale)
-    p, q = first[0] * scale, second[0] * scale
-    return segment_distance(p, first[1] * scale - p, q, second[1] * scale - q)
+    if np.any(scale != 1.0):
+        first, second = ((side[0] * scale, side[1] * scale) for side in (first, second))
+    return segment_distance(
+        first[0], first[1] - first[0], second[0], second[1] - second[0]
+    )
 
 
 def nearest_pair(
@@ -51,13 +54,19 @@ def nearest_pair(
 
     ``moving`` (n,) says who moves. Infinite where there is no such pair.
     """
-    best = 0, 0, np.inf
-    for top, gap in _gaps(points, points, separation, moving):
-        row, column = np.unravel_index(int(gap.argmin()), gap.shape)
-        value = float(gap[row, column])
-        if value < best[2]:
-            best = top + int(row), top + int(column), value
-    return best
+    boxes = _Boxes(points, points, separation, moving)
+    limit = np.inf
+    # Neighbours in some orders are near each other, in a grid the nearest.
+    for keys in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        order = np.lexsort(tuple(boxes.low[axis] for axis in keys))
+        gap = boxes.gaps(order[:-1], order[1:])
+        limit = min(limit, float(gap.min(initial=np.inf)))
+    best = np.inf, 0, 0
+    for a, b, gap in boxes.within(limit):
+        if gap.size:
+            least = np.lexsort((b, a, gap))[0]
+            best = min(best, (float(gap[least]), int(a[least]), int(b[least])))
+    return best[1], best[2], best[0]
 
 
 def near_pairs(
@@ -71,55 +80,92 @@ def near_pairs(
     ``parts`` holds the two ends of each, (n, 3). Quick: boxes around the parts are no
     farther from each other than the parts. First below second, each of shape (m,).
     """
-    found_a, found_b = [], []
-    low, high = np.minimum(*parts), np.maximum(*parts)
+    boxes = _Boxes(*parts, separation, moving)
     # Rounding must not hide a pair.
-    limit = distance * (1.0 + 1e-9)
-    for top, gap in _gaps(low, high, separation, moving):
-        a, b = np.nonzero(gap <= limit)
-        found_a.append(a + top)
-        found_b.append(b + top)
-    return np.concatenate(found_a), np.concatenate(found_b)
+    found = [(a, b) for a, b, _ in boxes.within(distance * (1.0 + 1e-9))]
+    a, b = (np.concatenate(side) for side in zip(*found, strict=True))
+    order = np.lexsort((b, a))
+    return a[order], b[order]
 
 
-def _gaps(
-    low: FloatArray,
-    high: FloatArray,
-    separation: Separation,
-    moving: NDArray[np.bool_],
-) -> Iterator[tuple[int, FloatArray]]:
-    """Distances between boxes from ``low`` to ``high`` (n, 3), block by block.
+class _Boxes:
+    """Boxes around straight parts, whose ends are (n, 3) [m], in the metric.
 
-    Yields
-    ------
-    int
-        First row and first column of the block.
-    ndarray
-        Shape (rows, columns) [m]; infinite where the column is not behind the row, or
-        neither moves.
+    ``moving`` (n,) says who moves; pairs that both rest are left out.
     """
-    per_axis = separation.shape in {"any-axis", "all-axes"}
-    scale = np.array(separation.metric_scale)
-    join = np.minimum if separation.shape == "all-axes" else np.maximum
-    below = np.ascontiguousarray((low * scale).T)
-    above = np.ascontiguousarray((high * scale).T)
-    for top in range(0, moving.size, ROWS):
-        rows, columns = slice(top, top + ROWS), slice(top, None)
-        axes = []
-        for axis in range(3):
-            gap = below[axis, rows, None] - above[axis, None, columns]
-            other = below[axis, None, columns] - above[axis, rows, None]
-            np.maximum(gap, other, out=gap)
-            np.maximum(gap, 0.0, out=gap)
-            axes.append(gap if per_axis else np.square(gap, out=gap))
-        if per_axis:
-            found = join(join(axes[0], axes[1]), axes[2])
+
+    def __init__(
+        self,
+        one: FloatArray,
+        other: FloatArray,
+        separation: Separation,
+        moving: NDArray[np.bool_],
+    ) -> None:
+        scale = np.array(separation.metric_scale)
+        self.low = np.ascontiguousarray((np.minimum(one, other) * scale).T)
+        self.high = np.ascontiguousarray((np.maximum(one, other) * scale).T)
+        self.shape, self.moving = separation.shape, moving
+
+    def within(self, limit: float) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+        """Pairs no farther apart than ``limit`` [m], first below second; in any order.
+
+        Yields
+        ------
+        tuple of ndarray
+            Positions of the first and the second, and how far they are apart [m].
+        """
+        for a, b in self._candidates(limit):
+            for axis in range(3):
+                # One axis that is too far is enough, but where it takes all.
+                if self.shape != "all-axes":
+                    near = self._gap(axis, a, b) <= limit
+                    a, b = a[near], b[near]  # noqa: PLW2901
+            gap = self.gaps(a, b)
+            near = gap <= limit
+            yield np.minimum(a, b)[near], np.maximum(a, b)[near], gap[near]
+
+    def gaps(self, a: IntArray, b: IntArray) -> FloatArray:
+        """How far the boxes of pairs (m,) are apart [m]; infinite if neither moves."""
+        x, y, z = (self._gap(axis, a, b) for axis in range(3))
+        if self.shape == "all-axes":
+            found = np.minimum(np.minimum(x, y), z)
+        elif self.shape == "any-axis":
+            found = np.maximum(np.maximum(x, y), z)
         else:
-            found = np.sqrt(axes[0] + axes[1] + axes[2])
-        count = found.shape[0]
-        found[:, :count][np.tril_indices(count)] = np.inf
-        found[~(moving[rows, None] | moving[None, columns])] = np.inf
-        yield top, found
+            found = np.sqrt(x * x + y * y + z * z)
+        found[~(self.moving[a] | self.moving[b])] = np.inf
+        return found
+
+    def _gap(self, axis: int, a: IntArray, b: IntArray) -> FloatArray:
+        low, high = self.low[axis], self.high[axis]
+        return np.asarray(
+            np.maximum(np.maximum(low[a] - high[b], low[b] - high[a]), 0.0)
+        )
+
+    def _candidates(self, limit: float) -> Iterator[tuple[IntArray, IntArray]]:
+        """Pairs that are within ``limit`` on the axis on which the fewest are."""
+        count = self.moving.size
+        rank = np.arange(count)
+        # Whose low ends are between a box's low end and its high end, and the limit.
+        orders = [np.argsort(low, kind="stable") for low in self.low]
+        lasts = [
+            np.searchsorted(low[order], high[order] + limit, side="right")
+            for low, high, order in zip(self.low, self.high, orders, strict=True)
+        ]
+        axis = int(np.argmin([last.sum() for last in lasts]))
+        order, last = orders[axis], lasts[axis]
+        if self.shape == "all-axes":
+            last = np.full(count, count)
+        partners = np.maximum(last - rank - 1, 0)
+        begun = np.concatenate([[0], np.cumsum(partners)])
+        first = 0
+        while first < count:
+            end = int(np.searchsorted(begun, begun[first] + BLOCK, side="right")) - 1
+            end = max(end, first + 1)
+            rows = np.repeat(rank[first:end], partners[first:end])
+            place = np.arange(begun[first], begun[end]) - begun[rows]
+            yield order[rows], order[rows + 1 + place]
+            first = end
 
 
 def segment_distance(
@@ -127,34 +173,42 @@ def segment_distance(
 ) -> FloatArray:
     """Least distance (m,) between segments p + [0, 1] u and q + [0, 1] v, all (m, 3).
 
-    Either the lines' common normal ends inside both, or the least distance is at an
-    end of one of them (Ericson 2005, Real-Time Collision Detection, section 5.1.9).
+    The place on the first line that is nearest to the second, moved into the segment;
+    the nearest place to it on the second one; and the nearest to that on the first one
+    (Ericson 2005, Real-Time Collision Detection, section 5.1.9). The least distance of
+    parallel segments is at an end of one of them.
     """
     w = p - q
     uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
     uw, vw = dot(u, w), dot(v, w)
     determinant = uu * vv - uv * uv
     regular = determinant > 1e-12 * uu * vv
-    safe = np.where(regular, determinant, 1.0)
-    s = np.where(regular, (uv * vw - vv * uw) / safe, 0.0)
-    t = np.where(regular, (uu * vw - uv * uw) / safe, 0.0)
-    s, t = np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.clip((uv * vw - vv * uw) / determinant, 0.0, 1.0)
+        t = np.clip((uv * s + vw) / vv, 0.0, 1.0)
+        s = np.clip((uv * t - uw) / uu, 0.0, 1.0)
     gap = w + s[:, None] * u - t[:, None] * v
     squared = dot(gap, gap)
-    for point, base, along, length in (
-        (w, np.zeros_like(w), v, vv),
-        (w + u, np.zeros_like(w), v, vv),
-    ):
-        at = np.clip(
-            dot(point - base, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0
+    parallel = np.flatnonzero(~regular)
+    if parallel.size:
+        w, u, v = w[parallel], u[parallel], v[parallel]
+        squared[parallel] = np.minimum.reduce(
+            [
+                _squared_to_segment(w, v),
+                _squared_to_segment(w + u, v),
+                _squared_to_segment(-w, u),
+                _squared_to_segment(v - w, u),
+            ]
         )
-        rest = point - at[:, None] * along
-        squared = np.minimum(squared, dot(rest, rest))
-    for point in (-w, v - w):
-        at = np.clip(dot(point, u) / np.where(uu > 0.0, uu, 1.0), 0.0, 1.0)
-        rest = point - at[:, None] * u
-        squared = np.minimum(squared, dot(rest, rest))
     return np.asarray(np.sqrt(squared))
+
+
+def _squared_to_segment(point: FloatArray, along: FloatArray) -> FloatArray:
+    """Squared distances (m,) of points from segments [0, 1] ``along``, both (m, 3)."""
+    length = dot(along, along)
+    at = dot(point, along) / np.where(length > 0.0, length, 1.0)
+    rest = point - np.clip(at, 0.0, 1.0)[:, None] * along
+    return dot(rest, rest)
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -124,7 +124,9 @@ def _branch_and_bound(
     first, last = motion.window
     while a.size:
         width = (last - first) / pieces
-        bound, value = _examine(motion, separation, (a, b), piece, width)
+        bound, value = _examine(
+            motion, separation, (a, b), piece, width, best=best.distance
+        )
         least = int(np.argmin(value))
         if value[least] < best.distance:
             best = Closest(
@@ -155,11 +157,14 @@ def _examine(
     pairs: tuple[IntArray, IntArray],
     piece: IntArray,
     width: float,
+    *,
+    best: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Lower bounds over pieces of time and least distances in their middles.
 
     Piece k is ``width`` [s] long and starts k widths into the window; all arrays have
-    shape (m,).
+    shape (m,). Pairs that stay farther apart than ``best`` [m] are not looked at more
+    closely: their distance in the middle stands as infinite.
     """
     a, b = pairs
     count = int(piece.max()) + 1
@@ -167,27 +172,28 @@ def _examine(
     # A drone is in many pairs: its part of a piece is worked out once.
     unique, place = np.unique(keys, return_inverse=True)
     reach = _reach(motion, unique // count, unique % count, width)
-    bounds, values = [np.zeros(0)], [np.zeros(0)]
+    bounds, values = np.empty(a.size), np.full(a.size, np.inf)
     for top in range(0, a.size, BLOCK):
         rows = slice(top, min(top + BLOCK, a.size))
         one, other = place[: a.size][rows], place[a.size :][rows]
-        value = part_distance(
-            (reach.back[one], reach.front[one]),
-            (reach.back[other], reach.front[other]),
-            separation,
-        )
-        whole = part_distance(
+        bounds[rows] = part_distance(
             (reach.first[one], reach.last[one]),
             (reach.first[other], reach.last[other]),
             separation,
         )
-        closing = _relative_speed(reach, one, other, separation)
-        # Settling is a jump: no speed bounds what was before it.
-        settles = reach.settles[one] | reach.settles[other]
-        sharp = np.maximum(whole, value - 0.5 * width * closing)
-        bounds.append(np.where(settles, whole, sharp))
-        values.append(value)
-    return np.concatenate(bounds), np.concatenate(values)
+    close = np.flatnonzero(bounds < best)
+    one, other = place[: a.size][close], place[a.size :][close]
+    values[close] = value = part_distance(
+        (reach.back[one], reach.front[one]),
+        (reach.back[other], reach.front[other]),
+        separation,
+    )
+    closing = _relative_speed(reach, one, other, separation)
+    # Settling is a jump: no speed bounds what was before it.
+    settles = reach.settles[one] | reach.settles[other]
+    sharp = np.maximum(bounds[close], value - 0.5 * width * closing)
+    bounds[close] = np.where(settles, bounds[close], sharp)
+    return bounds, values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,27 +231,24 @@ def _reach(motion: Motion, drone: IntArray, piece: IntArray, width: float) -> _R
     settled = profile.duration + SETTLING
     stretch = np.where(late < settled, motion.stretch[drone], 1.0)
     settles = (late < settled) & (middle - spread >= settled)
-    first, back = (
-        begin + profile.fraction(time)[:, None] * along
-        for time in (late, middle - spread)
-    )
-    last = begin + (stretch * profile.fraction(early))[:, None] * along
-    front = (
-        begin
-        + along
-        * np.where(settles, 1.0, stretch * profile.fraction(middle + spread))[:, None]
-    )
     # The speed rises, stays and falls: least at an end, greatest next to the middle.
     peak = np.clip(0.5 * profile.duration, late, early)
+    times = np.stack([late, middle - spread, middle + spread, early, peak])
+    distance, speed, _ = profile.motion(times)
+    length = np.where(profile.length > 0.0, profile.length, 1.0)
+    part = distance / length
+    first, back = (begin + share[:, None] * along for share in part[:2])
+    front = begin + np.where(settles, 1.0, stretch * part[2])[:, None] * along
+    last = begin + (stretch * part[3])[:, None] * along
     return _Reach(
         first,
         last,
         back,
         front,
         settles,
-        along / np.where(profile.length > 0.0, profile.length, 1.0)[:, None],
-        SLOWEST * np.minimum(profile.velocity(late), profile.velocity(early)),
-        stretch * profile.velocity(peak),
+        along / length[:, None],
+        SLOWEST * np.minimum(speed[0], speed[3]),
+        stretch * speed[4],
     )
 
 

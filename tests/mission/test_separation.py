@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from showc.mission.distances import segment_distance
+from showc.mission.distances import near_pairs, nearest_pair, segment_distance
 from showc.mission.following import law_time, time_followed
 from showc.mission.law import leg_limits, profile
 from showc.mission.parameters import Parameters
@@ -51,8 +51,11 @@ def sampled(moved, metric, delays=9, instants=400):
     place = moved.begin + part[..., None] * along
     best = np.inf
     count = place.shape[2]
+    moves = np.any(moved.begin != moved.end, axis=1)
     for a in range(count):
         for b in range(a + 1, count):
+            if not (moves[a] or moves[b]):
+                continue
             gap = place[:, :, None, a] - place[:, None, :, b]
             best = min(best, metric(gap).min())
     return best
@@ -198,3 +201,65 @@ def test_segment_distance_is_below_every_sample_and_reached(values):
     assert least <= gap + 1e-9
     step = (np.linalg.norm(u) + np.linalg.norm(v)) / 80.0
     assert least >= gap - step - 1e-9
+
+
+@given(numbers, st.floats(-2, 2), st.floats(-1e-6, 1e-6))
+def test_segments_that_are_nearly_parallel(values, factor, skew):
+    p, u, q, aside = np.array(values).reshape(4, 1, 3)
+    v = factor * u + skew * aside
+    least = segment_distance(p, u, q, v)[0]
+    # The distance from a place on one segment to the other one is convex.
+    along = np.linspace(0.0, 1.0, 2001)[:, None]
+    places = np.array(q + along * v)
+    share = np.sum((places - p) * u, axis=1) / max(float(np.sum(u * u)), 1e-300)
+    feet = p + np.clip(share, 0.0, 1.0)[:, None] * u
+    gap = np.linalg.norm(places - feet, axis=1).min()
+    assert least <= gap + 1e-9
+    # Places are so far apart.
+    assert least >= gap - np.linalg.norm(v) / 4000.0 - 1e-9
+
+
+shapes = st.sampled_from(
+    [
+        Separation(1.0),
+        Separation(1.0, "ellipsoid", 2.0),
+        Separation(1.0, "any-axis"),
+        Separation(1.0, "all-axes"),
+    ]
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(shapes, st.integers(2, 40), st.integers(0, 99), st.floats(0.0, 6.0))
+def test_pairs_are_found_as_by_looking_at_all(separation, count, seed, limit):
+    random = np.random.default_rng(seed)
+    # On a grid: many are equally far apart.
+    one = random.integers(0, 8, (count, 3)).astype(float)
+    other = one + random.integers(-3, 4, (count, 3))
+    moving = random.random(count) < 0.6
+    scale = np.array(separation.metric_scale)
+
+    def gap_of(a, b, ends):
+        low, high = np.minimum(*ends) * scale, np.maximum(*ends) * scale
+        gap = np.maximum(np.maximum(low[a] - high[b], low[b] - high[a]), 0.0)
+        if separation.shape == "any-axis":
+            return gap.max()
+        return gap.min() if separation.shape == "all-axes" else np.linalg.norm(gap)
+
+    pairs = [
+        (a, b)
+        for a in range(count)
+        for b in range(a + 1, count)
+        if moving[a] or moving[b]
+    ]
+    wanted = [
+        pair for pair in pairs if gap_of(*pair, (one, other)) <= limit * (1 + 1e-9)
+    ]
+    a, b = near_pairs((one, other), separation, limit, moving)
+    assert list(zip(a.tolist(), b.tolist(), strict=True)) == wanted
+    near = nearest_pair(one, separation, moving)
+    if not pairs:
+        assert near[2] == np.inf
+        return
+    best = min(pairs, key=lambda pair: (gap_of(*pair, (one, one)), pair))
+    assert near == (*best, pytest.approx(gap_of(*best, (one, one)), abs=1e-12))
