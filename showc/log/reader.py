@@ -47,6 +47,7 @@ _DAMAGE = (
     ZstdError,
     DecodeError,
     MemoryError,
+    OverflowError,
     UnicodeDecodeError,
     ValueError,
     IndexError,

@@ -17,13 +17,13 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from mcap.writer import CompressionType, IndexType, Writer
 
 from showc._version import __version__
 from showc.light import LightProgram, srgb_bytes
 from showc.light.colour import GREATEST, drive_bytes
 from showc.log import schema
 from showc.log import showc_pb2 as pb
+from showc.log.chunks import ChunkWriter
 from showc.log.content import rules_message, segment_message, trajectory_message
 from showc.log.layout import layout_json
 from showc.log.sample import GRID, pack_drone_states, pack_places, pack_points
@@ -176,21 +176,13 @@ class _Log:
         self.show: Show = flight.itinerary.show
         self.epoch = nanoseconds(self.show.epoch.timestamp())
         self.messages = 0
-        self._writer = Writer(
-            stream,
-            chunk_size=CHUNK_SIZE,
-            compression=CompressionType.ZSTD,
-            index_types=IndexType.ALL,
-            enable_crcs=True,
-            enable_data_crcs=True,
-        )
+        self._writer = ChunkWriter(stream, f"showc {__version__}", CHUNK_SIZE)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: defaultdict[str, int] = defaultdict(int)
 
     def begin(self, manifest: bytes, *, plots: bool) -> None:
         """Header, metadata and attachments: first, so that a torn file has them."""
-        self._writer.start(profile="", library=f"showc {__version__}")
         show = self.show
         script = PurePath(show.source.path).name
         self._writer.add_metadata(
@@ -225,7 +217,7 @@ class _Log:
         for name, content in attachments.items():
             suffix = PurePath(name).suffix.lower()
             media = MEDIA_TYPES.get(suffix, "application/octet-stream")
-            self._writer.add_attachment(self.epoch, self.epoch, name, media, content)
+            self._writer.add_attachment(self.epoch, name, media, content)
 
     def register(self, topics: Topics, *, predicted: bool) -> None:
         """All schemas and channels, in one fixed order."""
@@ -248,19 +240,26 @@ class _Log:
                     name, "protobuf", schema.descriptor_set(message)
                 )
             self._channels[topic] = self._writer.register_channel(
-                topic, "protobuf", self._schemas[name], {}
+                topic, "protobuf", self._schemas[name]
             )
 
     def add(self, topic: str, ns: int, message: Message | bytes) -> None:
         """Append one message at show time ``ns``."""
         if not isinstance(message, bytes):
             message = message.SerializeToString(deterministic=True)
-        time = self.epoch + ns
         self._writer.add_message(
-            self._channels[topic], time, message, time, self._sequence[topic]
+            self._channels[topic], self._sequence[topic], self.epoch + ns, message
         )
         self._sequence[topic] += 1
         self.messages += 1
+
+    def add_states(
+        self, topics: list[str], step: int, ns: int, states: NDArray[np.void]
+    ) -> None:
+        """Append the states (n,) of single drones at a step, at show time ``ns``."""
+        channels = [self._channels[topic] for topic in topics]
+        self._writer.add_messages(channels, step, self.epoch + ns, states)
+        self.messages += len(channels)
 
     def finish(self) -> None:
         """Last chunk, summary, footer."""
@@ -390,5 +389,4 @@ class _Steps:
             frames = fleet_transforms(log.epoch + ns, points, self.topics.transforms)
             log.add(schema.TRANSFORMS, ns, frames)
         log.add(schema.FLEET, ns, point_cloud(log.epoch + ns, points))
-        for topic, state in zip(self.state_topics, single, strict=True):
-            log.add(topic, ns, state.tobytes())
+        log.add_states(self.state_topics, step, ns, single)
