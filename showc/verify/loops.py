@@ -48,37 +48,41 @@ _AT_ONCE = 10_000
 
 
 class LawTable:
-    """Distance, speed and acceleration of n legs in steps of ``step`` [s]."""
+    """Distance, speed and acceleration of legs in steps of ``step`` [s].
 
-    def __init__(self, flights: Profiles, step: float) -> None:
-        self._step, self._count = step, flights.length.size
-        self._leg = np.arange(self._count)
-        self._last = int(np.ceil(flights.duration.max(initial=0.0) / step)) + 1
-        self._law = np.empty((3, (self._last + 1) * self._count))
-        self._row = np.empty(self._count, dtype=np.int64)
-        self._where, self._share = np.empty((2, self._count))
-        self._second = np.empty((3, self._count))
-        self._fill(flights)
+    Its memory is used again for the next legs: it takes long to get.
+    """
 
-    def _fill(self, flights: Profiles) -> None:
-        """Work the table out, one row of legs after the other."""
-        count = self._count
-        # The first step in each phase but the first; it is none of the table's for
-        # phases after its end, of no length, or shorter than a step.
+    def __init__(self, step: float) -> None:
+        self._step = step
+        self._law = np.empty((3, 0))
+
+    def fill(self, flights: Profiles) -> None:
+        """Work out the table of n legs, one row of legs after the other."""
+        count = self._count = flights.length.size
+        self._leg = leg = np.arange(count)
+        self._row = np.empty(count, dtype=np.int64)
+        self._where, self._share = np.empty((2, count))
+        self._second = np.empty((3, count))
+        self._last = int(np.ceil(flights.duration.max(initial=0.0) / self._step)) + 1
+        size = (self._last + 1) * count
+        if self._law.shape[1] < size:
+            self._law = np.empty((3, size))
+        # Phases by the first step in each of them: they follow each other.
         begins = np.ceil(flights.edges[:, 1:PHASES] / self._step).astype(np.int64)
-        begun = np.bincount(
-            (begins * count + self._leg[:, None]).ravel(),
-            minlength=(self._last + 1) * count,
-        ).reshape(-1, count)
-        phase = np.cumsum(begun[: self._last + 1], axis=0)
+        begun = np.zeros((self._last + 1, count), dtype=np.uint8)
+        np.add.at(begun, (begins, leg[:, None]), 1)
+        phase = np.zeros(count, dtype=np.int64)
         some = max(1, _AT_ONCE // max(count, 1))
         for begin in range(0, self._last + 1, some):
-            part = phase[begin : begin + some]
+            part = np.cumsum(begun[begin : begin + some], axis=0, dtype=np.int64)
+            part += phase
+            phase = part[-1]
             times = self._step * np.arange(begin, begin + len(part))
             since = np.minimum(times[:, None], flights.duration)
-            since -= flights.edges[self._leg, part]
+            since -= flights.edges[leg, part]
             rows = slice(begin * count, begin * count + part.size)
-            legs = np.broadcast_to(self._leg, part.shape).ravel()
+            legs = np.broadcast_to(leg, part.shape).ravel()
             self._law[:, rows] = flights.advanced(legs, part.ravel(), since.ravel())
 
     def __call__(self, time: FloatArray, result: FloatArray) -> None:

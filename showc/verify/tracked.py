@@ -35,6 +35,10 @@ BLOCK = 1024
 """Legs that are integrated together; bounds the memory."""
 
 
+_TOGETHER = 32
+"""Steps that are put in their places together, drone by drone."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
     """The flights of n legs, in steps from their releases."""
@@ -74,6 +78,7 @@ class Fleet:
 
     def __init__(self, drones: int, lag: float) -> None:
         self.lag = lag
+        self._law = LawTable(STEP)
         self.states = np.zeros((STATES, drones))
         self.states[RATE] = 1.0
 
@@ -97,13 +102,13 @@ class Fleet:
             lasting = np.minimum(lasting, until + STEP)
         steps = max(int(np.ceil(lasting.max(initial=0.0) / STEP)), 1)
         count = drones.size
-        ways = np.zeros((count, steps + 1, 3), dtype=np.float32)
+        ways = np.empty((count, steps + 1, 3), dtype=np.float32)
         ended, later = np.zeros(count), np.full(count, np.inf)
         for begin in range(0, count, BLOCK):
             rows = slice(begin, min(begin + BLOCK, count))
-            vehicles = _Vehicles(
-                flights.part(rows.start, rows.stop), along[rows], self.lag
-            )
+            part = flights.part(rows.start, rows.stop)
+            self._law.fill(part)
+            vehicles = _Vehicles(part, along[rows], self._law, self.lag)
             who = drones[rows]
             vehicles.run(
                 self.states[:, who],
@@ -119,13 +124,15 @@ class Fleet:
 class _Vehicles:
     """How n vehicles follow their legs."""
 
-    def __init__(self, flights: Profiles, along: FloatArray, lag: float) -> None:
+    def __init__(
+        self, flights: Profiles, along: FloatArray, law: LawTable, lag: float
+    ) -> None:
         self.flights, self.along = flights, along
         self.count = flights.length.size
         flat = np.linalg.norm(along[:, :2], axis=1)
         unit = along[:, :2] / np.where(flat > 0.0, flat, 1.0)[:, None]
         aim = np.vstack([unit.T * flights.level, flights.climb])
-        self.loops = Loops(LawTable(flights, STEP), aim, lag)
+        self.loops = Loops(law, aim, lag)
         self.goal, self.scale = aim * flights.length, self._scale()
         # Up to this step, nothing fades.
         self.whole = int((flights.duration.min(initial=0.0) + AFTER - FADING) / STEP)
@@ -151,7 +158,8 @@ class _Vehicles:
             self.until[~moves] = holds[~moves]
         self.carried = np.zeros_like(state)
         self.carried[RATE] = 1.0
-        places = np.empty((steps + 1, 3, self.count), dtype=np.float32)
+        end, begin = self.along[:, None].astype(np.float32), 0
+        places = np.empty((_TOGETHER, 3, self.count), dtype=np.float32)
         flying = moves.copy()
         now = state.copy()
         now[TIME] = 0.0
@@ -173,18 +181,22 @@ class _Vehicles:
                     self.until[over] = self.ended[over] + holds[over]
                     handover = self._handover()
             off = self._off(now, step)
-            np.multiply(off, self.scale, out=places[step], casting="same_kind")
+            place = places[step - begin]
+            np.multiply(off, self.scale, out=place, casting="same_kind")
             self._hand_over(handover == step, now, off, step)
             # A leg that ends within a step may hand over before that step.
             if ending:
                 early = over & (handover == step - 1)
                 self._hand_over(early, before, self._off(before, step - 1), step - 1)
-            if np.all(handover < step - 1):
-                # From here on every drone is on its next leg, rounding included.
-                places[step + 1 :] = places[step]
+            # From there on every drone is on its next leg, rounding included.
+            done = step == steps or bool(np.all(handover < step - 1))
+            if done or step - begin + 1 == _TOGETHER:
+                some = places[: step - begin + 1].transpose(2, 0, 1)
+                np.add(some, end, out=ways[:, begin : step + 1])
+                begin = step + 1
+            if done:
+                ways[:, begin:] = ways[:, step : step + 1]
                 break
-        ways[:] = places.transpose(2, 0, 1)
-        ways += self.along[:, None].astype(np.float32)
 
     def _advance(self, state: FloatArray, half: FloatArray, after: FloatArray) -> None:
         """Put what is half a step, and a step after ``state`` (21, n), in place."""
