@@ -6,9 +6,15 @@ import sys
 from dataclasses import dataclass
 
 import pytest
+from hypothesis import settings
 from repository import ROOT
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Same code, same verdict, however busy the machine; HYPOTHESIS_PROFILE=explore looks
+# for examples that nobody has seen.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("explore", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
 @dataclass(frozen=True)
