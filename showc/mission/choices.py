@@ -18,12 +18,13 @@ from showc.mission.detours import bends, layers
 from showc.mission.gaps import release_gaps
 from showc.mission.hops import hops
 from showc.mission.separation import TOLERANCE, closest_encounter
+from showc.mission.stage import flown
 from showc.mission.stagger import MARGIN, staggered
 from showc.mission.surroundings import stage_motion
 from showc.mission.timing import CLOCK_LAG, EXACT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -138,6 +139,7 @@ class _Choices:
             stage_motion(stage, positions, EXACT),
             self.around.separation,
             enough=required,
+            plenty=required + TOLERANCE,
         )
         return found is None or found.distance >= required
 
@@ -192,12 +194,15 @@ class _Choices:
 
     def _bends(self, stops: int) -> Iterator[Choice]:
         ways = bends(self.leg, self.flight, self.builder, self.around, stops)
-        for name, lines in ways:
-            yield from self._several(name, lines)
+        legs = [lines for _, way in ways for lines in way]
+        quick = iter(flown(legs, [lines.together for lines in legs]))
+        for name, way in ways:
+            yield from self._several(name, way, [next(quick) for _ in way])
 
     def _layers(self, straight: Stage) -> Iterator[Choice]:
         for name, ways in layers(self.leg, self.builder, self.around, straight):
-            yield from self._several(name, ways)
+            quick = flown(ways, [lines.together for lines in ways])
+            yield from self._several(name, ways, quick)
 
     def _hops(self, straight: Stage) -> Iterator[Choice]:
         for retry in range(len(WIDER) if self._by_axes else 1):
@@ -205,12 +210,16 @@ class _Choices:
             if staggered(gaps, straight.followed) is not None:
                 continue
             for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
-                make = partial(_flown, ways, [lines.together for lines in ways])
+                make = partial(flown, ways, [lines.together for lines in ways])
                 yield self._staggered(name, make, self._cost(make()))
 
-    def _several(self, name: str, ways: list[Lines]) -> Iterator[Choice]:
-        """Ways of several legs: in their shortest times, staggered, in longer ones."""
-        quick = _flown(ways, [lines.together for lines in ways])
+    def _several(
+        self, name: str, ways: list[Lines], quick: list[Stage]
+    ) -> Iterator[Choice]:
+        """Ways of several legs: in their shortest times, staggered, in longer ones.
+
+        ``quick`` is how they are flown in their shortest times.
+        """
         cost = self._cost(quick)
         yield cost, name, quick
         yield self._staggered(name, lambda: quick, cost)
@@ -245,7 +254,7 @@ class _Choices:
         named = f"{name}, time x {stretch:g}"
         least = cost + (stretch - 1.0) * sum(lines.together for lines in ways)
 
-        make = partial(_flown, ways, [stretch * lines.together for lines in ways])
+        make = partial(flown, ways, [stretch * lines.together for lines in ways])
 
         def work_out() -> Iterator[Choice]:
             if stagger:
@@ -256,8 +265,3 @@ class _Choices:
                 yield self._longer(name, ways, cost, number + 1, stagger=stagger)
 
         return least, named, work_out
-
-
-def _flown(ways: list[Lines], times: Sequence[float | FloatArray]) -> list[Stage]:
-    """Return the stages that take so long [s]."""
-    return [lines.lasting(time) for lines, time in zip(ways, times, strict=True)]

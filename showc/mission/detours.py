@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from showc.mission.conflicts import conflict_colours
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -34,7 +33,7 @@ def bends(
     builder: StageBuilder,
     around: Surroundings,
     stops: int,
-) -> Iterator[tuple[str, list[Lines]]]:
+) -> list[tuple[str, list[Lines]]]:
     """Straight legs along the solved flight, or outside it, with some ``stops``."""
     start, goal = around.positions[leg.drones], leg.goal
     low, high = np.array(leg.limits.position_min), np.array(leg.limits.position_max)
@@ -52,14 +51,18 @@ def bends(
         np.linalg.norm(a - b, axis=1).max() for a, b in zip(solved, lines, strict=True)
     ]
     if max(aside) < STRAIGHT:
-        return
-    for bend in BENDS:
-        corners = [
+        return []
+    corners = [
+        [
             np.clip(line + bend * (places - line), low, high)
             for places, line in zip(solved, lines, strict=True)
         ]
-        name = f"{stops + 1} legs, bend x {bend:g}"
-        yield name, _ways(leg, builder, [start, *corners, goal])
+        for bend in BENDS
+    ]
+    names = [f"{stops + 1} legs, bend x {bend:g}" for bend in BENDS]
+    ways = [[start, *places, goal] for places in corners]
+    found = builder.ways(leg.drones, ways, leg.limits)
+    return list(zip(names, found, strict=True))
 
 
 def layers(
@@ -86,15 +89,8 @@ def layers(
             continue
         places = [start, start + rise, goal + rise, goal]
         name = f"{int(colour.max()) + 1} layers"
-        yield name, _ways(leg, builder, places)
-
-
-def _ways(leg: Leg, builder: StageBuilder, places: Sequence[FloatArray]) -> list[Lines]:
-    """Straight legs from place to place."""
-    return [
-        builder.lines(leg.drones, begin, end, leg.limits)
-        for begin, end in pairwise(places)
-    ]
+        (found,) = builder.ways(leg.drones, [places], leg.limits)
+        yield name, found
 
 
 def _nearest_on_line(

@@ -15,6 +15,8 @@ import numpy as np
 import pymap3d
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from showc.script.show import Site
@@ -50,6 +52,15 @@ class GlobalPoints:
         """Return the ``chosen`` ones: a mask (n,), or indices."""
         return GlobalPoints(
             self.latitude[chosen], self.longitude[chosen], self.height[chosen]
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[GlobalPoints]) -> GlobalPoints:
+        """Return the places of all ``parts``, one after the other."""
+        return cls(
+            np.concatenate([part.latitude for part in parts]),
+            np.concatenate([part.longitude for part in parts]),
+            np.concatenate([part.height for part in parts]),
         )
 
 

@@ -9,7 +9,6 @@ when the others have arrived.
 from __future__ import annotations
 
 from collections import Counter
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,13 +84,8 @@ def hops(
     ):
         return
     name = f"{drones.size} of {straight.drones.size} drones above the others"
-    yield (
-        name,
-        [
-            builder.lines(leg.drones, begin, end, leg.limits)
-            for begin, end in pairwise(stops)
-        ],
-    )
+    (found,) = builder.ways(leg.drones, [stops], leg.limits)
+    yield name, found
 
 
 def _raised(places: FloatArray, ways: FloatArray, height: FloatArray) -> FloatArray:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from showc.mission.parameters import Parameters
@@ -192,6 +194,22 @@ class LegLimits:
     """Greatest cruise speed, shape (n,) [m/s]."""
     acceleration: FloatArray
     """Greatest acceleration, shape (n,) [m/s²]."""
+
+    def select(self, index: NDArray[np.int64]) -> LegLimits:
+        """Return the legs at ``index``."""
+        return LegLimits(
+            *(getattr(self, name)[index] for name in self.__dataclass_fields__)
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[LegLimits]) -> LegLimits:
+        """Return the legs of all ``parts``, one after the other."""
+        return cls(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in cls.__dataclass_fields__
+            )
+        )
 
 
 def leg_limits(

@@ -86,12 +86,18 @@ class Closest:
 
 
 def closest_encounter(
-    motion: Motion, separation: Separation, *, enough: float = -np.inf
+    motion: Motion,
+    separation: Separation,
+    *,
+    enough: float = -np.inf,
+    plenty: float = np.inf,
 ) -> Closest | None:
     """Return the nearest encounter of ``motion``; None when nobody moves.
 
     Pairs that both rest are left out. The search ends early, with a valid encounter
-    but not the nearest, as soon as one nearer than ``enough`` [m] is found.
+    but not the nearest, as soon as one nearer than ``enough`` [m] is found. Who is
+    proved to stay ``plenty`` [m] apart is not looked at more closely: no more than
+    that is proved then.
     """
     moving = np.any(motion.begin != motion.end, axis=1)
     if motion.begin.shape[0] < 2 or not np.any(moving):
@@ -107,7 +113,7 @@ def closest_encounter(
     )
     near = bound < everywhere
     a, b = a[near], b[near]
-    return _branch_and_bound(motion, separation, (a, b), best, enough)
+    return _branch_and_bound(motion, separation, (a, b), best, (enough, plenty))
 
 
 def _branch_and_bound(
@@ -115,9 +121,13 @@ def _branch_and_bound(
     separation: Separation,
     pairs: tuple[IntArray, IntArray],
     best: Closest,
-    enough: float,
+    limits: tuple[float, float],
 ) -> Closest:
-    """Refine ``best`` over the ``pairs`` that could come nearer."""
+    """Refine ``best`` over the ``pairs`` that could come nearer.
+
+    Down to the first, and up to the second of the ``limits`` [m].
+    """
+    enough, plenty = limits
     pieces = FIRST_PIECES
     a, b = (np.repeat(drones, pieces) for drones in pairs)
     piece = np.tile(np.arange(pieces), pairs[0].size)
@@ -138,7 +148,7 @@ def _branch_and_bound(
         if best.distance < enough:
             break
         # A piece is done once it cannot hold anything nearer by the tolerance.
-        left = bound < best.distance - TOLERANCE
+        left = bound < min(best.distance - TOLERANCE, plenty)
         a, b = np.repeat(a[left], 2), np.repeat(b[left], 2)
         piece = np.repeat(2 * piece[left], 2)
         piece[1::2] += 1
@@ -147,7 +157,7 @@ def _branch_and_bound(
         min(best.drone_a, best.drone_b),
         max(best.drone_a, best.drone_b),
         best.time,
-        max(best.distance - TOLERANCE, 0.0),
+        max(min(best.distance - TOLERANCE, plenty), 0.0),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,8 @@ from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacemen
 from showc.mission.speeds import fitting_speed, speed_for
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from showc.mission.law import LegLimits, LegProfile
@@ -101,9 +104,22 @@ class Stage:
         along = self.end - self.begin
         return np.asarray(self.end + (self.overshoot / length)[:, None] * along)
 
+    def part(self, some: IntArray) -> Stage:
+        """Return the legs at the positions ``some``."""
+        return replace(
+            self,
+            stored=self.stored.select(some),
+            profile=self.profile.select(some),
+            **{name: getattr(self, name)[some] for name in STAGE_ROWS},
+        )
+
     def waiting(self, wait: FloatArray) -> Stage:
         """Return the same legs, leaving ``wait`` (n,) [s] after the release."""
         return replace(self, wait=wait)
+
+
+STAGE_ROWS = ("drones", "begin", "end", "level", "climb", "by_climb", "command", "wait")
+"""Attributes of a stage that are plain arrays, a row for each leg."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +147,18 @@ class Lines:
     def together(self) -> float:
         """Shortest time in which all of them can be flown [s]."""
         return float(self.shortest.max(initial=0.0))
+
+    def part(self, some: IntArray) -> Lines:
+        """Return the legs at the positions ``some``."""
+        return replace(
+            self,
+            stored=self.stored.select(some),
+            limits=self.limits.select(some),
+            **{
+                name: getattr(self, name)[some]
+                for name in ("drones", "begin", "end", "fastest", "shortest")
+            },
+        )
 
     def lasting(self, duration: float | FloatArray) -> Stage:
         """Return the stage whose legs take ``duration`` [s], one for all or (n,).
@@ -209,8 +237,37 @@ class StageBuilder:
         speed
             Further limit of the speed along the leg [m/s].
         """
-        start, begin = self.on_grid(drones, begin)
-        goal, end = self.on_grid(drones, end)
+        (found,) = self.ways(drones, [[begin, end]], limits, speed=speed)[0]
+        return found
+
+    def ways(
+        self,
+        drones: IntArray,
+        stops: Sequence[Sequence[FloatArray]],
+        limits: Limits,
+        *,
+        speed: float = np.inf,
+    ) -> list[list[Lines]]:
+        """Return straight legs from stop to stop, for several choices of stops.
+
+        All are worked out at once, for a few drones take no longer than one: ``stops``
+        holds the places (n, 3) [m] of each choice, as many as they are, the other
+        parameters are those of :meth:`lines`.
+        """
+        places = [place for way in stops for place in way]
+        stored, places_on_grid = self.on_grid(
+            np.tile(drones, len(places)), np.concatenate(places)
+        )
+        rows = np.arange(len(places) * drones.size).reshape(len(places), -1)
+        firsts = np.cumsum([0, *(len(way) for way in stops)])
+        legs = [
+            (rows[stop], rows[stop + 1])
+            for first, last in pairwise(firsts.tolist())
+            for stop in range(first, last - 1)
+        ]
+        froms, tos = (np.concatenate([leg[side] for leg in legs]) for side in (0, 1))
+        start, goal = stored.select(froms), stored.select(tos)
+        begin, end = places_on_grid[froms], places_on_grid[tos]
         moves = (
             (start.latitude != goal.latitude)
             | (start.longitude != goal.longitude)
@@ -223,9 +280,13 @@ class StageBuilder:
         leg = law.leg_limits(displacement, self.parameters, allowed)
         fastest = fitting_speed(leg, self.parameters)
         shortest = law.profile(leg, self.parameters, fastest).duration
-        return Lines(
-            drones[moves], begin, end, goal, leg, fastest, shortest, self.parameters
+        whose = np.tile(drones, len(legs))[moves]
+        every = Lines(whose, begin, end, goal, leg, fastest, shortest, self.parameters)
+        number = np.repeat(np.arange(len(legs)), drones.size)[moves]
+        parts = iter(
+            [every.part(np.flatnonzero(number == leg)) for leg in range(len(legs))]
         )
+        return [[next(parts) for _ in way[1:]] for way in stops]
 
     def build(
         self,
@@ -244,6 +305,35 @@ class StageBuilder:
         """
         lines = self.lines(drones, begin, end, limits, speed=speed)
         return lines.lasting(max(duration, lines.together))
+
+
+def flown(ways: Sequence[Lines], times: Sequence[float | FloatArray]) -> list[Stage]:
+    """Return the stages that take so long [s]: one for all of a stage's legs or (n,).
+
+    As :meth:`Lines.lasting` of each, all worked out at once.
+    """
+    if not ways:
+        return []
+    first = ways[0]
+    limits = [lines.limits for lines in ways]
+    every = Lines(
+        np.concatenate([lines.drones for lines in ways]),
+        np.concatenate([lines.begin for lines in ways]),
+        np.concatenate([lines.end for lines in ways]),
+        GlobalPoints.joined([lines.stored for lines in ways]),
+        law.LegLimits.joined(limits),
+        np.concatenate([lines.fastest for lines in ways]),
+        np.concatenate([lines.shortest for lines in ways]),
+        first.parameters,
+    )
+    sizes = [lines.drones.size for lines in ways]
+    lasting = [
+        np.broadcast_to(np.asarray(time, dtype=np.float64), size)
+        for time, size in zip(times, sizes, strict=True)
+    ]
+    stage = every.lasting(np.concatenate(lasting))
+    edges = np.cumsum([0, *sizes]).tolist()
+    return [stage.part(np.arange(low, high)) for low, high in pairwise(edges)]
 
 
 def _box_speed(displacement: FloatArray, limits: Limits) -> FloatArray:

@@ -1,6 +1,7 @@
 """Drones in any order of places: some order of releases, or ways above, is found."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mission.flights import START, mixed_flight
 from mission.test_reproof import Case
+from synthetic import LIMITS
 
 from showc.errors import ExportError
 from showc.mission import mission_files
+from showc.mission.geodesy import SiteFrame
+from showc.mission.parameters import Parameters
+from showc.mission.stage import StageBuilder, flown
 from showc.mission.stagger import LONGEST_WAIT, ordered
 
 pairs = st.integers(1, 12).flatmap(
@@ -97,3 +102,40 @@ def test_a_ceiling_keeps_drones_down():
     )
     with pytest.raises(ExportError, match="come as near as"):
         mission_files(replace(flight, legs=legs), start=START)
+
+
+def test_many_ways_at_once_are_those_one_by_one():
+    random = np.random.default_rng(3)
+    builder = StageBuilder(
+        SiteFrame(47.0, 8.0, 400.0, 30.0), np.full(9, 400.0), Parameters()
+    )
+
+    drones = np.array([0, 2, 3, 7, 8])
+    # Who stays where he is has no leg there.
+    stops = [
+        [np.round(random.uniform(0.0, 40.0, (5, 3)), 2) for _ in range(count)]
+        for count in (2, 3, 4)
+    ]
+    stops[1][1][2] = stops[1][0][2]
+    found = builder.ways(drones, stops, LIMITS)
+    assert [len(way) for way in found] == [1, 2, 3]
+    every = [lines for way in found for lines in way]
+    legs = [(begin, end) for way in stops for begin, end in pairwise(way)]
+    times = [
+        lines.together * (1.0 + 0.1 * number) for number, lines in enumerate(every)
+    ]
+    for lines, (begin, end), time, stage in zip(
+        every, legs, times, flown(every, times), strict=True
+    ):
+        alone = builder.lines(drones, begin, end, LIMITS)
+        np.testing.assert_array_equal(lines.drones, alone.drones)
+        np.testing.assert_array_equal(lines.end, alone.end)
+        np.testing.assert_array_equal(lines.stored.height, alone.stored.height)
+        np.testing.assert_allclose(lines.shortest, alone.shortest, rtol=1e-12)
+        single = alone.lasting(time)
+        np.testing.assert_allclose(stage.command, single.command, atol=1e-9)
+        np.testing.assert_allclose(
+            stage.profile.duration, single.profile.duration, rtol=1e-9
+        )
+        assert stage.duration == pytest.approx(max(time, lines.together), abs=0.1)
+    assert every[1].drones.tolist() == [0, 2, 7, 8]

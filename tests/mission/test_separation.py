@@ -182,6 +182,19 @@ def test_resting_drones_count_for_moving_ones():
     assert found.distance == pytest.approx(0.7, abs=TOLERANCE + 1e-9)
 
 
+@settings(max_examples=40, deadline=None)
+@given(places, places, st.floats(0.0, 12.0))
+def test_no_more_is_proved_than_plenty(begin, end, plenty):
+    assume(begin != end)
+    moved = motion(begin, end)
+    true = closest_encounter(moved, Separation(1.0))
+    found = closest_encounter(moved, Separation(1.0), plenty=plenty)
+    assert true is not None and found is not None
+    # Both are proved, to the tolerance.
+    assert found.distance == pytest.approx(min(true.distance, plenty), abs=TOLERANCE)
+    assert found.distance <= sampled(moved, METRICS["sphere"]) + 1e-9
+
+
 def test_nobody_moves_nobody_meets():
     rest = [[0, 0, 5], [1, 0, 5]]
     assert closest_encounter(motion(rest, rest), Separation(1.0)) is None
