@@ -338,27 +338,30 @@ def _follow(
         return 0.0, 0
     # Height of home above the site: the home row's, or else the drone's pad.
     base = home.height if home is not None else site.altitude + float(ends[0, 2])
+    rows = flown if home is None else [home, *flown]
+    heights = [0.0 if item is home else item.height for item in rows]
     places = east_north_up(
         site,
-        [item.latitude for item in flown],
-        [item.longitude for item in flown],
-        [item.height + base for item in flown],
+        [item.latitude for item in rows],
+        [item.longitude for item in rows],
+        np.array(heights) + base,
     )
-    # A take-off goes up from the pad; autopilots ignore its place.
-    takes_off = np.array([item.command == TAKEOFF for item in flown])
-    places[takes_off, :2] = ends[0, :2]
     resolution = np.array([LEVEL_RESOLUTION, LEVEL_RESOLUTION, HEIGHT_RESOLUTION])
     worst, at = 0.0, 0
     if home is not None:
-        stand = east_north_up(site, home.latitude, home.longitude, home.height)
-        worst = float(np.max(np.abs(stand - ends[0]) / resolution))
-        if worst > 1.0:
+        worst = float(np.max(np.abs(places[0] - ends[0]) / resolution))
+        if not worst <= 1.0:
             return worst, 0
-    for leg, end in enumerate(ends[1:]):
-        ratio = np.max(np.abs(places[at:] - end) / resolution, axis=1)
-        fits = np.flatnonzero(ratio <= 1.0)
+        places = places[1:]
+    # A take-off goes up from the pad; autopilots ignore its place.
+    takes_off = np.array([item.command == TAKEOFF for item in flown])
+    places[takes_off, :2] = ends[0, :2]
+    # Of each end to each place, shape (ends, places).
+    ratios = np.max(np.abs(places - ends[1:, None]) / resolution, axis=2)
+    for leg, ratio in enumerate(ratios):
+        fits = np.flatnonzero(ratio[at:] <= 1.0)
         if fits.size == 0:
-            return float(ratio.min()), leg
+            return float(ratio[at:].min()), leg
         at += int(fits[0])
-        worst = max(worst, float(ratio[fits[0]]))
+        worst = max(worst, float(ratio[at]))
     return worst, None

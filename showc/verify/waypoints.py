@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from showc.errors import ShowError
 
@@ -22,8 +22,7 @@ class MissionFormatError(ShowError):
     """A mission file is not QGC WPL 110."""
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
+class Item(NamedTuple):
     """One row of a mission."""
 
     frame: int
