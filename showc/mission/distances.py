@@ -47,6 +47,19 @@ def part_distance(
     )
 
 
+def point_distance(
+    point: FloatArray, part: tuple[FloatArray, FloatArray], separation: Separation
+) -> FloatArray:
+    """Least distance (m,) of points (m, 3) from straight parts, as part_distance."""
+    if separation.shape in {"any-axis", "all-axes"}:
+        return part_distance((point, point), part, separation)
+    scale = np.array(separation.metric_scale)
+    squared = _squared_to_segment(
+        (point - part[0]) * scale, (part[1] - part[0]) * scale
+    )
+    return np.asarray(np.sqrt(squared))
+
+
 def nearest_pair(
     points: FloatArray, separation: Separation, moving: NDArray[np.bool_]
 ) -> tuple[int, int, float]:

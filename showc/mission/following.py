@@ -67,11 +67,13 @@ def time_followed(level: FloatArray, duration: FloatArray) -> FloatArray:
 
     The inverse of :func:`law_time`, by Newton's method; both of shape (n,) [s].
     """
-    since = duration + UPRIGHT_DELAY
+    since, square = duration + UPRIGHT_DELAY, level**2
     for _ in range(6):
-        grown = np.exp(-np.maximum(since, 0.0) / GROWTH)
-        slope = 1.0 - level**2 * np.where(since > 0.0, EARLY / GROWTH * grown, 0.0)
-        since = since - (law_time(level, since) - duration) / slope
+        # As law_time has it, with one exponential for value and slope.
+        missing = EARLY * np.exp(-np.maximum(since, 0.0) / GROWTH)
+        now = since - UPRIGHT_DELAY - square * (LEVEL_DELAY - missing)
+        slope = 1.0 - square * np.where(since > 0.0, missing / GROWTH, 0.0)
+        since = since - (now - duration) / slope
     return np.asarray(since)
 
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.mission.conflicts import crossing_pairs
-from showc.mission.distances import dot, part_distance
+from showc.mission.distances import dot, point_distance
 from showc.mission.following import SETTLING, time_followed
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def _passes(
 ) -> BoolArray:
     """Whether straight parts come nearer to their points, all (m, 3), than required."""
     if separation.shape not in {"any-axis", "all-axes"}:
-        return part_distance((point, point), line, separation) < required
+        return point_distance(point, line, separation) < required
     low, high = _near_per_axis(
         (point - line[0])[:, None, :],
         line[1] - line[0],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.mission.conflicts import conflict_colours
-from showc.mission.distances import part_distance
+from showc.mission.distances import point_distance
 from showc.mission.stagger import ordered
 
 if TYPE_CHECKING:
@@ -101,12 +101,8 @@ def _blocked(stage: Stage, places: FloatArray, around: Surroundings) -> set[int]
         return set()
     row, other = np.divmod(np.arange(stage.drones.size * len(resting)), len(resting))
     rest = resting[other]
-    near = (
-        part_distance(
-            (stage.begin[row], stage.farthest[row]), (rest, rest), around.separation
-        )
-        < around.required
-    )
+    line = stage.begin[row], stage.farthest[row]
+    near = point_distance(rest, line, around.separation) < around.required
     return set(row[near].tolist())
 
 
@@ -191,6 +187,6 @@ class _Ways:
         rise = self.top + needed - own[2]
         for way in self.all:
             end = begin + rise * np.array([*way, 1.0])
-            if part_distance((begin, end), (rest, rest), separation).min() >= needed:
+            if point_distance(rest, (begin, end), separation).min() >= needed:
                 return np.asarray(way)
         return None
