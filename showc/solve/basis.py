@@ -115,3 +115,17 @@ def quadratic_upper(intervals: int, duration: float) -> Entries:
     full = np.triu(np.kron(np.eye(3), gram)[np.ix_(free, free)])
     rows, columns = np.nonzero(full)
     return full[rows, columns], (rows, columns)
+
+
+@lru_cache(maxsize=16)
+def nearest_coefficients(intervals: int, duration: float) -> FloatArray:
+    """Inverse of the quadratic term: from its gradient to the free coefficients."""
+    gram = spline_basis(intervals, duration).gram
+    free = free_coefficients(gram.shape[0]).reshape(3, -1)
+    inverse = np.zeros((int(free.sum()),) * 2)
+    first = 0
+    for axis in free:
+        part = slice(first, first + int(axis.sum()))
+        inverse[part, part] = np.linalg.inv(gram[np.ix_(axis, axis)])
+        first = part.stop
+    return inverse

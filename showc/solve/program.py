@@ -1,8 +1,7 @@
 """The convex program behind a spline: limits linearised about an iterate.
 
-Every row of the program concerns one interval, and there the six coefficients of each
-axis that the B-spline has on it; rows are therefore kept as (axis, local coefficient)
-blocks and only become a sparse matrix at the end.
+It stays as near as it can to a reference, keeps the limits as linearised, and gives way
+behind walls only at a price.
 """
 
 from __future__ import annotations
@@ -17,10 +16,12 @@ from showc.solve.basis import (
     LOCAL,
     NODES,
     free_coefficients,
+    nearest_coefficients,
     quadratic_upper,
     spline_basis,
 )
 from showc.solve.columns import Columns
+from showc.solve.rows import Rows, System
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,10 +32,13 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
 
 WALL_DEGREE = DEGREE + 1
 _MARGIN = 0.995
 _PRICE = 30.0
+_NEAR = 0.5
+"""Share of its bound at which a row counts from the beginning."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,44 +78,6 @@ class Aim:
             lower(self.power, float(use.power[0])),
             1.4 * self.floor if use.weak[0] else self.floor,
         )
-
-
-class _Rows:
-    """Rows ``a . c <= b`` of a sparse matrix, block by block."""
-
-    def __init__(self) -> None:
-        self.values: list[FloatArray] = []
-        self.bounds: list[FloatArray] = []
-        self.intervals: list[IntArray] = []
-
-    def add(
-        self,
-        x: FloatArray | float,
-        y: FloatArray | float,
-        z: FloatArray | float,
-        bound: FloatArray,
-    ) -> None:
-        """Add rows for every interval; x, y, z of shape (K, r, 6), bound (K, r)."""
-        shape = (*bound.shape, LOCAL)
-        parts = [np.broadcast_to(np.asarray(part), shape) for part in (x, y, z)]
-        block = np.stack(parts, axis=2).reshape(-1, 3, LOCAL)
-        self.values.append(block)
-        self.bounds.append(bound.ravel())
-        self.intervals.append(np.repeat(np.arange(shape[0]), shape[1]))
-
-    def add_axis(self, axis: int, values: FloatArray, bound: float) -> None:
-        """Add rows on one axis for every interval; values (K, r, 6)."""
-        parts: list[FloatArray | float] = [0.0, 0.0, 0.0]
-        parts[axis] = values
-        self.add(parts[0], parts[1], parts[2], np.full(values.shape[:2], bound))
-
-    def add_at(
-        self, intervals: IntArray, values: FloatArray, bound: FloatArray
-    ) -> None:
-        """Add rows for given intervals; values (m, r, 3, 6), bound (m, r)."""
-        self.values.append(values.reshape(-1, 3, LOCAL))
-        self.bounds.append(bound.ravel())
-        self.intervals.append(np.repeat(intervals, bound.shape[1]))
 
 
 class Program:
@@ -156,9 +122,9 @@ class Program:
         self.pitch = np.arctan2(ahead, second[..., 2])
         self.roll = -np.arctan2(left, np.hypot(ahead, second[..., 2]))
 
-    def _rows(self, aim: Aim) -> tuple[_Rows, int]:
+    def _rows(self, aim: Aim) -> tuple[Rows, int]:
         """All rows, the hard ones first, and how many of these there are."""
-        rows = _Rows()
+        rows = Rows()
         limits = self.aircraft.limits
         # The last velocity coefficient of an interval is the first of the next.
         velocity = self.basis.velocity[:, :-1]
@@ -171,7 +137,7 @@ class Program:
         self._attitude_rows(rows, aim)
         self._rate_rows(rows, aim)
         self._volume_rows(rows)
-        hard = sum(bound.size for bound in rows.bounds)
+        hard = rows.count
         walls = self.walls
         if walls.interval.size:
             at = self.basis.position[walls.interval]
@@ -187,7 +153,7 @@ class Program:
             rows.add_at(walls.interval, -values, -walls.offset)
         return rows, hard
 
-    def _attitude_rows(self, rows: _Rows, aim: Aim) -> None:
+    def _attitude_rows(self, rows: Rows, aim: Aim) -> None:
         """Tilt and thrust."""
         limits, vehicle = self.aircraft.limits, self.aircraft.vehicle
         gravity = vehicle.gravity
@@ -221,7 +187,7 @@ class Program:
         rows.add(0.0, 0.0, push, np.full(push.shape[:2], most - gravity))
         rows.add(0.0, 0.0, -push, np.full(push.shape[:2], gravity - least))
 
-    def _rate_rows(self, rows: _Rows, aim: Aim) -> None:
+    def _rate_rows(self, rows: Rows, aim: Aim) -> None:
         """Body rates, about pitch and roll of the iterate before."""
         gravity = self.aircraft.vehicle.gravity
         cosine, sine = np.cos(self.aircraft.heading), np.sin(self.aircraft.heading)
@@ -254,7 +220,7 @@ class Program:
                 rate_roll * gravity * (cr * c)[..., 0],
             )
 
-    def _volume_rows(self, rows: _Rows) -> None:
+    def _volume_rows(self, rows: Rows) -> None:
         """Walls of the flight volume that are near enough to matter."""
         limits = self.aircraft.limits
         span = float(np.linalg.norm(self.goal - self.start)) + 20.0
@@ -271,56 +237,28 @@ class Program:
     def solve(self, aim: Aim) -> FloatArray | None:
         """Positions as Bernstein coefficients (K, 6, 3) [m], None if infeasible.
 
+        Rows that the nearest spline of all is far from are left out until a solution
+        passes them; what comes out in the end solves the program with all rows.
+
         Walls give way at a price: a crowd that is still tangled moves apart as far as
         it can, and the next round lays the walls anew.
         """
         rows, hard = self._rows(aim)
-        values = np.concatenate(rows.values)
-        bounds = np.concatenate(rows.bounds)
-        intervals = np.concatenate(rows.intervals)
+        system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
+        nearest = nearest_coefficients(self.intervals, float(self.breaks[-1]))
+        found = self._whole(nearest @ -self._linear())
+        near = system.reached(found) > _NEAR * system.bounds
+        chosen = near | (system.bounds <= 0.0) | ~system.hard
+        while True:
+            answer = self._answer(system, chosen)
+            if answer is None:
+                return None
+            found = self._whole(answer)
+            more = system.passed(found) & system.hard & ~chosen
+            if not more.any():
+                break
+            chosen |= more
         count = self.intervals + DEGREE
-        columns = (
-            intervals[:, None, None] + np.arange(LOCAL) + count * np.arange(3)[:, None]
-        )
-        right = bounds - np.einsum("rai,rai->r", values, self.given[columns])
-        values = np.where(self.free[columns], values, 0.0)
-        size = np.sqrt(np.einsum("rai,rai->r", values, values))
-        busy = size > 1e-9
-        soft = np.arange(size.size) >= hard
-        if np.any(right[~busy & ~soft] < -1e-9):
-            return None
-        scale = np.where(soft, 1.0, np.where(busy, size, 1.0))
-        keep = np.nonzero(busy)[0]
-        number = np.cumsum(self.free) - 1
-        data = values[keep] / scale[keep, None, None]
-        row = np.broadcast_to(np.arange(keep.size)[:, None, None], data.shape)
-        used = data != 0.0
-        slack = self.walls.interval.size
-        wall = (keep[keep >= hard] - hard) // (WALL_DEGREE + 1)
-        first = int(np.searchsorted(keep, hard))
-        free = int(self.free.sum())
-        entries = np.concatenate([data[used], -np.ones(wall.size), -np.ones(slack)])
-        entry_rows = np.concatenate(
-            [
-                row[used],
-                first + np.arange(wall.size),
-                keep.size + np.arange(slack),
-            ]
-        )
-        entry_columns = np.concatenate(
-            [number[columns[keep][used]], free + wall, free + np.arange(slack)]
-        )
-        answer = self._answer(
-            entries,
-            entry_rows,
-            entry_columns,
-            np.concatenate([right[keep] / scale[keep], np.zeros(slack)]),
-            slack,
-        )
-        if answer is None:
-            return None
-        found = self.given.copy()
-        found[self.free] = answer[:free]
         local = found.reshape(3, count)[
             :, np.arange(self.intervals)[:, None] + np.arange(LOCAL)
         ]
@@ -328,28 +266,35 @@ class Program:
         position[0, :2], position[-1, -2:] = self.start, self.goal
         return position
 
-    def _answer(
-        self,
-        entries: FloatArray,
-        rows: IntArray,
-        columns: IntArray,
-        right: FloatArray,
-        slack: int,
-    ) -> FloatArray | None:
+    def _whole(self, answer: FloatArray) -> FloatArray:
+        """All coefficients (3 n,), the given ones included."""
+        found = self.given.copy()
+        found[self.free] = answer[: int(self.free.sum())]
+        return found
+
+    def _linear(self) -> FloatArray:
+        """Linear term of the objective in the free coefficients."""
+        given = self.given.reshape(3, -1) @ self.basis.gram
+        return np.asarray((given.ravel() + self.linear)[self.free])
+
+    def _answer(self, system: System, chosen: BoolArray) -> FloatArray | None:
         import clarabel  # noqa: PLC0415 - only when solving
 
-        free = int(self.free.sum())
-        count = self.intervals + DEGREE
-        linear = (self.given.reshape(3, count) @ self.basis.gram).ravel() + self.linear
+        slack = self.walls.interval.size
+        matrix = system.matrix(chosen, slack)
+        if matrix is None:
+            return None
+        left, right = matrix
+        size = int(self.free.sum()) + slack
         upper = quadratic_upper(self.intervals, float(self.breaks[-1]))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_iter = 60
         settings.max_threads = 1
         solver = clarabel.DefaultSolver(
-            Columns.of(*upper, (free + slack, free + slack)),
-            np.concatenate([linear[self.free], np.full(slack, _PRICE)]),
-            Columns.of(entries, (rows, columns), (right.size, free + slack)),
+            Columns.of(*upper, (size, size)),
+            np.concatenate([self._linear(), np.full(slack, _PRICE)]),
+            left,
             right,
             [clarabel.NonnegativeConeT(right.size)],
             settings,

@@ -1,0 +1,58 @@
+"""The convex program of a spline: rows left out at first change nothing."""
+
+import numpy as np
+import pytest
+from solve.handmade import LIMITS, VEHICLE
+
+from showc.solve import program as module
+from showc.solve.model import Aircraft
+from showc.solve.profile import Profile
+from showc.solve.program import NO_WALLS, WALL_DEGREE, Aim, Program
+from showc.solve.rows import System
+from showc.solve.synchronise import shared_profile
+
+CRAFT = Aircraft(VEHICLE, LIMITS, "held", 0.3)
+START = np.array([0.0, 0.0, 20.0])
+INTERVALS = 30
+
+
+def made(goal):
+    """A program for a move in less time than straight flight takes."""
+    straight = shared_profile(VEHICLE, LIMITS, 0.3, START[None], goal[None])
+    duration = 0.98 * straight.duration
+    part = duration / straight.duration
+    profile = Profile(duration, straight.phase * part, straight.ramp * part)
+    reference = profile.derivatives()[0]
+    return Program(CRAFT, START, goal, reference, INTERVALS, NO_WALLS)
+
+
+def objective(program, position):
+    """Value of a solution, from its coefficients."""
+    count = INTERVALS + module.DEGREE
+    local = np.linalg.solve(program.basis.position, position)
+    whole = np.zeros((3, count))
+    for k in range(INTERVALS):
+        whole[:, k : k + module.LOCAL] = local[k].T
+    quadratic = 0.5 * np.einsum("ai,ij,aj->", whole, program.basis.gram, whole)
+    return quadratic + program.linear @ whole.ravel(), whole.ravel()
+
+
+@pytest.mark.parametrize(
+    "way", [(25.0, -8.0, 3.0), (3.0, 30.0, 12.0), (0.0, 12.0, -6.0), (40.0, 1.0, 0.0)]
+)
+def test_what_is_found_solves_the_program_with_all_rows(way, monkeypatch):
+    program = made(START + np.array(way))
+    found = program.solve(Aim())
+    monkeypatch.setattr(module, "_NEAR", -np.inf)
+    whole = program.solve(Aim())
+    assert found is not None and whole is not None
+    (value, coefficients), (least, _) = (
+        objective(program, position) for position in (found, whole)
+    )
+    rows, hard = program._rows(Aim())
+    system = System.of(rows, program.free, program.given, hard, WALL_DEGREE + 1)
+    assert not system.passed(coefficients).any()
+    # Some of the limits hold it back.
+    bound = system.bounds > 0.0
+    assert (system.reached(coefficients) > 0.999 * system.bounds)[bound].any()
+    assert value == pytest.approx(least, abs=1e-5 * abs(least))
