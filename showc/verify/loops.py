@@ -22,14 +22,16 @@ if TYPE_CHECKING:
 
 STATES = 21
 """Rows of a state: place, speed, speed missed, of three axes each; the sum of the speed
-missed, of three axes; its change, lean half way, lean, of the two level axes each;
+missed, of three axes; its change, lean, lean half way, of the two level axes each;
 lift; time and rate of the law."""
 
 PLACES, TIME, RATE = slice(0, 3), 19, 20
 """Rows of a state."""
 
 _SPEEDS, _MISSED, _SUMS, _RISE = slice(3, 6), slice(6, 9), slice(9, 11), 11
-_CHANGES, _HALF_LEAN, _LEAN, _LIFT = slice(12, 14), slice(14, 16), slice(16, 18), 18
+_CHANGES, _LEAN, _HALF_LEAN, _LIFT = slice(12, 14), slice(14, 16), slice(16, 18), 18
+_FOLLOWING = slice(12, 19)
+"""Rows that follow others, each late by its own time."""
 
 _FILTER = 10.0 * np.pi
 """Of the speed missed, and of its change [1/s]."""
@@ -43,6 +45,11 @@ _HOVER = 0.39
 _STILL = 1e-5
 """Below this speed the law waits for nobody [m/s]."""
 
+_FOLLOW = np.array(
+    [[_FILTER, _FILTER] + [1.0 / 0.03] * 2 + [8.0] * 2 + [1.0 / 0.075]]
+).T
+"""How quickly they do, shape (7, 1) [1/s]."""
+
 _AT_ONCE = 10_000
 """Places of laws that are worked out together: they stay in the processor's cache."""
 
@@ -55,7 +62,8 @@ class LawTable:
 
     def __init__(self, step: float) -> None:
         self._step = step
-        self._law = np.empty((3, 0))
+        # Distance, speed, acceleration, and what each gains up to the next step.
+        self._law = np.empty((6, 0))
 
     def fill(self, flights: Profiles) -> None:
         """Work out the table of n legs, one row of legs after the other."""
@@ -63,11 +71,11 @@ class LawTable:
         self._leg = leg = np.arange(count)
         self._row = np.empty(count, dtype=np.int64)
         self._where, self._share = np.empty((2, count))
-        self._second = np.empty((3, count))
+        self._found = np.empty((6, count))
         self._last = int(np.ceil(flights.duration.max(initial=0.0) / self._step)) + 1
         size = (self._last + 1) * count
         if self._law.shape[1] < size:
-            self._law = np.empty((3, size))
+            self._law = np.empty((6, size))
         # Phases by the first step in each of them: they follow each other.
         begins = np.ceil(flights.edges[:, 1:PHASES] / self._step).astype(np.int64)
         begun = np.zeros((self._last + 1, count), dtype=np.uint8)
@@ -83,25 +91,25 @@ class LawTable:
             since -= flights.edges[leg, part]
             rows = slice(begin * count, begin * count + part.size)
             legs = np.broadcast_to(leg, part.shape).ravel()
-            self._law[:, rows] = flights.advanced(legs, part.ravel(), since.ravel())
+            self._law[:3, rows] = flights.advanced(legs, part.ravel(), since.ravel())
+        law, end = self._law, size - count
+        np.subtract(law[:3, count:size], law[:3, :end], out=law[3:, :end])
+        law[3:, end:size] = 0.0
 
     def __call__(self, time: FloatArray, result: FloatArray) -> None:
         """Put distance, speed, acceleration (3, n) at times (n,) [s] in ``result``."""
-        where, share, row = self._where, self._share, self._row
+        where, share, row, found = self._where, self._share, self._row, self._found
         np.multiply(time, 1.0 / self._step, out=where)
         np.minimum(where, float(self._last), out=where)
-        np.copyto(row, where, casting="unsafe")
-        np.minimum(row, self._last - 1, out=row)
-        np.subtract(where, row, out=share)
+        np.floor(where, out=share)
+        np.copyto(row, share, casting="unsafe")
+        np.subtract(where, share, out=share)
         row *= self._count
         row += self._leg
         # All rows are within the table; "clip" spares a copy of the result.
-        self._law.take(row, axis=1, out=result, mode="clip")
-        row += self._count
-        self._law.take(row, axis=1, out=self._second, mode="clip")
-        self._second -= result
-        self._second *= share
-        result += self._second
+        self._law.take(row, axis=1, out=found, mode="clip")
+        np.multiply(found[3:], share, out=result)
+        result += found[:3]
 
 
 class Loops:
@@ -114,14 +122,14 @@ class Loops:
     def __init__(self, law: LawTable, aim: FloatArray, lag: float) -> None:
         self._law, self._aim, self._lag = law, aim, lag
         count = aim.shape[1]
-        self._led, self._asked = np.empty((2, 3, count))
-        self._ahead, self._triple = np.empty((2, 3, count))
+        self._led, self._ahead, self._triple = np.empty((3, 3, count))
+        self._target = np.empty((7, count))
         self._pair = np.empty((2, count))
         self._single = np.empty(count)
 
     def change(self, state: FloatArray, result: FloatArray) -> None:
         """Put the change (21, n) of ``state`` (21, n) into ``result`` [1/s]."""
-        missed, asked = state[_MISSED], self._asked
+        missed, target = state[_MISSED], self._target
         self._law(state[TIME], self._led)
         _, _, push = self._led
         result[PLACES] = state[_SPEEDS]
@@ -129,6 +137,7 @@ class Loops:
         self._accelerate(state, result[_SPEEDS])
         # Level: 2/s of the speed missed, 1/s² of its sum, half its change.
         # Upright: 5/s of the speed missed, by a lift that comes late.
+        asked = target[4:]
         np.multiply(push, self._aim, out=asked)
         level, short = asked[:2], asked[2]
         self._pull(level, missed[:2], 2.0)
@@ -136,20 +145,17 @@ class Loops:
         self._pull(level, state[_CHANGES], 0.5)
         result[_SUMS] = missed[:2]
         self._limit(level, missed, result[_SUMS])
-        np.subtract(result[_MISSED][:2], state[_CHANGES], out=result[_CHANGES])
-        result[_CHANGES] *= _FILTER
-        np.subtract(level, state[_HALF_LEAN], out=result[_HALF_LEAN])
-        result[_HALF_LEAN] *= 1.0 / 0.125
-        np.subtract(state[_HALF_LEAN], state[_LEAN], out=result[_LEAN])
-        result[_LEAN] *= 1.0 / 0.03
         np.multiply(missed[2], 5.0, out=self._single)
         short += self._single
         short -= result[_SPEEDS][2]
         np.multiply(short, 0.1 * GRAVITY / _HOVER, out=result[_RISE])
         short *= 0.05 * GRAVITY / _HOVER
         short += state[_RISE]
-        short -= state[_LIFT]
-        np.multiply(short, 1.0 / 0.075, out=result[_LIFT])
+        # What is asked for is followed by lean half way and lift, and so on.
+        target[:2] = result[_MISSED][:2]
+        target[2:4] = state[_HALF_LEAN]
+        target -= state[_FOLLOWING]
+        np.multiply(target, _FOLLOW, out=result[_FOLLOWING])
         self._wait(state, result)
 
     def _pull(self, asked: FloatArray, by: FloatArray, gain: float) -> None:

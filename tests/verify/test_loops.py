@@ -54,7 +54,7 @@ def change_of_one(state, aim, led, lag):
     """Change of one vehicle's state, axis by axis."""
     place, speed, missed = state[0:3], state[3:6], state[6:9]
     total, rise, turn = state[9:11], state[11], state[12:14]
-    half, lean, lift, rate = state[14:16], state[16:18], state[18], state[20]
+    lean, half, lift, rate = state[14:16], state[16:18], state[18], state[20]
     point, fast, push = led
     result = np.zeros(STATES)
     result[0:3] = speed
@@ -69,8 +69,8 @@ def change_of_one(state, aim, led, lag):
             result[9:11] = 0.0
         asked = asked * most / size
     result[12:14] = (wrong[:2] - turn) * 10.0 * np.pi
-    result[14:16] = (asked - half) / 0.125
-    result[16:18] = (half - lean) / 0.03
+    result[14:16] = (half - lean) / 0.03
+    result[16:18] = (asked - half) / 0.125
     flat = np.hypot(speed[0], speed[1])
     result[3:5] = lean * (1.0 + lift / GRAVITY) - speed[:2] * (0.25 + 0.027 * flat)
     result[5] = lift - speed[2] * (0.25 + 0.027 * abs(speed[2]))
