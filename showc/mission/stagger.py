@@ -12,7 +12,7 @@ drone finds a release.
 from __future__ import annotations
 
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
     Near = list[list[tuple[int, int, int]]]
+    Number = TypeVar("Number", int, float)
 
 STEP = 0.1
 """Releases are whole multiples of this [s]."""
@@ -43,6 +44,9 @@ MARGIN = 0.01
 """How much farther than their gap two releases are apart [s]."""
 
 NEVER = 10**9
+
+ROUNDING = 1e-6
+"""Times that differ by less may be the same [s]."""
 
 
 def staggered(
@@ -84,11 +88,13 @@ def staggered(
         near[one].append((other, b, a))
         near[other].append((one, a, b))
     order = gaps.order()
-    flights = np.ceil(takes / STEP).astype(np.int64)
-    tails = _tails(near, order, flights.tolist())
-    if tails is None:
+    chains = _chains(near, order)
+    if chains is None:
         return None
-    turns = _Turns(near, order, takes.tolist())
+    flights = np.ceil(takes / STEP).astype(np.int64)
+    tails = _tails(chains, flights.tolist(), 1)
+    own = takes.tolist()
+    turns = _Turns(near, order, own, _tails(chains, own, STEP))
     best: list[int] | None = None
     end = float("inf")
     shuffle = np.random.default_rng(0)
@@ -101,7 +107,10 @@ def staggered(
         waits = turns.give_out(rank.tolist(), end)
         if waits is None:
             continue
-        best, end = waits, float((np.array(waits) * STEP + takes).max(initial=0.0))
+        arrival = float((np.array(waits) * STEP + takes).max(initial=0.0))
+        if arrival >= end:
+            continue
+        best, end = waits, arrival
         # Nothing ends before the longest chain.
         if end <= max(tails) * STEP:
             break
@@ -142,22 +151,34 @@ def ordered(
     return order, [item for item in range(count) if missing[item]]
 
 
-def _tails(
-    near: Near, order: list[tuple[int, int]], flights: list[int]
-) -> list[int] | None:
-    """From each drone's release to the end of the longest chain that waits for it.
+def _chains(
+    near: Near, order: list[tuple[int, int]]
+) -> list[tuple[int, int, int]] | None:
+    """Who can only come after whom, and by how much [steps]; last ones first.
 
-    In steps; None if what must come first goes round in circles.
+    None if what must come first goes round in circles.
     """
     turns, circles = ordered(len(near), order, range(len(near)))
     if circles:
         return None
+    return [
+        (drone, other, behind)
+        for drone in reversed(turns)
+        for other, ahead, behind in near[drone]
+        if ahead >= NEVER > behind
+    ]
+
+
+def _tails(
+    chains: list[tuple[int, int, int]], flights: list[Number], step: Number
+) -> list[Number]:
+    """From each drone's release to the end of the longest chain that waits for it.
+
+    In the unit of the ``flights``, of which one ``step`` has so many.
+    """
     tails = list(flights)
-    for drone in reversed(turns):
-        for other, ahead, behind in near[drone]:
-            # The other one can only come after this one.
-            if ahead >= NEVER > behind:
-                tails[drone] = max(tails[drone], behind + tails[other])
+    for drone, other, behind in chains:
+        tails[drone] = max(tails[drone], behind * step + tails[other])
     return tails
 
 
@@ -173,44 +194,72 @@ class _Turns:
         Pairs of drones, the first of which gets its release before the second.
     takes
         How long each one flies [s].
+    tails
+        From each one's release to the end of the longest chain that waits for it [s].
     """
 
     def __init__(
-        self, near: Near, before: list[tuple[int, int]], takes: list[float]
+        self,
+        near: Near,
+        before: list[tuple[int, int]],
+        takes: list[float],
+        tails: list[float],
     ) -> None:
-        self.near, self.takes = near, takes
+        self.near, self.takes, self.tails = near, takes, tails
         self.later: list[list[int]] = [[] for _ in near]
         self.missing = [0] * len(near)
         for one, other in before:
             self.later[one].append(other)
             self.missing[other] += 1
+        # Who is near nobody leaves at once, whatever the order is.
+        self.alone = max(
+            (time for time, others in zip(takes, near, strict=True) if not others),
+            default=0.0,
+        )
+        self.first = [
+            drone for drone, none in enumerate(self.missing) if near[drone] and not none
+        ]
 
     def give_out(self, rank: list[float], end: float) -> list[int] | None:
         """Give each drone the first release, in steps, that those before it allow.
 
         The least ``rank`` comes first where there is a choice, as in :func:`ordered`.
-        None if a drone finds no release, or arrives no sooner than ``end`` [s].
+        None if a drone finds no release, or the last one cannot arrive before ``end``
+        [s].
         """
-        missing = self.missing.copy()
-        given = [-1] * len(missing)
-        forbidden: list[list[tuple[int, int]]] = [[] for _ in missing]
-        ready = [(rank[drone], drone) for drone, none in enumerate(missing) if not none]
+        if self.alone >= end:
+            return None
+        near, takes, tails = self.near, self.takes, self.tails
+        missing, given = self.missing.copy(), [-1] * len(near)
+        forbidden: list[list[tuple[int, int]]] = [[] for _ in near]
+        ready = [(rank[drone], drone) for drone in self.first]
         heapify(ready)
+        # However the times of a chain are added up.
+        enough = end + ROUNDING
         while ready:
             _, drone = heappop(ready)
-            wait = 0
-            for low, high in sorted(forbidden[drone]):
-                if low >= wait:
-                    break
-                wait = max(wait, high)
-            if wait >= NEVER // 2 or wait * STEP + self.takes[drone] >= end:
+            wait = _first_free(forbidden[drone]) if forbidden[drone] else 0
+            if wait >= NEVER // 2:
+                return None
+            leaves = wait * STEP
+            if leaves + takes[drone] >= end or leaves + tails[drone] >= enough:
                 return None
             given[drone] = wait
-            for other, ahead, behind in self.near[drone]:
+            for other, ahead, behind in near[drone]:
                 if given[other] < 0:
                     forbidden[other].append((wait - ahead, wait + behind))
             for other in self.later[drone]:
                 missing[other] -= 1
                 if not missing[other]:
                     heappush(ready, (rank[other], other))
-        return given
+        return [max(wait, 0) for wait in given]
+
+
+def _first_free(forbidden: list[tuple[int, int]]) -> int:
+    """Return the first step from 0 on that is in none of the open intervals."""
+    wait = 0
+    for low, high in sorted(forbidden):
+        if low >= wait:
+            break
+        wait = max(wait, high)
+    return wait
