@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 WALL_DEGREE = DEGREE + 1
 _MARGIN = 0.995
 _PRICE = 30.0
-_NEAR = 0.5
-"""Share of its bound at which a row counts from the beginning."""
+_NEAR, _NEARLY = 0.5, 0.9
+"""Share of its bound at which a row counts from the beginning, and once others that
+did not count were passed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +111,7 @@ class Program:
         at = (self.breaks[:-1, None] + NODES * np.diff(self.breaks)[:, None]).ravel()
         wanted = start + reference(at) * (goal - start)
         self.linear = (self.basis.weights @ wanted).T.ravel()
+        self._counted: BoolArray | None = None
 
     def relinearise(self, position: FloatArray) -> None:
         """Take pitch and roll at each coefficient from an iterate, (K, 6, 3) [m]."""
@@ -247,17 +249,20 @@ class Program:
         system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
         nearest = nearest_coefficients(self.intervals, float(self.breaks[-1]))
         found = self._whole(nearest @ -self._linear())
-        near = system.reached(found) > _NEAR * system.bounds
-        chosen = near | (system.bounds <= 0.0) | ~system.hard
+        chosen = system.reached(found) > _NEAR * system.bounds
+        chosen |= (system.bounds <= 0.0) | ~system.hard
+        if self._counted is not None:
+            chosen |= self._counted
         while True:
             answer = self._answer(system, chosen)
             if answer is None:
                 return None
             found = self._whole(answer)
-            more = system.passed(found) & system.hard & ~chosen
-            if not more.any():
+            if not (system.passed(found) & ~chosen & system.hard).any():
                 break
-            chosen |= more
+            chosen |= (system.reached(found) > _NEARLY * system.bounds) & system.hard
+        # What counts for this iterate will count for the next one.
+        self._counted = chosen
         count = self.intervals + DEGREE
         local = found.reshape(3, count)[
             :, np.arange(self.intervals)[:, None] + np.arange(LOCAL)
