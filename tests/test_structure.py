@@ -153,7 +153,7 @@ def test_solving_a_few_drones_does_without_all_of_scipy():
     ],
 )
 def test_start_up_is_light(statement):
-    heavy = {"casadi", "scipy", "rich.progress", "pymavlink", "mcap"}
+    heavy = {"casadi", "highspy", "lap", "scipy", "rich.progress", "pymavlink", "mcap"}
     assert loaded(statement) & heavy == set()
 
 
