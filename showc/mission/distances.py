@@ -95,10 +95,10 @@ def near_pairs(
     """
     boxes = _Boxes(*parts, separation, moving)
     # Rounding must not hide a pair.
-    found = [(a, b) for a, b, _ in boxes.within(distance * (1.0 + 1e-9))]
-    a, b = (np.concatenate(side) for side in zip(*found, strict=True))
-    order = np.lexsort((b, a))
-    return a[order], b[order]
+    count = moving.size
+    found = [a * count + b for a, b, _ in boxes.within(distance * (1.0 + 1e-9))]
+    a, b = np.divmod(np.sort(np.concatenate(found)), count)
+    return a, b
 
 
 class _Boxes:
