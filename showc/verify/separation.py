@@ -39,6 +39,10 @@ RESOLUTION = 5e-7
 _BATCH = 60_000
 """Pairs looked at together; bounds the memory."""
 
+_FURTHEST = 2.0
+"""How far drones fly in a slice, in separations: more slices take longer to cut, fewer
+leave more pairs to their polynomials."""
+
 _ROUNDS = 80
 
 
@@ -137,7 +141,7 @@ class _Search:
         self._instant(positions)
         batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         size = 0
-        for low, high in edges(positions, max(self.best, self.wanted)):
+        for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
             piece = take(positions, low, high, self.measure)
             pairs = piece.near(self.measure, self.best - RESOLUTION / 2)
             one = piece.whole[pairs].all(axis=1)
