@@ -165,13 +165,13 @@ class _Vehicles:
         now[TIME] = 0.0
         before, half = np.empty_like(now), np.empty_like(now)
         handover = self._handover()
+        latest = handover.max()
         for step in range(steps + 1):
-            over = np.zeros(self.count, dtype=np.bool_)
             if step:
                 before, now = now, before
                 self._advance(before, half, now)
-                over = flying & (now[TIME] >= due)
-            ending = bool(over.any())
+            over = flying & (now[TIME] >= due)
+            ending = bool(step and over.any())
             if ending:
                 flying &= ~over
                 first, second = before[TIME, over], now[TIME, over]
@@ -180,6 +180,7 @@ class _Vehicles:
                 if holds is not None:
                     self.until[over] = self.ended[over] + holds[over]
                     handover = self._handover()
+                    latest = handover.max()
             off = self._off(now, step)
             place = places[step - begin]
             np.multiply(off, self.scale, out=place, casting="same_kind")
@@ -189,7 +190,7 @@ class _Vehicles:
                 early = over & (handover == step - 1)
                 self._hand_over(early, before, self._off(before, step - 1), step - 1)
             # From there on every drone is on its next leg, rounding included.
-            done = step == steps or bool(np.all(handover < step - 1))
+            done = step == steps or bool(latest < step - 1)
             if done or step - begin + 1 == _TOGETHER:
                 some = places[: step - begin + 1].transpose(2, 0, 1)
                 np.add(some, end, out=ways[:, begin : step + 1])
