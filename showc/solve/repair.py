@@ -319,6 +319,7 @@ class Repair:
                     self._sampled(row),
                     _CLEARANCE * self.separation.distance * tried[row],
                     self.flown[row] if self.kind[row] == OPTIMAL else None,
+                    tried[row] == 1,
                 )
                 for row in busy
             ],

@@ -1,7 +1,8 @@
 """One drone at the common time: near the reference, and on its side of the walls.
 
-Near the profile splines come first, for they need no program to be built; where a
-drone has no slack left for them, and behind walls, optimal control does the work.
+Near the profile, and behind its first walls, splines come first: they need no program
+to be built. Where a drone has no slack left for them, and where walls were not enough,
+optimal control does the work.
 """
 
 from __future__ import annotations
@@ -101,6 +102,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     present: FloatArray,
     clearance: float,
     earlier: Trajectory | None = None,
+    first_walls: bool = False,  # noqa: FBT001, FBT002 - as above
 ) -> Outcome:
     """Fly one drone on its side of the walls.
 
@@ -114,6 +116,9 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
         and falls a little short.
     earlier
         Its flight of the round before if that is by optimal control.
+    first_walls
+        Whether none of the walls follows on one that was not enough. Then a spline, a
+        tenth of the work, comes first for a drone not flown by optimal control yet.
 
     Returns
     -------
@@ -125,10 +130,17 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
         np.linspace(0.0, reference.end, intervals + 1),
         np.einsum("ij,kja->kia", inverse, present),
     )
-    flight = avoid(aircraft, start, goal, reference, walls, way, clearance, earlier)
-    if flight is not None:
-        return OPTIMAL, flight, ""
-    found = follow_spline(aircraft, start, goal, reference, intervals, walls)
-    if found is not None:
-        return SPLINE, found.flight.trajectory(0), ""
+    methods = (
+        [SPLINE, OPTIMAL] if first_walls and earlier is None else [OPTIMAL, SPLINE]
+    )
+    for method in methods:
+        if method == SPLINE:
+            found = follow_spline(aircraft, start, goal, reference, intervals, walls)
+            flight = None if found is None else found.flight.trajectory(0)
+        else:
+            flight = avoid(
+                aircraft, start, goal, reference, walls, way, clearance, earlier
+            )
+        if flight is not None:
+            return method, flight, ""
     return OPTIMAL, None, "no flight behind the walls was found"
