@@ -106,6 +106,8 @@ class Repair:
         self.kind: list[str] = []
         self._positions: dict[int, FloatArray] = {}
         self._rigid: set[int] = set()
+        # Whether all processes have the program behind walls from the beginning.
+        self._bending = False
         # Who does not move hovers, and is flown around.
         self._hovers = np.linalg.norm(goal - start, axis=1) < _STILL
 
@@ -168,6 +170,7 @@ class Repair:
         ]
         # With a few kinds of move it is building programs that takes the time.
         bending = len(groups) < _FEW and len(self._conflicts()) > 0
+        self._bending = bending
         if not self._near([group[0] for group in groups], bending=bending):
             return False
         broken = []
@@ -319,7 +322,7 @@ class Repair:
                     self._sampled(row),
                     _CLEARANCE * self.separation.distance * tried[row],
                     self.flown[row] if self.kind[row] == OPTIMAL else None,
-                    tried[row] == 1,
+                    tried[row] == 1 and not self._bending,
                 )
                 for row in busy
             ],
