@@ -81,21 +81,20 @@ class Tracks:
         0 before them; the whole way after the last step, and from the release of the
         next leg on, which tells where the drone is then.
         """
-        last = self.ways.shape[0] - 1
-        shape = np.broadcast_shapes(np.shape(since), self.until.shape)
-        own = np.broadcast_to(since, shape).reshape(-1, self.until.size)
-        # A leg and the one after it must not both leave out the instant between them.
-        done = own >= self.over - INSTANT
-        covered = done[..., None] * self.along
-        flies = (own >= -INSTANT) & ~done
-        # Most instants of a show are before or after all of a stage.
-        row, column = np.nonzero(flies)
-        place = np.maximum(own[flies], 0.0) / STEP
+        last, count = self.ways.shape[0] - 1, self.until.size
+        own = np.broadcast_to(since, np.broadcast_shapes(np.shape(since), (count,)))
+        place = np.minimum(np.maximum(own, 0.0) / STEP, float(last))
         before = np.minimum(place.astype(np.int64), last - 1)
-        share = (place - before)[:, None]
-        low, high = self.ways[before, column], self.ways[before + 1, column]
-        covered[row, column] = low * (1.0 - share) + high * share
-        return np.asarray(covered.reshape(*shape, 3))
+        share = (place - before)[..., None]
+        at = before * count + np.arange(count)
+        ways = self.ways.reshape(-1, 3)
+        covered = ways[at] * (1.0 - share)
+        covered += ways[at + count] * share
+        # A leg and the one after it must not both leave out the instant between them.
+        covered[own < -INSTANT] = 0.0
+        done = own >= self.over - INSTANT
+        np.copyto(covered, self.along, where=done[..., None])
+        return np.asarray(covered)
 
     def near(self, distance: float) -> FloatArray:
         """Return when each drone is first within ``distance`` [m] of its end, (n,) [s].
