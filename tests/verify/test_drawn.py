@@ -11,7 +11,8 @@ from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.verify.drawn import UNCLOCKED, check_drawn
 from showc.verify.legs import FleetLegs, fly_rows, read_parameters, read_rows
-from showc.verify.waypoints import parse
+from showc.verify.mission_flight import check_mission_flight
+from showc.verify.waypoints import MissionFormatError, parse
 
 START = datetime(2026, 6, 1, 20, 0, tzinfo=UTC)
 BEGIN = 20 * 3600.0
@@ -53,6 +54,27 @@ def gliding():
 @pytest.fixture(scope="module")
 def missions(gliding):
     return mission_files(gliding, start=START)
+
+
+def test_a_mission_that_flies_nowhere_is_refused(gliding, missions, tmp_path):
+    path = tmp_path / "output.mcap"
+    write_log(gliding, path, manifest=b"{}")
+    _, show = loaded(path)
+    values = read_parameters(missions.files["missions/ardupilot.parm"])
+    name = min(name for name in missions.files if name.endswith(".waypoints"))
+    home = b"\n".join(missions.files[name].splitlines()[:2])
+    with pytest.raises(MissionFormatError, match="nowhere"):
+        read_rows(parse(home), show.rules.site, values)
+    again = tmp_path / "missions"
+    again.mkdir()
+    (again / "ardupilot.parm").write_bytes(missions.files["missions/ardupilot.parm"])
+    (again / "one.waypoints").write_bytes(home)
+    (again / "two.waypoints").write_bytes(missions.files[name])
+    paths = {0: "missions/one.waypoints", 1: "missions/two.waypoints"}
+    description = {"autopilot": "ardupilot", "start": START.isoformat()}
+    (check,) = check_mission_flight(tmp_path, paths, description, show.rules)
+    assert check.verdict == "fail"
+    assert check.where.drone == 1
 
 
 def test_the_drawn_fleet_flies_the_missions(gliding, missions, tmp_path):
