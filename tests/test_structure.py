@@ -130,7 +130,7 @@ def loaded(statement):
 
 
 def test_public_names_of_the_core_are_where_it_says():
-    from showc import ocp  # noqa: PLC0415 - loads casadi
+    from showc import ocp
 
     assert all(getattr(ocp, name) is not None for name in ocp.__all__)
     assert set(dir(ocp)) == set(ocp.__all__)
