@@ -44,12 +44,13 @@ NEARNESS = 10.0
 STIFFNESS = 100.0
 """Price of the squared lack of distance behind a wall [1/m²]."""
 INTERVALS = 24
-FEWEST = 32
+FEWEST = 24
 """Intervals of the coarsest program: more than most flights need, but one program
 serves a drone before and after walls are laid, and building two takes longer."""
 LONGEST = 0.35
 """Longest interval along a wall [s]: drones turn aside within about a second."""
 TOLERANCE = 1e-3
+BARRIER = 0.1
 INSET = 1e-5
 
 WALL_SIGNALS = tuple(
@@ -194,7 +195,11 @@ def _built(aircraft: Aircraft, intervals: int) -> StagedTranscription:
         intervals,
         signals=(*SIGNALS, *WALL_SIGNALS),
         options=StagedOptions(
-            solver="fatrop", iterations=120, tolerance=TOLERANCE, inset=INSET
+            solver="fatrop",
+            iterations=120,
+            tolerance=TOLERANCE,
+            inset=INSET,
+            barrier=BARRIER,
         ),
     )
 

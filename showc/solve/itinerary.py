@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SMALL = 128
 """Drones up to which a leg is one task: little could be shared out within it."""
-LONE = 24
+LONE = 8
 """Drones up to which a leg that is missing alone is solved here: starting processes
 takes longer than they would save."""
 
