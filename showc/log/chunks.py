@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import defaultdict
+from collections import defaultdict, deque
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -35,13 +36,19 @@ from mcap.records import (
 )
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from numpy.typing import NDArray
+
+    _Index = dict[int, list[tuple[int, int]]]
 
 MAGIC = b"\x89MCAP0\r\n"
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _INDEX = struct.Struct("<BQHI")
 _FOOTER = struct.Struct("<BQQQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
+_AHEAD = 4
+"""Chunks that wait for being packed, at most: bounds the memory."""
 
 
 class ChunkWriter:
@@ -67,6 +74,10 @@ class ChunkWriter:
         self._metadata: list[MetadataIndex] = []
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._span: tuple[int, int] | None = None
+        # One after the other, so that what is waiting is in order; off the main thread,
+        # because packing takes as long as filling.
+        self._packer = ThreadPoolExecutor(1)
+        self._packing: deque[tuple[Future[tuple[Chunk, bytes]], _Index]] = deque()
         self._open()
         self._write(MAGIC)
         self._write(_bytes(Header(profile="", library=library)))
@@ -194,23 +205,24 @@ class ChunkWriter:
         self._chunk_span = min(first, time), max(last, time)
 
     def _close(self) -> None:
-        """Write the chunk and its message indexes."""
+        """End the chunk; it is packed while the next one fills."""
         if self._chunk_span is None:
             return
-        first, last = self._chunk_span
         content = b"".join(self._parts)
-        chunk = Chunk(
-            compression="zstd",
-            data=zstandard.compress(content),
-            message_end_time=last,
-            message_start_time=first,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        begin, data = self._stream.tell(), _bytes(chunk)
+        packing = self._packer.submit(_packed, content, self._chunk_span)
+        self._packing.append((packing, dict(self._index)))
+        if len(self._packing) > _AHEAD:
+            self._write_chunk()
+        self._open()
+
+    def _write_chunk(self) -> None:
+        """Write the first of the packed chunks, and its message indexes."""
+        packing, index = self._packing.popleft()
+        chunk, data = packing.result()
+        begin = self._stream.tell()
         self._write(data)
         offset, offsets, indexes = begin + len(data), {}, []
-        for channel, entries in self._index.items():
+        for channel, entries in index.items():
             table = np.array(entries, dtype=_ENTRY).tobytes()
             head = _INDEX.pack(
                 Opcode.MESSAGE_INDEX, 6 + len(table), channel, len(table)
@@ -220,6 +232,7 @@ class ChunkWriter:
             indexes += [head, table]
             self._counts[channel] += len(entries)
         self._write(b"".join(indexes))
+        first, last = chunk.message_start_time, chunk.message_end_time
         self._chunks.append(
             ChunkIndex(
                 chunk_length=len(data),
@@ -230,16 +243,18 @@ class ChunkWriter:
                 message_index_length=offset - begin - len(data),
                 message_index_offsets=offsets,
                 message_start_time=first,
-                uncompressed_size=len(content),
+                uncompressed_size=chunk.uncompressed_size,
             )
         )
         start, end = self._span or (first, last)
         self._span = min(start, first), max(end, last)
-        self._open()
 
     def finish(self) -> None:
         """Write the last chunk, the summary and the footer."""
         self._close()
+        while self._packing:
+            self._write_chunk()
+        self._packer.shutdown()
         end = RecordBuilder()
         DataEnd(self._checksum).write(end)
         self._stream.write(end.end())
@@ -288,6 +303,20 @@ class ChunkWriter:
         )
         self._stream.write(_bytes(end_of_file))
         self._stream.write(MAGIC)
+
+
+def _packed(content: bytes, span: tuple[int, int]) -> tuple[Chunk, bytes]:
+    """Compress a chunk; the chunk, and its record as it stands in the file."""
+    first, last = span
+    chunk = Chunk(
+        compression="zstd",
+        data=zstandard.compress(content),
+        message_end_time=last,
+        message_start_time=first,
+        uncompressed_crc=zlib.crc32(content),
+        uncompressed_size=len(content),
+    )
+    return chunk, _bytes(chunk)
 
 
 @lru_cache(maxsize=4)
