@@ -11,42 +11,41 @@ from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, BinaryIO, Protocol
+from typing import TYPE_CHECKING, BinaryIO
 
-import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from showc._version import __version__
-from showc.light import LightProgram, srgb_bytes
-from showc.light.colour import GREATEST, drive_bytes
 from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.chunks import ChunkWriter
 from showc.log.content import rules_message, segment_message, trajectory_message
 from showc.log.layout import layout_json
-from showc.log.sample import GRID, pack_drone_states, pack_places, pack_points
-from showc.log.sampling import NANOSECONDS, FleetSampler, nanoseconds, sample_times
+from showc.log.sample import GRID
+from showc.log.sampling import NANOSECONDS, nanoseconds
 from showc.log.scene import (
     fleet_transforms,
     point_cloud,
     root_transform,
     scene_update,
 )
+from showc.log.windows import PositionSource, Window, Windows
 from showc.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import numpy as np
     from google.protobuf.message import Message
     from numpy.typing import NDArray
 
     from showc.flight import Flight
+    from showc.light import LightProgram
     from showc.progress import Progress
     from showc.script.show import Show
 
-    FloatArray = NDArray[np.float64]
 
 CHUNK_SIZE = 1 << 20
 """Uncompressed bytes after which a chunk is closed."""
@@ -54,10 +53,6 @@ SMALL_FLEET = 100
 """Fleets up to this size are logged drone by drone as well."""
 TRANSFORM_RATE = 5.0
 """Frames of single drones per second [Hz]."""
-WINDOW_SAMPLES = 100_000
-"""Samples (times x drones) that are evaluated and held at a time."""
-PREDICTED_COLOUR = (128, 128, 128)
-"""Screen colour of the predicted fleet."""
 MEDIA_TYPES = {
     ".yaml": "application/yaml",
     ".yml": "application/yaml",
@@ -69,17 +64,6 @@ MEDIA_TYPES = {
     ".jpeg": "image/jpeg",
 }
 """Of attachments, by suffix; others are plain bytes."""
-
-
-class PositionSource(Protocol):
-    """A second flight of the same fleet, for instance what the autopilots will fly."""
-
-    @property
-    def duration(self) -> float:
-        """Its length [s]."""
-
-    def position(self, times: FloatArray) -> FloatArray:
-        """Positions (T, drones, 3), show frame [m], at ``times`` (T,) [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +149,8 @@ def write_log(
     wanted = topics or Topics.default(show.drones)
     log.begin(manifest, plots=0 in wanted.states)
     log.register(wanted, predicted=predicted is not None)
-    return _Steps(log, lights, wanted, predicted, progress or Silent()).write()
+    windows = Windows(flight, lights, wanted.states, predicted)
+    return _Steps(log, wanted, windows, progress or Silent()).write()
 
 
 class _Log:
@@ -270,51 +255,41 @@ class _Steps:
     """Writes everything in the order of time, some steps at once."""
 
     def __init__(
-        self,
-        log: _Log,
-        lights: LightProgram | None,
-        topics: Topics,
-        predicted: PositionSource | None,
-        progress: Progress,
+        self, log: _Log, topics: Topics, windows: Windows, progress: Progress
     ) -> None:
         self.log = log
         self.topics = topics
-        self.predicted = predicted
+        self.windows = windows
         self.progress = progress
-        self.sampler = FleetSampler(log.flight)
-        self.lights = lights or LightProgram.of(log.flight)
         self.state_topics = [schema.state_topic(drone) for drone in topics.states]
-        rate = log.show.log_rate
-        self.stride = max(1, round(rate / TRANSFORM_RATE))
-        self.show_times = sample_times(log.flight.duration, rate)
-        self.other_times = (
-            np.empty(0, dtype=np.int64)
-            if predicted is None
-            else sample_times(predicted.duration, rate)
-        )
+        self.stride = max(1, round(log.show.log_rate / TRANSFORM_RATE))
 
     def write(self) -> LogSummary:
         """Write all steps and close the file."""
-        times = np.union1d(self.show_times, self.other_times)
-        events = self._events()
+        windows, events = self.windows, self._events()
         position, done = 0, 0
-        window = max(1, WINDOW_SAMPLES // self.log.show.drones)
-        self.progress.stage("write the log", int(times[-1] // NANOSECONDS) + 1)
-        for begin in range(0, times.size, window):
-            part = times[begin : begin + window]
-            steps = self._steps(part)
-            for ns in part.tolist():
+        seconds = int(windows.times[-1]) // NANOSECONDS + 1
+        self.progress.stage("write the log", seconds)
+        for window in windows:
+            rows = {int(windows.show_times[k]): k for k in window.steps}
+            clouds = dict(
+                zip(window.predicted_times.tolist(), window.places, strict=True)
+            )
+            for ns in window.times.tolist():
                 while position < len(events) and events[position][0] <= ns:
                     events[position][1]()
                     position += 1
-                for write in steps.get(ns, ()):
-                    write()
-            seconds = int(part[-1]) // NANOSECONDS + 1
+                if ns in rows:
+                    self._fleet(window, rows[ns], ns)
+                if ns in clouds:
+                    cloud = point_cloud(self.log.epoch + ns, clouds[ns])
+                    self.log.add(schema.PREDICTED, ns, cloud)
+            seconds = int(window.times[-1]) // NANOSECONDS + 1
             self.progress.advance(seconds - done)
             done = seconds
         self.log.finish()
-        end = int(self.show_times[-1])
-        return LogSummary(self.log.messages, int(self.show_times.size), end)
+        end = int(windows.show_times[-1])
+        return LogSummary(self.log.messages, int(windows.show_times.size), end)
 
     def _events(self) -> list[tuple[int, Callable[[], None]]]:
         """List what is written once, at its time: rules, scene, segments, flights."""
@@ -341,52 +316,11 @@ class _Steps:
             events.append((ns, partial(open_leg, number, ns)))
         return events
 
-    def _steps(self, times: NDArray[np.int64]) -> dict[int, list[Callable[[], None]]]:
-        """Writers of each step of a window, by time [ns]."""
-        steps: dict[int, list[Callable[[], None]]] = {ns: [] for ns in times.tolist()}
-        first = int(np.searchsorted(self.show_times, times[0]))
-        last = int(np.searchsorted(self.show_times, times[-1], side="right"))
-        if last > first:
-            self._fleet_steps(steps, first, last)
-        if self.predicted is not None:
-            chosen = np.intersect1d(times, self.other_times)
-            if chosen.size:
-                position = self.predicted.position(chosen / NANOSECONDS)
-                for ns, row in zip(
-                    chosen.tolist(),
-                    pack_places(position, PREDICTED_COLOUR),
-                    strict=True,
-                ):
-                    steps[ns].append(partial(self._cloud, ns, row))
-        return steps
-
-    def _cloud(self, ns: int, row: NDArray[np.void]) -> None:
-        self.log.add(schema.PREDICTED, ns, point_cloud(self.log.epoch + ns, row))
-
-    def _fleet_steps(
-        self, steps: dict[int, list[Callable[[], None]]], first: int, last: int
-    ) -> None:
-        seconds = self.show_times[first:last] / NANOSECONDS
-        state, control = self.sampler(seconds)
-        light = self.lights.linear(seconds)
-        points = pack_points(state, control, srgb_bytes(light))
-        chosen = list(self.topics.states)
-        single = pack_drone_states(
-            state[:, chosen],
-            control[:, chosen],
-            drive_bytes(light[:, chosen]) / GREATEST,
-        )
-        for row in range(last - first):
-            step = first + row
-            ns = int(self.show_times[step])
-            steps[ns].append(partial(self._fleet, step, ns, points[row], single[row]))
-
-    def _fleet(
-        self, step: int, ns: int, points: NDArray[np.void], single: NDArray[np.void]
-    ) -> None:
-        log = self.log
+    def _fleet(self, window: Window, step: int, ns: int) -> None:
+        log, row = self.log, step - window.steps.start
+        points = window.points[row]
         if self.topics.transforms and step % self.stride == 0:
             frames = fleet_transforms(log.epoch + ns, points, self.topics.transforms)
             log.add(schema.TRANSFORMS, ns, frames)
         log.add(schema.FLEET, ns, point_cloud(log.epoch + ns, points))
-        log.add_states(self.state_topics, step, ns, single)
+        log.add_states(self.state_topics, step, ns, window.states[row])
