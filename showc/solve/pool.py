@@ -121,10 +121,12 @@ class Processes:
         self._jobs = jobs
         self._executor: ProcessPoolExecutor | None = None
         self._starting = Lock()
+        self._prepared = self._closed = False
 
     def prepare(self) -> None:
         """See :class:`Workers`; the processes start while the caller goes on."""
-        if self._executor is None:
+        if not self._prepared:
+            self._prepared = True
             Thread(target=self._try, daemon=True).start()
 
     def _try(self) -> None:
@@ -164,7 +166,7 @@ class Processes:
                         done(len(values))
             except BrokenProcessPool:
                 deaths += 1
-                self.close()
+                self._let_go()
                 if deaths > _DEATHS:
                     raise
             except BaseException:
@@ -177,19 +179,27 @@ class Processes:
         # A first submission waits until the server of the processes has imported what
         # they need; ``prepare`` lets a thread wait for it.
         with self._starting:
+            if self._closed:
+                raise RuntimeError("the processes have been let go for good")
             if self._executor is None:
                 self._executor = _started(self._jobs)
             return self._executor
 
     def stop(self) -> None:
         """End the processes at once, whatever they are doing."""
+        self._closed = True
         with self._starting:
             if self._executor is not None:
                 for process in active_children():
                     process.terminate()
 
     def close(self) -> None:
-        """Let the processes go."""
+        """Let the processes go; none is started any more."""
+        # Who still waits to start some, finds this when it is its turn.
+        self._closed = True
+        self._let_go()
+
+    def _let_go(self) -> None:
         with self._starting:
             if self._executor is not None:
                 self._executor.shutdown(wait=True, cancel_futures=True)

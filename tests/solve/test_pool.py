@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from multiprocessing import active_children
 from pathlib import Path
@@ -102,3 +103,17 @@ def test_workers_do_not_hear_the_keyboard():
         masks = crew.run(signal.pthread_sigmask, [(signal.SIG_BLOCK, [])] * 2)
     assert all(signal.SIGINT in mask for mask in masks)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_who_was_let_go_while_starting_starts_nothing_afterwards():
+    before = set(threading.enumerate())
+    crew = Processes(2)
+    for _ in range(3):
+        crew.prepare()
+    crew.stop()
+    crew.close()
+    for thread in set(threading.enumerate()) - before:
+        thread.join(60.0)
+    assert active_children() == []
+    with pytest.raises(RuntimeError, match="for good"):
+        crew.run(abs, [(-1,), (-2,)])
