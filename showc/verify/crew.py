@@ -174,9 +174,14 @@ def _shared(
 def _copy(work: Callable[[Connection], None]) -> tuple[Connection, int]:
     """Let a copy of this process ``work``; where it reports to, and its number."""
     receive, send = os.pipe()
-    process = os.fork()
-    if process == 0:
-        _do(work, send)
+    # A copy never hears an interrupt, not even in its first instant: it is ended.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        process = os.fork()
+        if process == 0:
+            _do(work, send)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     os.close(send)
     return Connection(receive, writable=False), process
 
