@@ -44,9 +44,8 @@ NEARNESS = 10.0
 STIFFNESS = 100.0
 """Price of the squared lack of distance behind a wall [1/m²]."""
 INTERVALS = 24
-FEWEST = 24
-"""Intervals of the coarsest program: more than most flights need, but one program
-serves a drone before and after walls are laid, and building two takes longer."""
+"""Intervals of the coarsest program: one serves a drone before and after walls are
+laid, and building two takes longer."""
 LONGEST = 0.35
 """Longest interval along a wall [s]: drones turn aside within about a second."""
 TOLERANCE = 1e-3
@@ -143,7 +142,7 @@ def _cut(
     touched = before[np.minimum(last, intervals)] > before[np.minimum(first, intervals)]
     widths = np.diff(borders)
     parts = np.where(touched, np.ceil(widths / LONGEST - 1e-9), 1.0).astype(np.int64)
-    wanted = max(int(parts.sum()), FEWEST)
+    wanted = max(int(parts.sum()), INTERVALS)
     count = next((c for c in COUNTS if c >= wanted), None)
     if count is None:
         return widths

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
+_ROUNDING = 1e-10
+"""The least tolerance that HiGHS takes."""
 _OUTSIDE = 1e-9
 """How far a corner stands out at least, over the length of the longest move."""
 
@@ -71,7 +73,12 @@ class _PartingPlanes:
 
     def __init__(self) -> None:
         self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
-        for option, value in (("output_flag", False), ("threads", 1)):
+        for option, value in (
+            ("output_flag", False),
+            ("threads", 1),
+            ("primal_feasibility_tolerance", _ROUNDING),
+            ("dual_feasibility_tolerance", _ROUNDING),
+        ):
             self._solver.setOptionValue(option, value)
         unbounded = highspy.kHighsInf
         self._solver.addVars(

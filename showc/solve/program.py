@@ -110,7 +110,13 @@ class Program:
         self.roll = np.zeros((intervals, 4))
         at = (self.breaks[:-1, None] + NODES * np.diff(self.breaks)[:, None]).ravel()
         wanted = start + reference(at) * (goal - start)
-        self.linear = (self.basis.weights @ wanted).T.ravel()
+        linear = self.given.reshape(3, count) @ self.basis.gram
+        linear = linear + (self.basis.weights @ wanted).T
+        self._linear = linear.ravel()[self.free]
+        size = self._linear.size + walls.interval.size
+        self._quadratic = Columns.of(
+            *quadratic_upper(intervals, duration), (size, size)
+        )
         self._counted: BoolArray | None = None
 
     def relinearise(self, position: FloatArray) -> None:
@@ -248,7 +254,7 @@ class Program:
         rows, hard = self._rows(aim)
         system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
         nearest = nearest_coefficients(self.intervals, float(self.breaks[-1]))
-        found = self._whole(nearest @ -self._linear())
+        found = self._whole(nearest @ -self._linear)
         chosen = system.reached(found) > _NEAR * system.bounds
         chosen |= (system.bounds <= 0.0) | ~system.hard
         if self._counted is not None:
@@ -274,13 +280,8 @@ class Program:
     def _whole(self, answer: FloatArray) -> FloatArray:
         """All coefficients (3 n,), the given ones included."""
         found = self.given.copy()
-        found[self.free] = answer[: int(self.free.sum())]
+        found[self.free] = answer[: self._linear.size]
         return found
-
-    def _linear(self) -> FloatArray:
-        """Linear term of the objective in the free coefficients."""
-        given = self.given.reshape(3, -1) @ self.basis.gram
-        return np.asarray((given.ravel() + self.linear)[self.free])
 
     def _answer(self, system: System, chosen: BoolArray) -> FloatArray | None:
         import clarabel  # noqa: PLC0415 - only when solving
@@ -290,15 +291,13 @@ class Program:
         if matrix is None:
             return None
         left, right = matrix
-        size = int(self.free.sum()) + slack
-        upper = quadratic_upper(self.intervals, float(self.breaks[-1]))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_iter = 60
         settings.max_threads = 1
         solver = clarabel.DefaultSolver(
-            Columns.of(*upper, (size, size)),
-            np.concatenate([self._linear(), np.full(slack, _PRICE)]),
+            self._quadratic,
+            np.concatenate([self._linear, np.full(slack, _PRICE)]),
             left,
             right,
             [clarabel.NonnegativeConeT(right.size)],

@@ -27,7 +27,7 @@ def test_no_direction_has_a_longer_move_than_the_corners(seed, rank):
     for beta in rng.normal(size=(50, 3)):
         greatest = max(float((moves @ beta).max()), 0.0)
         found = max(float((moves[corners] @ beta).max()), 0.0)
-        assert found == pytest.approx(greatest, rel=1e-7, abs=1e-7)
+        assert found == pytest.approx(greatest, rel=1e-9, abs=1e-9)
 
 
 def test_the_corners_of_many_moves_are_those_of_their_hull():

@@ -33,8 +33,9 @@ def objective(program, position):
     whole = np.zeros((3, count))
     for k in range(INTERVALS):
         whole[:, k : k + module.LOCAL] = local[k].T
-    quadratic = 0.5 * np.einsum("ai,ij,aj->", whole, program.basis.gram, whole)
-    return quadratic + program.linear @ whole.ravel(), whole.ravel()
+    free = whole.ravel()[program.free]
+    gram = np.kron(np.eye(3), program.basis.gram)[np.ix_(program.free, program.free)]
+    return 0.5 * free @ gram @ free + program._linear @ free, whole.ravel()
 
 
 @pytest.mark.parametrize(
