@@ -144,7 +144,7 @@ def _position(segment: Segment, drone: int, time: float) -> FloatArray:
         found = np.flatnonzero(table.drones == drone)
         if found.size:
             values = evaluate(table, np.array([time]))
-            return np.asarray(values[0, found[0], :3])
+            return np.asarray(values[:3, 0, found[0]])
     raise KeyError(drone)
 
 

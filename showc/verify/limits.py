@@ -18,8 +18,6 @@ from showc.verify.bernstein import halves
 from showc.verify.physics import allocation
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Limits, Rules, Vector3
@@ -183,16 +181,21 @@ class _Hulls:
     def of(cls, table: PieceTable, rotors: FloatArray) -> _Hulls:
         """Go through the coefficients of a table once."""
         speeds = table.control @ rotors.T
-        sources = (table.state, table.control, speeds)
-        tops, lows = zip(*(_ranges(source) for source in sources), strict=True)
-        return cls(
-            table,
-            speeds,
-            _columns(tops),
-            _columns(lows),
-            _columns([source[:, 0] for source in sources]),
-            _columns([source[:, -1] for source in sources]),
-        )
+        sources = table.state, table.control, speeds
+        count = sum(source.shape[2] for source in sources)
+        top, low, begin, end = np.empty((4, count, table.start.size))
+        first = 0
+        for source in sources:
+            part = slice(first, first + source.shape[2])
+            first = part.stop
+            for row in range(0, source.shape[0], _AT_ONCE):
+                rows = slice(row, row + _AT_ONCE)
+                # With all rows of a coefficient side by side, in the processor's cache.
+                some = np.ascontiguousarray(source[rows].transpose(1, 2, 0))
+                some.max(axis=0, out=top[part, rows])
+                some.min(axis=0, out=low[part, rows])
+                begin[part, rows], end[part, rows] = some[0], some[-1]
+        return cls(table, speeds, top, low, begin, end)
 
     def coefficients(self, quantity: int, rows: NDArray[np.bool_]) -> FloatArray:
         """Coefficients (n, degree + 1) of one quantity on some rows."""
@@ -202,23 +205,6 @@ class _Hulls:
         if quantity < states + controls:
             return self.table.control[rows, :, quantity - states]
         return self.rotors[rows, :, quantity - states - controls]
-
-
-def _ranges(source: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Greatest and least coefficients (rows, n) of ``source`` (rows, degree + 1, n)."""
-    top, low = np.empty((2, source.shape[0], source.shape[2]))
-    for begin in range(0, source.shape[0], _AT_ONCE):
-        rows = slice(begin, begin + _AT_ONCE)
-        # With all rows of a coefficient side by side, in the processor's cache.
-        some = np.ascontiguousarray(source[rows].swapaxes(0, 1))
-        some.max(axis=0, out=top[rows])
-        some.min(axis=0, out=low[rows])
-    return top, low
-
-
-def _columns(arrays: Sequence[FloatArray]) -> FloatArray:
-    """Put quantities (rows, n) of several arrays below each other."""
-    return np.ascontiguousarray(np.concatenate(arrays, axis=1).T)
 
 
 def _greatest(hulls: _Hulls, bound: Bound) -> Extreme:

@@ -209,19 +209,19 @@ class _Comparison:
         worst = Compared()
         layout: np.dtype[np.void] | None = None
         for data, m, offset in self.log.read({channel}, share, SHARES):
-            clouds = []
-            for start, size in zip(m.payload.tolist(), m.size.tolist(), strict=True):
+            values = np.empty((len(POINT_FIELDS), m.size.size, self.show.drones))
+            for moment, (start, size) in enumerate(
+                zip(m.payload.tolist(), m.size.tolist(), strict=True)
+            ):
                 cloud = parse(PointCloud, data[start : start + size], offset)
                 layout = layout or point_layout(cloud, offset)
-                clouds.append(points_of(cloud, layout, self.show.drones, offset))
-            points = np.concatenate(clouds)
-            values = np.empty((len(POINT_FIELDS), points.size))
-            for row, name in zip(values, POINT_FIELDS, strict=True):
-                row[:] = points[name]
+                points = points_of(cloud, layout, self.show.drones, offset)
+                for row, name in zip(values, POINT_FIELDS, strict=True):
+                    row[moment] = points[name]
             drones = np.arange(self.show.drones)
             self._compare(
                 worst,
-                values.reshape(-1, len(clouds), drones.size),
+                values,
                 self.seconds(m.log_time),
                 drones,
                 "point",
@@ -322,10 +322,8 @@ class _Comparison:
 
     def _flown(self, times: FloatArray, drones: IntArray) -> FloatArray:
         """State and control of some drones, shape (16, times, drones)."""
-        flown = np.moveaxis(self.fleet_at(times), -1, 0)
-        if drones.size < self.show.drones:
-            flown = flown[..., drones]
-        return np.ascontiguousarray(flown)
+        flown = self.fleet_at(times)
+        return flown if drones.size == self.show.drones else flown[..., drones]
 
     def _ratio(self, values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
         """Error over what is allowed, shape of ``values``; 0 where not logged."""

@@ -121,8 +121,10 @@ def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
         Show times between which a slice lies [s]; none if nothing moves.
     """
     ends = np.array([positions.begin, positions.end])
-    moving = positions.position.max(axis=1) - positions.position.min(axis=1)
-    travel = np.sqrt(np.sum(moving**2, axis=1))
+    # Coefficient by coefficient, all rows of one lie side by side.
+    hull = np.ascontiguousarray(positions.position.transpose(1, 2, 0))
+    moving = hull.max(axis=0) - hull.min(axis=0)
+    travel = np.sqrt(np.sum(moving**2, axis=0))
     if not np.any(travel > 0.0):
         return
     times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
