@@ -53,6 +53,8 @@ class FleetShow:
     files: dict[str, str] = field(default_factory=dict)
     memory: float = 2048.0
     """Greatest memory asked for [MiB]."""
+    start: str | None = None
+    """When its missions start (UTC); None: they have no clock."""
 
 
 def _script(
@@ -62,6 +64,7 @@ def _script(
     *,
     pads: str = "{type: grid, step: 2}",
     fixed: bool = False,
+    hold: float = 1.0,
     more: str = "",
 ) -> str:
     assignment = ", assignment: fixed" if fixed else ""
@@ -71,7 +74,7 @@ def _script(
         pads=pads,
         formations="\n".join(f"  {key}: {body}" for key, body in formations.items()),
         transitions="\n".join(
-            f"  - {{to: {key}, hold: 1{assignment}}}" for key in formations
+            f"  - {{to: {key}, hold: {hold:g}{assignment}}}" for key in formations
         ),
         more=more,
     )
@@ -126,6 +129,56 @@ def chain() -> FleetShow:
     return FleetShow(name, 1000, _script(name, 1000, formations), cases)
 
 
+def ten_pictures() -> FleetShow:
+    """A whole show of a thousand drones, as it is flown before people."""
+    rings = ", ".join(
+        f"{{type: circle, count: {count}, radius: {radius}, plane: front}}"
+        for count, radius in ((290, 66), (260, 60), (235, 54), (215, 48))
+    )
+    saturn = ", ".join(
+        f"{{type: circle, count: {count}, radius: {radius}}}"
+        for count, radius in ((140, 36), (130, 40), (130, 44))
+    )
+    words = "draw: inside, spread: true, spacing: 2"
+    formations = {
+        "ball": "{type: sphere, radius: 20, centre: [0, 0, 45], colour: magenta}",
+        "word": (
+            f'{{type: text, text: "{TEXT}", height: 70, {words}, '
+            "centre: [0, 0, 55], colour: gold}"
+        ),
+        "helix": (
+            "{type: helix, strands: 4, radius: 26, height: 70, turns: 3, "
+            "centre: [0, 0, 50], colour: lime}"
+        ),
+        "cube": f"{{type: cube, size: 20, {words}, centre: [0, 0, 45], colour: white}}",
+        "wave": (
+            "{type: wave, step: 2.5, amplitude: 5, wavelength: 30, "
+            "centre: [0, 0, 45], colour: aquamarine}"
+        ),
+        "rings": f"{{parts: [{rings}], centre: [0, 0, 78], colour: crimson}}",
+        "saturn": (
+            f"{{parts: [{{type: sphere, radius: 18, count: 600}}, {saturn}], "
+            "transform: [{rotate: {angle: 25, axis: x}}], centre: [0, 0, 50], "
+            "colour: {gradient: [gold, white], along: z}}"
+        ),
+        "line": (
+            f'{{type: text, text: "2026", height: 50, {words}, '
+            "centre: [0, 0, 50], colour: orangered}"
+        ),
+        "column": (
+            "{type: cube, size: [20, 20, 60], draw: faces, spread: true, "
+            "spacing: 2, centre: [0, 0, 50], colour: violet}"
+        ),
+        "wall": (
+            "{type: grid, plane: front, step: 2.5, centre: [0, 0, 55], "
+            "colour: {gradient: [red, blue], along: x}}"
+        ),
+    }
+    name = "1,000 drones, ten pictures"
+    script = _script(name, 1000, formations, hold=5.0)
+    return FleetShow(name, 1000, script, (), start="2026-06-01T20:00:00Z")
+
+
 def at_random(drones: int, time: float) -> FleetShow:
     """Grid to sphere, every drone to a place given out at random."""
     index = np.arange(drones) + 0.5
@@ -167,6 +220,7 @@ def all_shows() -> dict[str, FleetShow]:
     return {
         "100": grid_to_sphere(100, 4.0, 0.01),
         "chain": chain(),
+        "ten": ten_pictures(),
         "random": at_random(1000, 120.0),
         "tight": grid_to_sphere(1000, 120.0, 0.05, spacing=1.2),
         "5000": grid_to_sphere(5000, 300.0, 0.02, memory=4096.0),
