@@ -104,7 +104,7 @@ def compile_script(
         raise RejectedScriptError(result)
     if accepted is not None:
         accepted(result)
-    itinerary = build_itinerary(result.show)
+    itinerary = build_itinerary(result.show, watcher)
     flight = solve_itinerary(itinerary, options.solve, watcher)
     missions = _missions(flight, options, watcher)
     manifest = build_manifest(

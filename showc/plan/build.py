@@ -14,6 +14,7 @@ import numpy as np
 from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
+from showc.progress import Silent
 from showc.script.show import Formation
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.plan.itinerary import LegKind
+    from showc.progress import Progress
     from showc.script.show import Mark, Show, Transition
     from showc.vehicle import Limits
 
@@ -32,8 +34,10 @@ PARKED = -1
 """Place of a drone that has none in the formation."""
 
 
-def build_itinerary(show: Show) -> Itinerary:
+def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
     """Lay out all legs of ``show`` and give out the places.
+
+    ``progress`` is told of each chapter.
 
     Raises
     ------
@@ -41,11 +45,16 @@ def build_itinerary(show: Show) -> Itinerary:
         If a formation does not have a place, or a parking place, for each drone that
         is to go there.
     """
+    watcher = progress or Silent()
+    flown = chapters(show)
+    watcher.stage("give out the places", len(flown) + 1)
     builder = _Builder(show)
     builder.launch()
-    for chapter in chapters(show):
+    for chapter in flown:
         builder.chapter(chapter)
+        watcher.advance()
     builder.land()
+    watcher.advance()
     formations = {**show.formations, **builder.added}
     return Itinerary(replace(show, formations=formations), tuple(builder.legs))
 

@@ -46,6 +46,29 @@ def show():
     return replace(base, groups={"a": (0, 1), "b": (2, 3)}, parking="wait")
 
 
+class Watching:
+    """Remembers how much work it was told of, and how much is done."""
+
+    told, done = None, 0
+
+    def stage(self, title, total=None):
+        assert title
+        self.told = total
+
+    def advance(self, steps=1):
+        self.done += steps
+
+    def note(self, text):
+        pass
+
+
+def test_whoever_watches_sees_it_come_to_its_end(show):
+    flown = replace(show, transitions=(transition("line"), transition("wait")))
+    watching = Watching()
+    build_itinerary(flown, watching)
+    assert watching.told == watching.done == 3
+
+
 def test_from_ground_to_ground_without_a_jump(show):
     itinerary = build_itinerary(
         replace(show, transitions=(transition("line"), transition("pair")))
