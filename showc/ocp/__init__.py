@@ -32,15 +32,10 @@ if TYPE_CHECKING:
         Step,
     )
     from showc.ocp.mesh import Mesh, PhaseMesh
+    from showc.ocp.outcome import ErrorEstimate, Result
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.quantity import HalfSpaces
-    from showc.ocp.solution import (
-        ErrorEstimate,
-        Multipliers,
-        PhaseSolution,
-        Result,
-        Solution,
-    )
+    from showc.ocp.solution import Multipliers, PhaseSolution, Solution
 
 __all__ = [
     "Agent",
@@ -103,10 +98,10 @@ _HOMES = {
     "Phase": "problem",
     "Problem": "problem",
     "HalfSpaces": "quantity",
-    "ErrorEstimate": "solution",
+    "ErrorEstimate": "outcome",
     "Multipliers": "solution",
     "PhaseSolution": "solution",
-    "Result": "solution",
+    "Result": "outcome",
     "Solution": "solution",
 }
 """Module of each public name."""

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from showc.ocp.solution import ErrorEstimate, Result
+    from showc.ocp.outcome import ErrorEstimate, Result
 
 
 class Step(Enum):

@@ -1,9 +1,8 @@
-"""What a solve gives back: polynomials, multipliers, and a result in words."""
+"""What a solve gives back: polynomials, multipliers, and how it ended."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,29 +13,10 @@ if TYPE_CHECKING:
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.nodes import Scheme
+    from showc.ocp.outcome import ErrorEstimate, Result
     from showc.trajectory import PiecewisePolynomial
 
     FloatArray = NDArray[np.float64]
-
-
-class Result(Enum):
-    """How a solve ended; the value is a sentence for the user."""
-
-    SOLVED = "The problem is solved to the tolerance asked for."
-    ACCEPTABLE = "The solver stopped near a solution, at a looser tolerance."
-    COARSE = "A solution is found, but the mesh does not reach the tolerance."
-    INFEASIBLE = "No trajectory keeps all constraints near the one the search ended at."
-    CONTRADICTION = "The bounds contradict each other before any search."
-    ITERATION_LIMIT = "The solver used all its iterations."
-    TIME_LIMIT = "The solver used all its time."
-    DIVERGED = "The iterates grow without limit; a bound is missing."
-    INVALID_NUMBER = "The problem's functions gave an invalid number."
-    FAILED = "The solver failed for a reason of its own."
-
-    @property
-    def usable(self) -> bool:
-        """Whether the trajectory satisfies the equations it was solved for."""
-        return self in {Result.SOLVED, Result.ACCEPTABLE, Result.COARSE}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,21 +78,6 @@ class Multipliers:
     unknowns: FloatArray
     of_bounds: FloatArray
     of_constraints: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorEstimate:
-    """How far a solution is from the true optimum, estimated a posteriori."""
-
-    dynamics: float
-    """Greatest distance, relative to each state's range, between the states and a
-    re-integration of the clipped controls from the start of each interval."""
-    shooting: float
-    """The same for one integration from the start of each phase to its end."""
-    path: float
-    """Greatest violation of a path constraint between the nodes, in its scale."""
-    objective: float
-    """Estimated relative error of the objective."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -119,7 +119,7 @@ def staged_form(solution: Solution) -> StagedSolution:
 
     One phase, all states of one degree and all controls of another.
     """
-    from showc.ocp.solution import Result  # noqa: PLC0415 - as above
+    from showc.ocp.outcome import Result  # noqa: PLC0415 - as above
     from showc.ocp.staged.transcription import StagedSolution  # noqa: PLC0415
 
     part = solution.phases[0]

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from showc.log import showc_pb2 as pb
     from showc.verify.logfile import LogFile
-    from showc.verify.run import Progress
+    from showc.verify.progress import Progress
     from showc.verify.show import LoggedShow, Segment
 
 POSITION_ERROR = 1e-3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,28 +13,11 @@ from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.decode import read_rules
 from showc.verify.mcap import open_log
 from showc.verify.missions import flight_part
+from showc.verify.progress import Progress, Silent
 
 if TYPE_CHECKING:
     from showc.verify.logfile import LogFile
     from showc.verify.report import Verification
-
-
-class Progress(Protocol):
-    """Receives the course of the work."""
-
-    def stage(self, title: str, total: int | None = None) -> None:
-        """Begin a new stage."""
-
-    def advance(self, steps: int = 1) -> None:
-        """Count steps as done."""
-
-
-class _Silent:
-    def stage(self, title: str, total: int | None = None) -> None:
-        """Ignore the stage."""
-
-    def advance(self, steps: int = 1) -> None:
-        """Ignore the steps."""
 
 
 def verify_log(
@@ -72,7 +55,7 @@ def verify_log(
         If it is cut, altered, or not a log of showc's; as
         :class:`showc.verify.damage.DamagedLogError`, with the byte offset.
     """
-    watch = progress or _Silent()
+    watch = progress or Silent()
     watch.stage("reading every byte")
     log = open_log(Path(path), jobs)
     try:

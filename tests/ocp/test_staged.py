@@ -9,8 +9,8 @@ import casadi
 import numpy as np
 import pytest
 
+from showc.ocp.outcome import Result
 from showc.ocp.problem import Problem
-from showc.ocp.solution import Result
 from showc.ocp.staged.cascade import Cascade, Composition, elevate, value_at
 from showc.ocp.staged.guarded import AVAILABLE, Guarded
 from showc.ocp.staged.transcription import (

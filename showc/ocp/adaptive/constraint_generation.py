@@ -22,7 +22,7 @@ from showc.ocp.audit.couplings import CouplingAuditor
 from showc.ocp.collocation.limits import Overrides, Statement
 from showc.ocp.coupling import Imposed, merged
 from showc.ocp.mesh import Mesh
-from showc.ocp.solution import Result
+from showc.ocp.outcome import Result
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

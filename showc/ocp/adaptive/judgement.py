@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.adaptive.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.outcome import ErrorEstimate
 from showc.ocp.scaling import of_path
-from showc.ocp.solution import ErrorEstimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -33,7 +33,8 @@ from showc.ocp.adaptive.symmetry import uneven, unmoved
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.collocation.limits import Overrides
 from showc.ocp.guess import Guess
-from showc.ocp.solution import Result, Solution
+from showc.ocp.outcome import Result
+from showc.ocp.solution import Solution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

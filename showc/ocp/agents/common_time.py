@@ -21,7 +21,7 @@ import numpy as np
 from showc.ocp.agents.agent import LeastEffort, least_time, shiftable, shifted
 from showc.ocp.agents.order import NOBODY, Orders, Plan
 from showc.ocp.agents.walls import Apart, conflicts
-from showc.ocp.solution import Result
+from showc.ocp.outcome import Result
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

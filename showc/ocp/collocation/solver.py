@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi
 
 from showc.errors import ShowError
-from showc.ocp.solution import Result
+from showc.ocp.outcome import Result
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -17,7 +17,8 @@ from showc.ocp.collocation.readout import phase_solution, worst_violation
 from showc.ocp.collocation.solver import SolverOptions, make_solver, result_of
 from showc.ocp.collocation.start import starting_point
 from showc.ocp.collocation.warmstart import transfer
-from showc.ocp.solution import Multipliers, Result, Solution
+from showc.ocp.outcome import Result
+from showc.ocp.solution import Multipliers, Solution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

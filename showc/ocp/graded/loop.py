@@ -23,7 +23,7 @@ from showc.ocp.collocation.transcription import Transcription
 from showc.ocp.graded.grading import enough_points, graded_breaks, linear_mesh
 from showc.ocp.history import MeshRecord
 from showc.ocp.mesh import Mesh
-from showc.ocp.solution import ErrorEstimate, Result, Solution
+from showc.ocp.outcome import ErrorEstimate, Result
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import PhaseMesh
     from showc.ocp.problem import Problem
+    from showc.ocp.solution import Solution
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from showc.ocp.solution import Result
+from showc.ocp.outcome import Result
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

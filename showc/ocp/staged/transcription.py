@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
-from showc.ocp.solution import Result
+from showc.ocp.outcome import Result
 from showc.ocp.staged.chain import Chain, lay_out
 from showc.ocp.staged.ends import is_fixed, within
 from showc.ocp.staged.gaps import Gaps
