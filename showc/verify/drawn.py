@@ -10,7 +10,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.autopilot import CLOCK_LAG, SPREAD
 from showc.verify.decode import parse
-from showc.verify.legs import TimedLegs, joined
+from showc.verify.legs import TimedLegs, joined, longest_first
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
 from showc.verify.tracked import STEP, Fleet
@@ -79,24 +79,26 @@ def check_drawn(
     worst, where, count = 0.0, Place(), 0
     layout: np.dtype[np.void] | None = None
     for data, m, offset in log.read(set(channels)):
-        clouds = []
-        for start, size in zip(m.payload.tolist(), m.size.tolist(), strict=True):
-            cloud = parse(PointCloud, data[start : start + size], offset)
-            layout = layout or point_layout(cloud, offset, PLACES)
-            clouds.append(points_of(cloud, layout, show.drones, offset))
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
         gap, timed = fleet(times)
-        for places, points in zip(gap, clouds, strict=True):
+        for places, start, size in zip(
+            gap, m.payload.tolist(), m.size.tolist(), strict=True
+        ):
+            cloud = parse(PointCloud, data[start : start + size], offset)
+            layout = layout or point_layout(cloud, offset, PLACES)
+            points = points_of(cloud, layout, show.drones, offset)
             for axis, name in enumerate(PLACES):
-                places[:, axis] -= points[name]
-        off = np.sqrt(np.einsum("...k,...k", gap, gap))
+                places[axis] -= points[name]
+        np.square(gap, out=gap)
+        off = gap[:, 0] + gap[:, 1] + gap[:, 2]
         # Whatever is no number on the drawn side must not pass for a small gap.
         off[np.isnan(off)] = np.inf
         off[~timed] = 0.0
         count += int(np.count_nonzero(timed))
-        if off.max() > worst:
+        farthest = float(np.sqrt(off.max()))
+        if farthest > worst:
             row, drone = np.unravel_index(int(off.argmax()), off.shape)
-            worst = float(off[row, drone])
+            worst = farthest
             where = Place(drone=int(drone) + 1, time=float(times[row]))
     return Check(
         "missions",
@@ -119,14 +121,14 @@ class _Fleet:
         self.late = 0.0 if begin is None else 0.5 * CLOCK_LAG
         table, first = joined(missions)
         followed = table.followed(SPREAD)
-        self.begin = np.zeros((len(missions), 3))
+        self.begin = np.zeros((3, len(missions)))
         self.first = np.full(len(missions), np.inf)
         self.last = np.full(len(missions), -np.inf)
         for drone, mission in enumerate(missions):
             rows = np.flatnonzero(np.isfinite(mission.release))
             if rows.size:
                 release = mission.release[rows] - (begin or 0.0)
-                self.begin[drone] = mission.places[rows[0]]
+                self.begin[:, drone] = mission.places[rows[0]]
                 self.first[drone] = release[0]
                 self.last[drone] = (release + followed[first[drone] + rows]).max()
         self.flights = [
@@ -135,19 +137,19 @@ class _Fleet:
         ]
 
     def __call__(self, times: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Places (n, drones, 3) [m] at mission times (n,) [s], rising.
+        """Places (n, 3, drones) [m] at mission times (n,) [s], rising.
 
         And which of them are timed, (n, drones).
         """
         begin, flying = self.begin.copy(), []
         for flight in self.flights:
             if times[0] >= flight.done:
-                begin[flight.legs.drones] += flight.legs.along
+                begin[:, flight.legs.drones] += flight.legs.along.T
             elif times[-1] >= flight.begun:
                 flying.append(flight)
         place = np.repeat(begin[None], times.size, axis=0)
         for flight in flying:
-            place[:, flight.legs.drones] += flight.ways(times)
+            place[..., flight.legs.drones] += flight.ways(times)
         known = (times[:, None] >= self.first) & (times[:, None] <= self.last)
         return place, known
 
@@ -162,6 +164,8 @@ class _Flight:
     counts: FloatArray
     """For how long each counts, (n,) [s]: from its next release on, a drone is where
     that leg says."""
+    together: bool
+    """Whether all are released at once."""
     begun: float
     """Before, none is flown [s]."""
     done: float
@@ -170,24 +174,30 @@ class _Flight:
     @classmethod
     def of(cls, legs: TimedLegs, late: float) -> _Flight:
         """Return the legs as a clock sees them that is ``late`` [s]."""
-        lasts = STEP * (legs.tracked.ways.shape[1] - 1)
+        lasts = STEP * (len(legs.tracked.ways) - 1)
         counts = np.minimum(legs.tracked.until, lasts)
         release = legs.release + late
         return cls(
             legs,
             release,
             counts,
+            bool(np.ptp(release) == 0.0),
             float(release.min() - 2.0 * SAME),
             float((release + counts).max() + 2.0 * SAME),
         )
 
     def ways(self, times: FloatArray) -> FloatArray:
-        """Ways (m, n, 3) [m] since the legs' begins at mission times (m,) [s]."""
+        """Ways (m, 3, n) [m] since the legs' begins at mission times (m,) [s]."""
         since = times[:, None] - self.release
-        done = since >= self.counts - SAME
-        flies = (since >= -SAME) & ~done
-        way = done[..., None] * self.legs.along
-        way[flies] = self.legs.tracked.covered(np.nonzero(flies)[1], since[flies])
+        waits, done = since < -SAME, since >= self.counts - SAME
+        if self.together:
+            way = self.legs.tracked.at(since[:, 0])
+        else:
+            way = self.legs.tracked.covered(since)
+        if waits.any():
+            np.copyto(way, 0.0, where=waits[:, None])
+        if done.any():
+            np.copyto(way, self.legs.along.T, where=done[:, None])
         return way
 
 
@@ -209,6 +219,7 @@ def _by_the_clock(
     flights = []
     for leg in range(most):
         drones = np.flatnonzero(np.isfinite(release[:, leg]))
+        drones = drones[longest_first(table, row[drones, leg])]
         until = release[drones, leg + 1] - release[drones, leg]
         legs, ways = table.chosen(row[drones, leg]), along[drones, leg]
         tracked = fleet.fly(drones, legs, ways, until=until)

@@ -1,218 +1,289 @@
 """The loops by which an autopilot makes vehicles follow a law of straight legs.
 
-The law is tabled in steps of time, once for many legs; between them it is read along
-straight lines. What the loops make of it is the change of 21 numbers for each vehicle.
-Nothing here is taken from the code that drew the flights.
+They are followed by the midpoint rule, a step of which is a product of matrices but for
+what is not linear: drag that grows with the speed, lift that leans, a greatest lean,
+and a law that waits for its vehicle. Nothing here is taken from the code that drew the
+flights.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from showc.verify.autopilot import GRAVITY, PHASES
+from showc.verify.autopilot import GRAVITY
+from showc.verify.response import (
+    DRAG,
+    HALF_LEAN,
+    KINDS,
+    LEAN,
+    MISSED,
+    PLACE,
+    POINT,
+    PUSH,
+    SPEED,
+    SUM,
+    TILT,
+    asked,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from showc.verify.autopilot import Profiles
+    from showc.verify.law_table import LawTable
+    from showc.verify.response import Axis
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
-STATES = 21
-"""Rows of a state: place, speed, speed missed, of three axes each; the sum of the speed
-missed, of three axes; its change, lean, lean half way, of the two level axes each;
-lift; time and rate of the law."""
+STATES = 3 * KINDS + 2
+"""Numbers of a vehicle's state: x, y and z of each of the kinds of its axes' states;
+time of the law, in steps, and its rate."""
 
-PLACES, TIME, RATE = slice(0, 3), 19, 20
+TIME, RATE = 3 * KINDS, 3 * KINDS + 1
 """Rows of a state."""
-
-_SPEEDS, _MISSED, _SUMS, _RISE = slice(3, 6), slice(6, 9), slice(9, 11), 11
-_CHANGES, _LEAN, _HALF_LEAN, _LIFT = slice(12, 14), slice(14, 16), slice(16, 18), 18
-_FOLLOWING = slice(12, 19)
-"""Rows that follow others, each late by its own time."""
-
-_FILTER = 10.0 * np.pi
-"""Of the speed missed, and of its change [1/s]."""
 
 _STEEPEST = GRAVITY * np.tan(np.radians(30.0))
 """Greatest level acceleration that is asked for [m/s²]."""
 
-_HOVER = 0.39
-"""Thrust in hover, as a fraction of the greatest."""
-
 _STILL = 1e-5
 """Below this speed the law waits for nobody [m/s]."""
 
-_FOLLOW = np.array(
-    [[_FILTER, _FILTER] + [1.0 / 0.03] * 2 + [8.0] * 2 + [1.0 / 0.075]]
-).T
-"""How quickly they do, shape (7, 1) [1/s]."""
+# Rows of a vehicle's numbers: place and speed together, which the law waits for, the
+# level acceleration asked for, its states, the inputs at a step's begin and in its
+# middle. Those that come last are known last.
+_AHEAD, _ASKED = 0, 1
+_KINDS = slice(2, 2 + KINDS)
+_DRAG, _TILT, _POINT, _PUSH, _LATE_DRAG, _LATE_TILT = 9, 10, 11, 13, 15, 16
+_SPEED, _LEAN = _KINDS.start + SPEED, _KINDS.start + LEAN
+_BEGUN, _ALL = slice(2, 15), slice(2, 17)
+_ROWS = 17
 
-_AT_ONCE = 10_000
-"""Places of laws that are worked out together: they stay in the processor's cache."""
+_PARTS = slice(0, 2), slice(2, 3)
+"""Level axes and the upright one."""
+
+_Stuck: TypeAlias = "tuple[IntArray, FloatArray]"
+"""Vehicles that do not sum up what they miss, and what that is, (m,) and (2, m)."""
 
 
-class LawTable:
-    """Distance, speed and acceleration of legs in steps of ``step`` [s].
+def _products(axis: Axis, *, level: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Matrices from the rows of one axis to half a step, a step, and what is derived.
 
-    Its memory is used again for the next legs: it takes long to get.
+    Returns
+    -------
+    ndarray
+        Place and speed together, acceleration asked for, speed, lean and speed missed
+        after half a step, from the rows that have begun, shape (5, 13).
+    ndarray
+        Place and speed together, acceleration asked for, and the states after a step,
+        from all rows, shape (9, 15).
+    ndarray
+        The first two of these from the states, shape (2, 7).
     """
-
-    def __init__(self, step: float) -> None:
-        self._step = step
-        # Distance, speed, acceleration, and what each gains up to the next step.
-        self._law = np.empty((6, 0))
-
-    def fill(self, flights: Profiles) -> None:
-        """Work out the table of n legs, one row of legs after the other."""
-        count = self._count = flights.length.size
-        self._leg = leg = np.arange(count)
-        self._row = np.empty(count, dtype=np.int64)
-        self._where, self._share = np.empty((2, count))
-        self._found = np.empty((6, count))
-        self._last = int(np.ceil(flights.duration.max(initial=0.0) / self._step)) + 1
-        size = (self._last + 1) * count
-        if self._law.shape[1] < size:
-            self._law = np.empty((6, size))
-        # Phases by the first step in each of them: they follow each other.
-        begins = np.ceil(flights.edges[:, 1:PHASES] / self._step).astype(np.int64)
-        begun = np.zeros((self._last + 1, count), dtype=np.uint8)
-        np.add.at(begun, (begins, leg[:, None]), 1)
-        phase = np.zeros(count, dtype=np.int64)
-        some = max(1, _AT_ONCE // max(count, 1))
-        for begin in range(0, self._last + 1, some):
-            part = np.cumsum(begun[begin : begin + some], axis=0, dtype=np.int64)
-            part += phase
-            phase = part[-1]
-            times = self._step * np.arange(begin, begin + len(part))
-            since = np.minimum(times[:, None], flights.duration)
-            since -= flights.edges[leg, part]
-            rows = slice(begin * count, begin * count + part.size)
-            legs = np.broadcast_to(leg, part.shape).ravel()
-            self._law[:3, rows] = flights.advanced(legs, part.ravel(), since.ravel())
-        law, end = self._law, size - count
-        np.subtract(law[:3, count:size], law[:3, :end], out=law[3:, :end])
-        law[3:, end:size] = 0.0
-
-    def __call__(self, time: FloatArray, result: FloatArray) -> None:
-        """Put distance, speed, acceleration (3, n) at times (n,) [s] in ``result``."""
-        where, share, row, found = self._where, self._share, self._row, self._found
-        np.multiply(time, 1.0 / self._step, out=where)
-        np.minimum(where, float(self._last), out=where)
-        np.floor(where, out=share)
-        np.copyto(row, share, casting="unsafe")
-        np.subtract(where, share, out=share)
-        row *= self._count
-        row += self._leg
-        # All rows are within the table; "clip" spares a copy of the result.
-        self._law.take(row, axis=1, out=found, mode="clip")
-        np.multiply(found[3:], share, out=result)
-        result += found[:3]
+    derived = np.zeros((2, KINDS))
+    derived[0, [PLACE, SPEED]] = 1.0
+    if level:
+        derived[1] = asked()
+    begin = {DRAG: _DRAG, TILT: _TILT, POINT: _POINT, PUSH: _PUSH}
+    late = {DRAG: _LATE_DRAG, TILT: _LATE_TILT, POINT: _POINT + 1, PUSH: _PUSH + 1}
+    half, whole = np.zeros((2, KINDS, _ROWS))
+    half[:, _KINDS], whole[:, _KINDS] = axis.half, axis.whole
+    for kind, row in begin.items():
+        half[:, row], whole[:, row] = axis.half_inputs[:, kind], axis.begun[:, kind]
+    for kind, row in late.items():
+        whole[:, row] = axis.middle[:, kind]
+    wanted = np.vstack([derived, np.eye(KINDS)[[SPEED, LEAN, MISSED]]])
+    return (
+        wanted @ half[:, _BEGUN],
+        np.vstack([derived, np.eye(KINDS)]) @ whole[:, _ALL],
+        derived,
+    )
 
 
 class Loops:
-    """How the states of n vehicles change that follow their legs.
+    """States of n vehicles that follow their legs, step by step.
 
     Everything is worked out in place: arrays of this size take as long to make as to
     fill.
+
+    Parameters
+    ----------
+    law
+        Table of their legs, in the steps that are taken.
+    axes
+        How a level axis and the upright one change in such a step.
+    aim
+        Directions of the legs, shape (3, n).
+    lag
+        How late the law's time changes its rate [s].
+    state
+        Where they begin, shape (23, n).
     """
 
-    def __init__(self, law: LawTable, aim: FloatArray, lag: float) -> None:
-        self._law, self._aim, self._lag = law, aim, lag
-        count = aim.shape[1]
-        self._led, self._ahead, self._triple = np.empty((3, 3, count))
-        self._target = np.empty((7, count))
-        self._pair = np.empty((2, count))
-        self._single = np.empty(count)
+    def __init__(
+        self,
+        law: LawTable,
+        axes: tuple[Axis, Axis],
+        aim: FloatArray,
+        lag: float,
+        state: FloatArray,
+    ) -> None:
+        self._law, self._aim, self._axis = law, aim, axes[0]
+        self._gain = 0.5 * law.step / lag
+        products = [_products(axis, level=axis is axes[0]) for axis in axes]
+        self._half_products = [half for half, _, _ in products]
+        self._whole_products = [whole for _, whole, _ in products]
+        self._numbers = np.zeros((_ROWS, *aim.shape))
+        kinds = self._numbers[_KINDS]
+        kinds[:] = state[:TIME].reshape(kinds.shape)
+        for part, (_, _, derived) in zip(_PARTS, products, strict=True):
+            self._numbers[:2, part] = np.tensordot(derived, kinds[:, part], axes=1)
+        self.time, self.rate = state[TIME].copy(), state[RATE].copy()
+        """Time of the law, in steps, and its rate, shape (n,)."""
+        self._make_room()
 
-    def change(self, state: FloatArray, result: FloatArray) -> None:
-        """Put the change (21, n) of ``state`` (21, n) into ``result`` [1/s]."""
-        missed, target = state[_MISSED], self._target
-        self._law(state[TIME], self._led)
-        _, _, push = self._led
-        result[PLACES] = state[_SPEEDS]
-        self._miss(state, result[_MISSED])
-        self._accelerate(state, result[_SPEEDS])
-        # Level: 2/s of the speed missed, 1/s² of its sum, half its change.
-        # Upright: 5/s of the speed missed, by a lift that comes late.
-        asked = target[4:]
-        np.multiply(push, self._aim, out=asked)
-        level, short = asked[:2], asked[2]
-        self._pull(level, missed[:2], 2.0)
-        level += state[_SUMS]
-        self._pull(level, state[_CHANGES], 0.5)
-        result[_SUMS] = missed[:2]
-        self._limit(level, missed, result[_SUMS])
-        np.multiply(missed[2], 5.0, out=self._single)
-        short += self._single
-        short -= result[_SPEEDS][2]
-        np.multiply(short, 0.1 * GRAVITY / _HOVER, out=result[_RISE])
-        short *= 0.05 * GRAVITY / _HOVER
-        short += state[_RISE]
-        # What is asked for is followed by lean half way and lift, and so on.
-        target[:2] = result[_MISSED][:2]
-        target[2:4] = state[_HALF_LEAN]
-        target -= state[_FOLLOWING]
-        np.multiply(target, _FOLLOW, out=result[_FOLLOWING])
-        self._wait(state, result)
+    @property
+    def kinds(self) -> FloatArray:
+        """States of the axes, shape (7, 3, n)."""
+        return self._numbers[_KINDS]
 
-    def _pull(self, asked: FloatArray, by: FloatArray, gain: float) -> None:
-        """Add ``gain`` times ``by``, both (2, n), to what is asked for."""
-        np.multiply(by, gain, out=self._pair)
-        asked += self._pair
+    @property
+    def kinds_before(self) -> FloatArray:
+        """States of the axes a step before, shape (7, 3, n)."""
+        return self._before[_KINDS]
 
-    def _miss(self, state: FloatArray, result: FloatArray) -> None:
-        """Change (3, n) of the speed missed; keeps place + speed for the law."""
-        point, speed, _ = self._led
-        np.add(state[PLACES], state[_SPEEDS], out=self._ahead)
-        np.add(point, speed, out=self._single)
-        np.multiply(self._aim, self._single, out=result)
-        result -= self._ahead
-        result -= state[_MISSED]
-        result *= _FILTER
+    def keep(self, count: int) -> None:
+        """Follow only the first ``count`` vehicles from here on."""
+        self._aim = np.ascontiguousarray(self._aim[:, :count])
+        self._numbers = np.ascontiguousarray(self._numbers[..., :count])
+        self.time, self.rate = self.time[:count].copy(), self.rate[:count].copy()
+        self._make_room()
 
-    def _accelerate(self, state: FloatArray, result: FloatArray) -> None:
-        """Change (3, n) of the speeds: lean and lift, less the drag."""
-        speeds, triple, single = state[_SPEEDS], self._triple, self._single
-        np.multiply(speeds, speeds, out=triple)
-        flat, _, fast = triple
-        flat += triple[1]
-        np.sqrt(flat, out=flat)
-        np.abs(speeds[2], out=fast)
-        triple *= 0.027
-        triple += 0.25
-        triple[1] = flat
-        triple *= speeds
-        np.multiply(state[_LIFT], 1.0 / GRAVITY, out=single)
-        single += 1.0
-        np.multiply(state[_LEAN], single, out=result[:2])
-        result[2] = state[_LIFT]
-        result -= triple
+    def _make_room(self) -> None:
+        count = self.time.size
+        # Nothing is put into the rows that an axis does not have.
+        self._before = np.zeros_like(self._numbers)
+        self.time_before, self.rate_before = np.zeros((2, count))
+        self._times, self._lead, self._wanted = np.empty((3, 2, count))
+        self._led = np.empty((3, 2, count))
+        self._half = np.empty((5, 3, count))
+        self._triple, self._sizes = np.empty((3, count)), np.empty((2, count))
+        self._towards = np.empty((2, 3, count))
+        self._level, self._squares = np.empty((2, 2, 2, count))
+        self._still = np.empty((2, count), dtype=np.bool_)
 
-    def _limit(self, asked: FloatArray, missed: FloatArray, sums: FloatArray) -> None:
-        """Lean no further than is allowed; what is missed is then not summed up."""
-        np.multiply(asked, asked, out=self._pair)
-        size = np.add(self._pair[0], self._pair[1], out=self._single)
-        steep = np.flatnonzero(size > _STEEPEST**2)
-        if steep.size:
-            stuck = steep[np.sum(missed[:2, steep] * asked[:, steep], axis=0) > 0.0]
-            sums[:, stuck] = 0.0
-            asked[:, steep] *= _STEEPEST / np.sqrt(size[steep])
+    def advance(self) -> None:
+        """Take one step."""
+        now, half, after = self._numbers, self._half, self._before
+        # The law's time in the middle of the step is known at its begin.
+        times = self._times
+        times[0] = self.time
+        np.multiply(self.rate, 0.5, out=times[1])
+        times[1] += self.time
+        self._law(times, self._led)
+        point, speed, push = self._led
+        np.add(point, speed, out=self._lead)
+        aim = self._aim
+        np.multiply(aim, self._lead[:, None], out=now[_POINT : _POINT + 2])
+        np.multiply(aim, push[:, None], out=now[_PUSH : _PUSH + 2])
+        self._curve(now[_SPEED], now[_LEAN], now[_DRAG], now[_TILT])
+        _multiply(self._half_products, now[_BEGUN], half)
+        self._curve(half[2], half[3], now[_LATE_DRAG], now[_LATE_TILT])
+        stuck = self._limit(now, half)
+        _multiply(self._whole_products, now[_ALL], after[: _KINDS.stop])
+        if stuck:
+            self._unsum(after, *stuck)
+        self._wait(now[_AHEAD], half[0], point, speed)
+        self._numbers, self._before = after, now
 
-    def _wait(self, state: FloatArray, result: FloatArray) -> None:
-        """Let the law wait for who cannot keep up."""
-        point, speed, _ = self._led
-        wanted = np.multiply(self._aim, self._ahead, out=self._triple)[0]
-        wanted += self._triple[1]
-        wanted += self._triple[2]
+    def _curve(
+        self, speed: FloatArray, lean: FloatArray, drag: FloatArray, tilt: FloatArray
+    ) -> None:
+        """Put speed (3, n) times its size, level and upright, and lean times lift."""
+        triple, (flat, upright) = self._triple, self._sizes
+        np.multiply(speed, speed, out=triple)
+        triple[0] += triple[1]
+        np.sqrt(triple[::2], out=self._sizes)
+        np.multiply(speed[:2], flat, out=drag[:2])
+        np.multiply(speed[2], upright, out=drag[2])
+        np.multiply(lean[:2], lean[2], out=tilt[:2])
+
+    def _wait(
+        self, now: FloatArray, half: FloatArray, point: FloatArray, speed: FloatArray
+    ) -> None:
+        """Let the law wait for who cannot keep up; changes ``speed``."""
+        towards, wanted = self._towards, self._wanted
+        np.multiply(self._aim, now, out=towards[0])
+        np.multiply(self._aim, half, out=towards[1])
+        np.add(towards[:, 0], towards[:, 1], out=wanted)
+        wanted += towards[:, 2]
         wanted -= point
-        wanted /= np.maximum(speed, _STILL, out=self._single)
+        np.less(speed, _STILL, out=self._still)
+        wanted /= np.maximum(speed, _STILL, out=speed)
         wanted += 0.05
         np.maximum(wanted, 0.0, out=wanted)
         np.minimum(wanted, 1.0, out=wanted)
-        np.copyto(wanted, 1.0, where=speed < _STILL)
-        result[TIME] = state[RATE]
-        np.subtract(wanted, state[RATE], out=result[RATE])
-        result[RATE] *= 1.0 / self._lag
+        np.copyto(wanted, 1.0, where=self._still)
+        rate, late = wanted
+        rate -= self.rate
+        rate *= self._gain
+        rate += self.rate
+        late -= rate
+        late *= 2.0 * self._gain
+        np.add(self.time, rate, out=self.time_before)
+        np.add(self.rate, late, out=self.rate_before)
+        self.time, self.time_before = self.time_before, self.time
+        self.rate, self.rate_before = self.rate_before, self.rate
+
+    def _limit(self, now: FloatArray, half: FloatArray) -> tuple[_Stuck, ...]:
+        """Lean no further than is allowed; what is missed is then not summed up.
+
+        Changes what is asked for at the step's begin and in its middle, and returns
+        who does not sum then, if anybody leans too far.
+        """
+        level, squares, sizes = self._level, self._squares, self._sizes
+        np.add(now[_ASKED, :2], now[_PUSH, :2], out=level[0])
+        np.add(half[1, :2], now[_PUSH + 1, :2], out=level[1])
+        np.multiply(level, level, out=squares)
+        np.add(squares[:, 0], squares[:, 1], out=sizes)
+        if not sizes.max(initial=0.0) > _STEEPEST**2:
+            return ()
+        begin = _held(level[0], now[_KINDS][MISSED, :2], now[_PUSH, :2])
+        # Half a step later, the sum is less by what was not added.
+        some, missed = begin
+        level[1][:, some] -= 0.5 * self._law.step * missed
+        return begin, _held(level[1], half[4, :2], now[_PUSH + 1, :2])
+
+    def _unsum(self, after: FloatArray, begin: _Stuck, middle: _Stuck) -> None:
+        """Take back, after a step, what was summed up and should not have been."""
+        step, kinds = self._law.step, after[_KINDS]
+        some, missed = begin
+        share = 0.5 * step**2 * self._axis.states[HALF_LEAN, SUM]
+        kinds[HALF_LEAN][:2, some] -= share * missed
+        some, missed = middle
+        kinds[SUM][:2, some] -= step * missed
+        after[_ASKED][:2, some] -= step * missed
+
+
+def _held(asked_for: FloatArray, missed: FloatArray, push: FloatArray) -> _Stuck:
+    """Take from ``push`` (2, n) what is too much, and find who misses it in vain."""
+    size = np.hypot(*asked_for)
+    steep = np.flatnonzero(size > _STEEPEST)
+    push[:, steep] += asked_for[:, steep] * (_STEEPEST / size[steep] - 1.0)
+    vain = steep[np.sum(missed[:, steep] * asked_for[:, steep], axis=0) > 0.0]
+    return vain, missed[:, vain]
+
+
+def _multiply(
+    products: Sequence[FloatArray], rows: FloatArray, result: FloatArray
+) -> None:
+    """Put the products of matrices with the level axes' rows, and the upright's."""
+    count = rows.shape[2]
+    flat, found = rows.reshape(len(rows), -1), result.reshape(len(result), -1)
+    for product, part in zip(
+        products, (slice(2 * count), slice(2 * count, None)), strict=True
+    ):
+        np.matmul(product, flat[:, part], out=found[:, part])

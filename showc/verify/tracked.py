@@ -2,7 +2,9 @@
 
 The autopilot leads a point along the leg and lets the vehicle follow; what its loops
 make of that is integrated in steps of 20 ms, by the midpoint rule, over a table of the
-law in the same steps. Nothing here is taken from the code that drew the flights.
+law in the same steps. Once the law is over and a vehicle is slow, the loops are linear
+but for products of small numbers: what is left of its way is then told at once.
+Nothing here is taken from the code that drew the flights.
 """
 
 from __future__ import annotations
@@ -12,7 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.loops import PLACES, RATE, STATES, TIME, LawTable, Loops
+from showc.verify.law_table import LawTable
+from showc.verify.loops import RATE, STATES, TIME, Loops
+from showc.verify.response import PLACE, Axis, level_axis, upright_axis
+from showc.verify.settling import Settling
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +41,7 @@ BLOCK = 1024
 
 
 _TOGETHER = 32
-"""Steps that are put in their places together, drone by drone."""
+"""Steps that are put in their places together, and after which is asked who settles."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,25 +49,37 @@ class Tracked:
     """The flights of n legs, in steps from their releases."""
 
     ways: NDArray[np.float32]
-    """Ways covered since the legs' begins, shape (n, steps, 3), show frame [m]."""
+    """Ways covered since the legs' begins, shape (steps, 3, n), show frame [m]."""
     ended: FloatArray
     """When the law's own time has ended, shape (n,) [s]."""
     until: FloatArray
     """Time from its release to that of each drone's next leg, shape (n,) [s]."""
 
-    def covered(self, leg: IntArray, since: FloatArray) -> FloatArray:
-        """Ways (m, 3) [m] of legs ``leg`` (m,) at ``since`` (m,) [s], 0 or more."""
-        steps = self.ways.shape[1]
-        place = np.clip(since / STEP, 0.0, steps - 1)
+    def at(self, since: FloatArray) -> FloatArray:
+        """Ways (m, 3, n) [m] of all legs at ``since`` (m,) their releases [s]."""
+        low, high, share = self._steps(since[:, None, None])
+        found = self.ways[low.ravel()] * (1.0 - share)
+        found += self.ways[high.ravel()] * share
+        return np.asarray(found)
+
+    def covered(self, since: FloatArray) -> FloatArray:
+        """Ways (m, 3, n) [m] of each leg at ``since`` (m, n) its release [s]."""
+        low, high, share = self._steps(since[:, None])
+        table, count = self.ways.ravel(), self.ways.shape[2]
+        place = np.arange(3 * count).reshape(3, count)
+        found = table.take(3 * count * low + place) * (1.0 - share)
+        found += table.take(3 * count * high + place) * share
+        return np.asarray(found)
+
+    def _steps(self, since: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return steps before and after times ``since`` [s], and the latter's part.
+
+        Behind the last step nothing is, and before the first.
+        """
+        last = len(self.ways) - 1
+        place = np.minimum(np.maximum(since / STEP, 0.0), last)
         low = place.astype(np.int64)
-        rest = (place - low)[:, None]
-        row = leg * steps + low
-        table = self.ways.reshape(-1, 3)
-        result = table.take(row, axis=0) * (1.0 - rest)
-        # Behind the last step nothing is, and nothing of it counts.
-        row += low + 1 < steps
-        result += table.take(row, axis=0) * rest
-        return np.asarray(result)
+        return low, np.minimum(low + 1, last), place - low
 
 
 class Fleet:
@@ -77,7 +94,13 @@ class Fleet:
     """
 
     def __init__(self, drones: int, lag: float) -> None:
-        self.lag = lag
+        last = round(AFTER / STEP)
+        self._axes = (
+            Axis(*level_axis(), STEP, last),
+            Axis(*upright_axis(), STEP, last),
+        )
+        self._settling = Settling(self._axes, lag)
+        self._lag = lag
         self._law = LawTable(STEP)
         self.states = np.zeros((STATES, drones))
         self.states[RATE] = 1.0
@@ -95,24 +118,28 @@ class Fleet:
 
         ``flights`` are their n legs, ``along`` (n, 3) [m] the ways in the show frame.
         The leg after it is released ``until`` (n,) from this leg's release, or
-        ``holds`` (n,) after the law's own time for this leg has ended [s].
+        ``holds`` (n,) after the law's own time for this leg has ended [s]. It takes
+        least time if the longest legs come first.
         """
         lasting = flights.duration + AFTER
         if until is not None:
             lasting = np.minimum(lasting, until + STEP)
         steps = max(int(np.ceil(lasting.max(initial=0.0) / STEP)), 1)
         count = drones.size
-        ways = np.empty((count, steps + 1, 3), dtype=np.float32)
+        ways = np.empty((steps + 1, 3, count), dtype=np.float32)
         ended, later = np.zeros(count), np.full(count, np.inf)
         for begin in range(0, count, BLOCK):
             rows = slice(begin, min(begin + BLOCK, count))
             part = flights.part(rows.start, rows.stop)
             self._law.fill(part)
-            vehicles = _Vehicles(part, along[rows], self._law, self.lag)
             who = drones[rows]
+            vehicles = _Vehicles(part, along[rows], self._settling)
+            state = self.states[:, who]
+            state[TIME] = 0.0
+            loops = Loops(self._law, self._axes, vehicles.aim, self._lag, state)
             vehicles.run(
-                self.states[:, who],
-                ways[rows],
+                loops,
+                ways[..., rows],
                 None if until is None else until[rows],
                 None if holds is None else holds[rows],
             )
@@ -125,118 +152,173 @@ class _Vehicles:
     """How n vehicles follow their legs."""
 
     def __init__(
-        self, flights: Profiles, along: FloatArray, law: LawTable, lag: float
+        self, flights: Profiles, along: FloatArray, settling: Settling
     ) -> None:
-        self.flights, self.along = flights, along
-        self.count = flights.length.size
+        self._flights, self._settling = flights, settling
         flat = np.linalg.norm(along[:, :2], axis=1)
         unit = along[:, :2] / np.where(flat > 0.0, flat, 1.0)[:, None]
-        aim = np.vstack([unit.T * flights.level, flights.climb])
-        self.loops = Loops(law, aim, lag)
-        self.goal, self.scale = aim * flights.length, self._scale()
-        # Up to this step, nothing fades.
-        self.whole = int((flights.duration.min(initial=0.0) + AFTER - FADING) / STEP)
+        self.aim = np.vstack([unit.T * flights.level, flights.climb])
+        self._goal, self._end = self.aim * flights.length, along.T
+        self._scale = _scale(flights, along)
+        # When nothing of what they are off their ends counts any more.
+        self._gone = flights.duration + AFTER
 
     def run(
         self,
-        state: FloatArray,
+        loops: Loops,
         ways: NDArray[np.float32],
         until: FloatArray | None,
         holds: FloatArray | None,
     ) -> None:
-        """Integrate from ``state`` (21, n) into ``ways`` (n, steps + 1, 3).
+        """Follow the ``loops`` into ``ways`` (steps + 1, 3, n).
 
         Sets when the laws' times end, when the next legs are released, and with which
         states these begin, seen from the ends: at rest, if that is not reached.
         """
-        moves = self.flights.length > 0.0
-        steps = ways.shape[1] - 1
-        due = np.where(moves, self.flights.duration, 0.0)
-        self.ended = np.where(moves, steps * STEP, 0.0)
-        self.until = np.full(self.count, np.inf) if until is None else until.copy()
+        self._loops, self._ways, self._holds = loops, ways, holds
+        self._flying = self._flights.length > 0.0
+        self._due = np.where(self._flying, self._flights.duration / STEP, -1.0)
+        steps, count = len(ways) - 1, self._due.size
+        self.ended = np.where(self._flying, steps * STEP, 0.0)
+        self.until = np.full(count, np.inf) if until is None else until.copy()
         if holds is not None:
-            self.until[~moves] = holds[~moves]
-        self.carried = np.zeros_like(state)
+            self.until[~self._flying] = holds[~self._flying]
+        self.carried = np.zeros((STATES, count))
         self.carried[RATE] = 1.0
-        end, begin = self.along[:, None].astype(np.float32), 0
-        places = np.empty((_TOGETHER, 3, self.count), dtype=np.float32)
-        flying = moves.copy()
-        now = state.copy()
-        now[TIME] = 0.0
-        before, half = np.empty_like(now), np.empty_like(now)
-        handover = self._handover()
-        latest = handover.max()
+        self._over = np.count_nonzero(~self._flying)
+        begin = 0
+        places = np.empty((_TOGETHER, 3, count))
+        self._look_ahead(0)
         for step in range(steps + 1):
             if step:
-                before, now = now, before
-                self._advance(before, half, now)
-            over = flying & (now[TIME] >= due)
-            ending = bool(step and over.any())
-            if ending:
-                flying &= ~over
-                first, second = before[TIME, over], now[TIME, over]
-                share = (due[over] - first) / (second - first)
-                self.ended[over] = STEP * (step - 1 + share)
-                if holds is not None:
-                    self.until[over] = self.ended[over] + holds[over]
-                    handover = self._handover()
-                    latest = handover.max()
-            off = self._off(now, step)
-            place = places[step - begin]
-            np.multiply(off, self.scale, out=place, casting="same_kind")
-            self._hand_over(handover == step, now, off, step)
-            # A leg that ends within a step may hand over before that step.
-            if ending:
-                early = over & (handover == step - 1)
-                self._hand_over(early, before, self._off(before, step - 1), step - 1)
+                loops.advance()
+                self._end_legs(step)
+            places[step - begin] = loops.kinds[PLACE]
+            if step == self._next:
+                self._hand_over(step)
             # From there on every drone is on its next leg, rounding included.
-            done = step == steps or bool(latest < step - 1)
-            if done or step - begin + 1 == _TOGETHER:
-                some = places[: step - begin + 1].transpose(2, 0, 1)
-                np.add(some, end, out=ways[:, begin : step + 1])
-                begin = step + 1
+            done = step == steps or self._latest < step - 1
+            if not done and step and step - begin + 1 < _TOGETHER:
+                continue
+            self._put(begin, places[: step - begin + 1])
+            begin = step + 1
             if done:
-                ways[:, begin:] = ways[:, step : step + 1]
+                ways[begin:, :, :count] = ways[step, :, :count]
+                break
+            self._settle(step)
+            count = loops.time.size
+            places = places[..., :count]
+            if not count:
                 break
 
-    def _advance(self, state: FloatArray, half: FloatArray, after: FloatArray) -> None:
-        """Put what is half a step, and a step after ``state`` (21, n), in place."""
-        self.loops.change(state, half)
-        half *= 0.5 * STEP
-        half += state
-        self.loops.change(half, after)
-        after *= STEP
-        after += state
+    def _look_ahead(self, step: int) -> None:
+        """Find when, from ``step`` on, a next leg begins, and the last of all."""
+        count = self._loops.time.size
+        self._handover = np.round(np.minimum(self.until, 1e9) / STEP).astype(np.int64)
+        some = self._handover[:count]
+        self._next = int(some[some >= step].min(initial=1 << 60))
+        self._latest = int(some.max(initial=-1))
 
-    def _handover(self) -> IntArray:
-        """Step at which each next leg begins, (n,)."""
-        return np.round(np.minimum(self.until, 1e9) / STEP).astype(np.int64)
+    def _end_legs(self, step: int) -> None:
+        """Note whose law has ended within the last step."""
+        loops = self._loops
+        time, before = loops.time, loops.time_before
+        over = time >= self._due[: time.size]
+        found = np.count_nonzero(over)
+        if found == self._over:
+            return
+        self._over = found
+        rows = np.flatnonzero(over & self._flying[: time.size])
+        self._flying[rows] = False
+        share = (self._due[rows] - before[rows]) / (time[rows] - before[rows])
+        self.ended[rows] = STEP * (step - 1 + share)
+        if self._holds is not None:
+            self.until[rows] = self.ended[rows] + self._holds[rows]
+            self._look_ahead(step)
+            # A leg that ends within a step may hand over before that step.
+            early = rows[self._handover[rows] == step - 1]
+            self._carry(early, step - 1, loops.kinds_before, loops.rate_before)
 
-    def _off(self, state: FloatArray, step: int) -> FloatArray:
-        """How far each is off its end, in the autopilot's metres, (3, n)."""
-        off = state[PLACES] - self.goal
-        if step > self.whole:
-            off *= self._left(step)
-        return off
+    def _hand_over(self, step: int) -> None:
+        """Let the next legs of some drones begin at ``step``."""
+        loops = self._loops
+        rows = np.flatnonzero(self._handover[: loops.time.size] == step)
+        self._carry(rows, step, loops.kinds, loops.rate)
+        self._look_ahead(step + 1)
 
-    def _hand_over(
-        self, some: NDArray[np.bool_], state: FloatArray, off: FloatArray, step: int
+    def _carry(
+        self, rows: IntArray, step: int, kinds: FloatArray, rate: FloatArray
     ) -> None:
-        if some.any():
-            self.carried[:, some] = state[:, some] * self._left(step)[some]
-            self.carried[PLACES, some] = off[:, some]
-            self.carried[RATE, some] = state[RATE, some]
+        """Begin the next legs of drones ``rows`` (m,) with the states at ``step``."""
+        state = kinds[..., rows]
+        state[PLACE] -= self._goal[:, rows]
+        state *= self._left(step, rows)
+        self.carried[:TIME, rows] = state.reshape(TIME, -1)
+        self.carried[RATE, rows] = rate[rows]
 
-    def _left(self, step: int) -> FloatArray:
-        """Return how much of what the drones are off their ends still counts, (n,)."""
-        left = (self.flights.duration + AFTER - STEP * step) / FADING
+    def _settle(self, step: int) -> None:
+        """Finish the last drones, as far as all is told of them."""
+        loops = self._loops
+        count = loops.time.size
+        off = loops.kinds.copy()
+        off[PLACE] -= self._goal[:, :count]
+        # A step behind its end, the table of the law is at rest.
+        settled = loops.time >= self._due[:count] + 1.0
+        settled[settled] = self._settling.linear(off[..., settled])
+        left = np.flatnonzero(~(settled | (self._handover[:count] < step - 1)))
+        kept = int(left[-1]) + 1 if left.size else 0
+        if kept == count:
+            return
+        rows, off = slice(kept, count), off[..., kept:]
+        end = step + 1 + self._settling.steps
+        places = self._ways[step + 1 : end, :, rows]
+        self._settling.places(off, self._scale[:, rows], places)
+        self._fade(step + 1, places, rows)
+        places += self._end[:, rows].astype(np.float32)
+        self._ways[end:, :, rows] = self._end[:, rows]
+        handover = self._handover[rows]
+        later = kept + np.flatnonzero((handover > step) & (handover < len(self._ways)))
+        steps = self._handover[later] - step
+        # Behind the steps that are known, nothing of it counts.
+        state = self._settling.states(
+            off[..., later - kept], np.minimum(steps, self._settling.steps)
+        )
+        state *= self._left(self._handover[later], later)
+        self.carried[:TIME, later] = state.reshape(TIME, -1)
+        self.carried[RATE, later] = self._settling.rates(loops.rate[later], steps)
+        loops.keep(kept)
+        self._over = np.count_nonzero(loops.time >= self._due[:kept])
+        self._look_ahead(step + 1)
+
+    def _put(self, begin: int, places: FloatArray) -> None:
+        """Put places (m, 3, k) from step ``begin`` on among the ways."""
+        rows = slice(places.shape[2])
+        places -= self._goal[:, rows]
+        self._fade(begin, places, rows)
+        places *= self._scale[:, rows]
+        ways = self._ways[begin : begin + len(places), :, rows]
+        np.add(places, self._end[:, rows], out=ways, casting="same_kind")
+
+    def _fade(
+        self, begin: int, off: FloatArray | NDArray[np.float32], rows: slice
+    ) -> None:
+        """Let what drones are ``off`` (m, 3, k) from step ``begin`` on fade."""
+        # Up to this step, nothing does.
+        whole = max(begin, int((self._gone[rows].min() - FADING) / STEP))
+        if whole < begin + len(off):
+            steps = np.arange(whole, begin + len(off))
+            off[whole - begin :] *= self._left(steps[:, None, None], rows)
+
+    def _left(self, step: int | IntArray, rows: IntArray | slice) -> FloatArray:
+        """Return how much of what drones ``rows`` are off their ends still counts."""
+        left = (self._gone[rows] - STEP * step) / FADING
         return np.asarray(np.minimum(np.maximum(left, 0.0), 1.0))
 
-    def _scale(self) -> FloatArray:
-        """From the autopilot's metre to the show's, level and upright, (3, n)."""
-        flat = np.linalg.norm(self.along[:, :2], axis=1)
-        level = self.flights.length * self.flights.level
-        climb = self.flights.length * self.flights.climb
-        across = np.where(level > 0.0, flat / np.where(level > 0.0, level, 1.0), 1.0)
-        up = self.along[:, 2] / np.where(climb != 0.0, climb, 1.0)
-        return np.stack([across, across, np.where(climb != 0.0, up, 1.0)])
+
+def _scale(flights: Profiles, along: FloatArray) -> FloatArray:
+    """From the autopilot's metre to the show's, level and upright, (3, n)."""
+    flat = np.linalg.norm(along[:, :2], axis=1)
+    level, climb = flights.length * flights.level, flights.length * flights.climb
+    across = np.where(level > 0.0, flat / np.where(level > 0.0, level, 1.0), 1.0)
+    up = along[:, 2] / np.where(climb != 0.0, climb, 1.0)
+    return np.stack([across, across, np.where(climb != 0.0, up, 1.0)])

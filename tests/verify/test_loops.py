@@ -6,7 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.verify.autopilot import GRAVITY, Law, profiles
-from showc.verify.loops import RATE, STATES, TIME, LawTable, Loops
+from showc.verify.law_table import LawTable
+from showc.verify.loops import RATE, STATES, TIME, Loops
+from showc.verify.response import Axis, level_axis, upright_axis
+from showc.verify.settling import RESOLUTION, Settling
 
 LAW = Law(2.5, 1.2, 5.0, 14.0)
 STEP = 0.02
@@ -34,7 +37,7 @@ def test_the_table_holds_the_law_also_when_it_is_filled_again(first, second):
         count = flights.length.size
         found, leg = np.empty((3, count)), np.arange(count)
         for step in range(0, int(flights.duration.max() / STEP) + 3, 7):
-            table(np.full(count, step * STEP), found)
+            table(np.full(count, float(step)), found)
             wanted = flights.motion(leg, np.full(count, step * STEP))
             np.testing.assert_allclose(found, wanted, atol=1e-9)
 
@@ -43,18 +46,22 @@ def test_between_its_steps_the_table_is_straight():
     table, flights = LawTable(STEP), legs([(30.0, 4.0, 5.0), (2.0, 0.0, 0.0)])
     table.fill(flights)
     below, above, found = (np.empty((3, 2)) for _ in range(3))
-    table(np.array([1.00, 0.40]), below)
-    table(np.array([1.02, 0.42]), above)
-    table(np.array([1.015, 0.405]), found)
+    table(np.array([50.0, 20.0]), below)
+    table(np.array([51.0, 21.0]), above)
+    table(np.array([50.75, 20.25]), found)
     wanted = below + np.array([0.75, 0.25]) * (above - below)
     np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def axes(last=500):
+    return Axis(*level_axis(), STEP, last), Axis(*upright_axis(), STEP, last)
 
 
 def change_of_one(state, aim, led, lag):
     """Change of one vehicle's state, axis by axis."""
     place, speed, missed = state[0:3], state[3:6], state[6:9]
     total, rise, turn = state[9:11], state[11], state[12:14]
-    lean, half, lift, rate = state[14:16], state[16:18], state[18], state[20]
+    lean, lift, half, rate = state[15:17], state[17], state[18:20], state[22]
     point, fast, push = led
     result = np.zeros(STATES)
     result[0:3] = speed
@@ -69,52 +76,111 @@ def change_of_one(state, aim, led, lag):
             result[9:11] = 0.0
         asked = asked * most / size
     result[12:14] = (wrong[:2] - turn) * 10.0 * np.pi
-    result[14:16] = (half - lean) / 0.03
-    result[16:18] = (asked - half) / 0.125
+    result[15:17] = (half - lean) / 0.03
+    result[18:20] = (asked - half) / 0.125
     flat = np.hypot(speed[0], speed[1])
     result[3:5] = lean * (1.0 + lift / GRAVITY) - speed[:2] * (0.25 + 0.027 * flat)
     result[5] = lift - speed[2] * (0.25 + 0.027 * abs(speed[2]))
     short = 5.0 * missed[2] + push * aim[2] - result[5]
     result[11] = 0.1 * GRAVITY / 0.39 * short
-    result[18] = (0.05 * GRAVITY / 0.39 * short + rise - lift) / 0.075
+    result[17] = (0.05 * GRAVITY / 0.39 * short + rise - lift) / 0.075
     wanted = 1.0
     if fast >= 1e-5:
         ahead = (speed - (point * aim - place)) @ aim
         wanted = min(max(0.05 + ahead / fast, 0.0), 1.0)
-    result[19] = rate
-    result[20] = (wanted - rate) / lag
+    result[21] = rate / STEP
+    result[22] = (wanted - rate) / lag
     return result
 
 
-@pytest.mark.parametrize("size", [0.1, 1.0, 8.0])
-def test_each_vehicle_changes_as_written_out(size):
+def changes(state, aim, table):
+    led = np.empty((3, state.shape[1]))
+    table(state[TIME], led)
+    return np.stack(
+        [change_of_one(*one, LAG) for one in zip(state.T, aim.T, led.T, strict=True)],
+        axis=1,
+    )
+
+
+def tried(size):
+    """Directions and states of 40 vehicles, and the table of their legs."""
     generator = np.random.default_rng(7)
     flights = legs(generator.normal(scale=20.0, size=(40, 3)))
-    table, leg = LawTable(STEP), np.arange(40)
+    table = LawTable(STEP)
     table.fill(flights)
     horizontal = generator.normal(size=(2, 40))
     horizontal /= np.linalg.norm(horizontal, axis=0)
     aim = np.vstack([horizontal * flights.level, flights.climb])
     state = generator.normal(scale=size, size=(STATES, 40))
+    # Upright there are neither of these.
+    state[[14, 20]] = 0.0
     # Some before their legs, some behind them, most on the way.
-    state[TIME] = generator.uniform(-0.1, 1.1, size=40) * flights.duration
-    state[TIME] = STEP * np.round(np.maximum(state[TIME], 0.0) / STEP)
+    time = generator.uniform(-0.1, 1.1, size=40) * flights.duration / STEP
+    state[TIME] = np.maximum(time, 0.0)
     state[RATE] = generator.uniform(0.0, 1.0, size=40)
-    led = flights.motion(leg, state[TIME])
-    loops, found = Loops(table, aim, LAG), np.empty_like(state)
-    before = state.copy()
-    loops.change(state, found)
-    np.testing.assert_array_equal(state, before)
-    for drone in range(40):
-        wanted = change_of_one(state[:, drone], aim[:, drone], led[:, drone], LAG)
-        np.testing.assert_allclose(found[:, drone], wanted, rtol=1e-9, atol=1e-7)
+    return aim, state, table
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 8.0])
+def test_each_vehicle_goes_on_as_written_out(size):
+    """By the midpoint rule; also when others are no longer followed."""
+    aim, state, table = tried(size)
+    loops = Loops(table, axes(), aim, LAG, state)
+    for count in (40, 40, 23):
+        if count < 40:
+            loops.keep(count)
+        some = slice(count)
+        begin = np.vstack([loops.kinds.reshape(TIME, -1), loops.time, loops.rate])
+        middle = begin + 0.5 * STEP * changes(begin, aim[:, some], table)
+        wanted = changes(middle, aim[:, some], table)
+        loops.advance()
+        found = np.vstack([loops.kinds.reshape(TIME, -1), loops.time, loops.rate])
+        np.testing.assert_array_equal(loops.kinds_before.ravel(), begin[:TIME].ravel())
+        np.testing.assert_array_equal(loops.time_before, begin[TIME])
+        np.testing.assert_array_equal(loops.rate_before, begin[RATE])
+        change = (found - begin) / STEP
+        np.testing.assert_allclose(change, wanted, rtol=1e-9, atol=1e-7)
 
 
 def test_leaning_too_far_is_met_by_the_states_tried():
     """Else the test above would say nothing of the greatest lean."""
-    generator = np.random.default_rng(7)
-    generator.normal(scale=20.0, size=(40, 3))
-    generator.normal(size=(2, 40))
-    state = generator.normal(scale=8.0, size=(STATES, 40))
+    _, state, _ = tried(8.0)
     asked = np.hypot(*(2.0 * state[6:8] + state[9:11] + 0.5 * state[12:14]))
     assert 5 < np.sum(asked > GRAVITY * np.tan(np.pi / 6.0) + 3.0) <= 40
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=20)
+def test_who_settles_is_told_as_it_is_flown(seed):
+    generator = np.random.default_rng(seed)
+    count, steps = 12, 400
+    flights = legs(generator.normal(scale=9.0, size=(count, 3)))
+    table = LawTable(STEP)
+    table.fill(flights)
+    aim = np.zeros((3, count))
+    aim[0], aim[2] = flights.level, flights.climb
+    goal = aim * flights.length
+    off = np.zeros((STATES, count))
+    off[:12] = generator.normal(scale=0.1, size=(12, count))
+    off[:12] *= 10.0 ** generator.uniform(-4.0, 0.0, size=count)
+    state = off.copy()
+    state[:3] += goal
+    state[TIME] = flights.duration / STEP + 1.0
+    state[RATE] = generator.uniform(0.5, 1.0, size=count)
+    both = axes()
+    loops, settling = Loops(table, both, aim, LAG, state), Settling(both, LAG)
+    kinds = off[:TIME].reshape(7, 3, count)
+    told = np.empty((steps, 3, count), dtype=np.float32)
+    settling.places(kinds, np.ones((3, count)), told)
+    flown = np.empty(told.shape)
+    for place in flown:
+        loops.advance()
+        place[:] = loops.kinds[0] - goal
+    some = settling.linear(kinds)
+    error = np.abs(flown - told)[..., some].max(initial=0.0)
+    assert error <= RESOLUTION + 1e-6 * np.abs(off).max()
+    later = np.full(count, steps)
+    np.testing.assert_allclose(
+        (settling.states(kinds, later) - loops.kinds)[1:, :, some], 0.0, atol=1e-5
+    )
+    np.testing.assert_allclose(settling.rates(state[RATE], later), loops.rate)
