@@ -103,7 +103,9 @@ def mission_files(
     pads = np.asarray(show.formations[show.pads].points[: show.drones])
     home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
     builder = StageBuilder(frame, home_altitude, parameters)
-    timeline = build_timeline(flight, builder, progress, jobs)
+    # PX4 goes by no clock either, but how it ends a leg is not known.
+    clocked = start is not None or autopilot == "px4"
+    timeline = build_timeline(flight, builder, progress, jobs, clocked=clocked)
     encoder = Encoder(show, timeline, parameters, home_altitude, start, autopilot)
     missions = encoder.missions()
     home_row = autopilot == "ardupilot"

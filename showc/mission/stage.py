@@ -113,6 +113,20 @@ class Stage:
             **{name: getattr(self, name)[some] for name in STAGE_ROWS},
         )
 
+    def at_speeds(self, speed: FloatArray, parameters: Parameters) -> Stage:
+        """Return the same legs, flown at cruise speeds of up to ``speed`` (n,) [m/s].
+
+        None is slower than autopilots heed.
+        """
+        length = self.profile.length
+        level, climb = length * self.level, length * self.climb
+        displacement = np.stack([level, np.zeros_like(level), climb], axis=1)
+        limits = law.leg_limits(displacement, parameters, speed)
+        steering = np.where(self.by_climb, np.abs(self.climb), self.level)
+        command = _commanded(speed * steering)
+        profile = law.profile(limits, parameters, command / steering)
+        return replace(self, profile=profile, command=command)
+
     def waiting(self, wait: FloatArray) -> Stage:
         """Return the same legs, leaving ``wait`` (n,) [s] after the release."""
         return replace(self, wait=wait)
@@ -177,10 +191,7 @@ class Lines:
             SLOWEST_COMMAND / steering,
             self.fastest,
         )
-        command = np.maximum(
-            np.floor(chosen * steering / COMMAND_STEP + 1e-6) * COMMAND_STEP,
-            SLOWEST_COMMAND,
-        )
+        command = _commanded(chosen * steering)
         cruise = np.minimum(command / steering, self.fastest)
         return Stage(
             self.drones,
@@ -334,6 +345,12 @@ def flown(ways: Sequence[Lines], times: Sequence[float | FloatArray]) -> list[St
     stage = every.lasting(np.concatenate(lasting))
     edges = np.cumsum([0, *sizes]).tolist()
     return [stage.part(np.arange(low, high)) for low, high in pairwise(edges)]
+
+
+def _commanded(speed: FloatArray) -> FloatArray:
+    """Return commands for speeds [m/s]: on their grid, and such as are heeded."""
+    steps = np.floor(speed / COMMAND_STEP + 1e-6)
+    return np.maximum(steps * COMMAND_STEP, SLOWEST_COMMAND)
 
 
 def _box_speed(displacement: FloatArray, limits: Limits) -> FloatArray:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
+from showc.mission.calm import calmed
 from showc.mission.crew import side_by_side
 from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
 from showc.mission.following import SETTLING
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 MANY = 200
-"""Fleets of so many drones are worth several processes."""
+"""Fleets of so many drones are worth several processes; and without a clock, none of
+their legs is made to end on time: they would need one anyway, and it takes too long."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
@@ -113,11 +115,14 @@ def build_timeline(
     builder: StageBuilder,
     progress: Progress,
     jobs: int | None = None,
+    *,
+    clocked: bool = True,
 ) -> Timeline:
     """Lay out the missions of ``flight``.
 
     Legs of many drones are looked at in ``jobs`` processes (None: one for each core),
-    which changes nothing in what is found.
+    which changes nothing in what is found. Who goes by no clock (not ``clocked``) flies
+    no leg that ends at a time that nobody knows.
 
     Raises
     ------
@@ -136,7 +141,7 @@ def build_timeline(
             "a mission goes from one launch of all drones to one landing of all; "
             f"found {', '.join(item.leg.kind for item in moves)}"
         )
-    return _Layout(flight, builder, progress, jobs).run(moves)
+    return _Layout(flight, builder, progress, jobs, clocked=clocked).run(moves)
 
 
 class _Layout:
@@ -148,12 +153,15 @@ class _Layout:
         builder: StageBuilder,
         progress: Progress,
         jobs: int | None,
+        *,
+        clocked: bool,
     ) -> None:
         self.flight = flight
         self.builder = builder
         self.progress = progress
         self.jobs = jobs
         self.show = flight.itinerary.show
+        self.calm = not clocked and self.show.drones < MANY
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
         self.arrival = 0.0
@@ -230,6 +238,8 @@ class _Layout:
         staging = self.builder.build(
             leg.drones, middle, leg.goal, leg.limits, speed=speed
         )
+        if self.calm:
+            (staging,) = calmed([staging], self.builder.parameters)
         whole = self.builder.build(leg.drones, pads[leg.drones], leg.goal, leg.limits)
         return takeoff, staging, self._untimed(whole, pads, "launch")
 
@@ -282,7 +292,40 @@ class _Layout:
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
         found = side_by_side(encode, len(moves), jobs, self.progress.advance)
+        if self.calm:
+            found = self._calmed(found, places)
         return list(zip(found, places[1:], strict=True))
+
+    def _calmed(
+        self, encodings: list[Encoding], places: list[FloatArray]
+    ) -> list[Encoding]:
+        """Fly slower what would end at a time that nobody knows, if it stays apart.
+
+        ``places`` are those before each encoding.
+        """
+        every = [stage for encoding in encodings for stage in encoding.stages]
+        slower = iter(calmed(every, self.builder.parameters))
+        found = []
+        for encoding, before in zip(encodings, places, strict=False):
+            around = Surroundings(before, self.show.separation, CLOCKED, self.pause)
+            stages, nearest = [], []
+            for stage, closest in zip(encoding.stages, encoding.closest, strict=True):
+                chosen, near = next(slower), closest
+                if chosen is not stage:
+                    near = closest_encounter(
+                        stage_motion(chosen, around.positions, around.timing),
+                        around.separation,
+                        enough=around.required,
+                    )
+                    if near is not None and near.distance < around.required:
+                        chosen, near = stage, closest
+                stages.append(chosen)
+                nearest.append(near)
+                positions = around.positions.copy()
+                positions[stage.drones] = stage.end
+                around = replace(around, positions=positions)
+            found.append(Encoding(encoding.name, tuple(stages), tuple(nearest)))
+        return found
 
     def _timed(
         self, item: LegFlight, planned_start: float, encoding: Encoding

@@ -211,7 +211,7 @@ def test_the_checker_works_out_the_same(legs):
         upright = np.maximum(leg.speed * np.abs(stage.climb), 1e-9)
         flights = profiles(stage.end, level, upright, law)
         theirs = fleet.fly(np.array([0]), flights, stage.end, until=mine.until)
-        assert np.abs(theirs.ways.transpose(1, 0, 2) - mine.ways).max() < 1e-3
+        assert np.abs(theirs.ways.transpose(0, 2, 1) - mine.ways).max() < 1e-3
 
 
 def show_of_many(drones=11, seed=5):
