@@ -90,16 +90,6 @@ class MissionRows:
     """What each leg waits for, and how long [s]."""
 
 
-@dataclass
-class _Walk:
-    """Speeds in force and what has been met so far."""
-
-    speeds: dict[int, float]
-    steps: list[FloatArray]
-    limits: list[tuple[float, float]]
-    waits: list[tuple[str, float]]
-
-
 def read_parameters(content: bytes) -> dict[str, float]:
     """Return the values of a parameter file by name.
 
@@ -139,36 +129,30 @@ def read_rows(
         }
     except KeyError as error:
         raise MissionFormatError(f"parameter {error} is missing") from None
-    walk = _Walk(speeds, [], [], [])
-    flown = [home]
+    flown, waits, in_force = [home], [], []
     hold: tuple[str, float] = ("start", SPIN_UP)
     for item in items[1:]:
         if item.command == SPEED:
-            walk.speeds[int(item.parameters[0])] = item.parameters[1]
+            speeds[int(item.parameters[0])] = item.parameters[1]
         elif item.command == DELAY:
             hold = _hold(item, hold)
         elif item.command in {WAYPOINT, LAND, TAKEOFF}:
-            _fly(walk, flown[-1], item, home, site)
+            in_force.append([speeds[LEVEL], speeds[CLIMB], speeds[DESCENT]])
             # A landing is no leg of the law, and not timed.
-            walk.waits.append(("land", 0.0) if item.command == LAND else hold)
+            waits.append(("land", 0.0) if item.command == LAND else hold)
             flown.append(item)
             hold = ("through", 0.0)
-    if not walk.steps:
+    if not waits:
         raise MissionFormatError("flies nowhere")
-    # Heights are stored as whole centimetres, truncated.
-    heights = [0.0, *(_stored(item.height) for item in flown[1:])]
-    places = east_north_up(
-        site,
-        [item.latitude for item in flown],
-        [item.longitude for item in flown],
-        [height + home.height for height in heights],
-    )
-    return MissionRows(
-        _show_frame(site, places),
-        np.array(walk.steps).reshape(-1, 3),
-        np.array(walk.limits).reshape(-1, 2),
-        tuple(walk.waits),
-    )
+    latitude, longitude = np.array([item[3:5] for item in flown]).T
+    heights = _stored([0.0, *(item.height for item in flown[1:])])
+    places = east_north_up(site, latitude, longitude, heights + home.height)
+    steps = _steps(latitude, longitude, heights, site)
+    # Take-offs go straight up.
+    steps[[item.command == TAKEOFF for item in flown[1:]], :2] = 0.0
+    level, climb, descent = np.array(in_force).T
+    limits = np.stack([level, np.where(steps[:, 2] > 0.0, climb, descent)], axis=1)
+    return MissionRows(_show_frame(site, places), steps, limits, tuple(waits))
 
 
 def fly_rows(missions: Sequence[MissionRows], values: Mapping[str, float]) -> FleetLegs:
@@ -295,8 +279,10 @@ def _show_frame(site: Site, places: FloatArray) -> FloatArray:
     return np.stack([east * cosine - north * sine, east * sine + north * cosine, up], 1)
 
 
-def _stored(height: float) -> float:
-    return float(np.trunc(np.float32(height) * np.float32(100.0))) / 100.0
+def _stored(heights: Sequence[float]) -> FloatArray:
+    """Heights as they are stored: whole centimetres, truncated, shape (n,) [m]."""
+    centimetres = np.trunc(np.array(heights, dtype=np.float32) * np.float32(100.0))
+    return np.asarray(centimetres.astype(np.float64) / 100.0)
 
 
 def _hold(item: Item, before: tuple[str, float]) -> tuple[str, float]:
@@ -310,19 +296,20 @@ def _hold(item: Item, before: tuple[str, float]) -> tuple[str, float]:
     return kind, amount + first
 
 
-def _fly(walk: _Walk, last: Item, item: Item, home: Item, site: Site) -> None:
-    """Add the straight step from ``last`` to ``item`` in the autopilot's metric."""
-    begin = 0.0 if last is home else _stored(last.height)
-    rise = _stored(item.height) - begin
+def _steps(
+    latitude: FloatArray, longitude: FloatArray, heights: FloatArray, site: Site
+) -> FloatArray:
+    """Straight ways between places (n + 1,) in the autopilot's metric, (n, 3) [m]."""
     scale = METRES_PER_DEGREE
-    north = (item.latitude - last.latitude) * scale
     shrink = np.cos(np.radians(site.latitude))
-    east = (item.longitude - last.longitude) * scale * shrink
-    if item.command == TAKEOFF:
-        north = east = 0.0
-    vertical = walk.speeds[CLIMB if rise > 0.0 else DESCENT]
-    walk.steps.append(np.array([north, east, rise]))
-    walk.limits.append((walk.speeds[LEVEL], vertical))
+    return np.stack(
+        [
+            np.diff(latitude) * scale,
+            np.diff(longitude) * scale * shrink,
+            np.diff(heights),
+        ],
+        axis=1,
+    )
 
 
 def _releases(waits: Sequence[tuple[str, float]], ended: FloatArray) -> FloatArray:

@@ -131,16 +131,19 @@ def part_distance(
     other: tuple[FloatArray, FloatArray],
     rules: pb.Separation,
 ) -> FloatArray:
-    """Least distance (m,) of straight parts; for the forms per axis, of their boxes."""
+    """Least distance (m,) of straight parts; for the forms per axis, of their boxes.
+
+    Parts are given by their ends, axis by axis, shape (3, m) [m].
+    """
     if rules.shape in {rules.ANY_AXIS, rules.ALL_AXES}:
         gap = np.maximum(
             np.minimum(*one) - np.maximum(*other), np.minimum(*other) - np.maximum(*one)
         )
         gap = np.maximum(gap, 0.0)
         return np.asarray(
-            gap.max(axis=1) if rules.shape == rules.ANY_AXIS else gap.min(axis=1)
+            gap.max(axis=0) if rules.shape == rules.ANY_AXIS else gap.min(axis=0)
         )
-    scale = metric_scale(rules)
+    scale = metric_scale(rules)[:, None]
     return _segment_distance(
         one[0] * scale, one[1] * scale, other[0] * scale, other[1] * scale
     )
@@ -155,25 +158,36 @@ def _segment_distance(
     stationary point, if that lies inside, or on one of the four edges.
     """
     u, v, w = b - a, d - c, a - c
-    best = np.full(a.shape[0], np.inf)
-    for point, start, along in ((a, c, v), (b, c, v), (c, a, u), (d, a, u)):
-        length, way = _dot(along, along), point - start
-        s = _dot(way, along) / np.where(length > 0, length, 1.0)
-        way -= np.clip(s, 0.0, 1.0)[:, None] * along
-        np.minimum(best, _dot(way, way), out=best)
-    uu, uv, vv, uw, vw = (
-        _dot(x, y) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w))
-    )
+    uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
+    best = np.full(uu.size, np.inf)
+    # Who rests has an edge of no length.
+    along_u, along_v = (np.where(size > 0.0, size, 1.0) for size in (uu, vv))
+    for way, along, size in (
+        (w, v, along_v),
+        (b - c, v, along_v),
+        (-w, u, along_u),
+        (d - a, u, along_u),
+    ):
+        share = _dot(way, along)
+        share /= size
+        np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share)
+        gap = way - share * along
+        np.minimum(best, _dot(gap, gap), out=best)
+    uw, vw = _dot(u, w), _dot(v, w)
     area = uu * vv - uv * uv
     regular = area > 1e-12 * uu * vv
     safe = np.where(regular, area, 1.0)
     s, t = (uv * vw - vv * uw) / safe, (uu * vw - uv * uw) / safe
     inside = regular & (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    gap = w + s[:, None] * u - t[:, None] * v
-    best = np.where(inside, np.minimum(best, _dot(gap, gap)), best)
+    rows = np.flatnonzero(inside)
+    gap = w[:, rows] + s[rows] * u[:, rows] - t[rows] * v[:, rows]
+    best[rows] = np.minimum(best[rows], _dot(gap, gap))
     return np.asarray(np.sqrt(best))
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Products (m,) of the rows of two arrays (m, 3)."""
-    return np.asarray(np.einsum("nk,nk->n", one, other))
+    """Products (m,) of the columns of two arrays (3, m)."""
+    product = one * other
+    product[2] += product[1]
+    product[2] += product[0]
+    return np.asarray(product[2])

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import SETTLING, SPREAD
 from showc.verify.legs import joined
 from showc.verify.parts import (
     metric_scale,
@@ -23,7 +22,8 @@ from showc.verify.parts import (
     nearest_places,
     part_distance,
 )
-from showc.verify.stretches import Stretch, stretches
+from showc.verify.reach import Reach
+from showc.verify.stretches import stretches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from showc.log import showc_pb2 as pb
     from showc.verify.autopilot import Profiles
     from showc.verify.legs import MissionLegs
+    from showc.verify.stretches import Stretch
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""
 
-PIECES = 16
-"""Pieces of a stretch of time at first."""
+COARSE, PIECES = 4, 16
+"""Pieces of a stretch of time at first, and of those that are looked into."""
 
 PAIRS = 4096
 """Pairs that are halved together; bounds the memory."""
@@ -89,21 +90,22 @@ def nearest_untimed(
         timed = np.flatnonzero(np.isfinite(mission.release))
         count = mission.release.size
         if landing:
-            top, bottom = mission.places[count - 1], mission.places[count]
+            high, low = mission.places[count - 1], mission.places[count]
         else:
             climbed = int(timed[0]) if timed.size else max(count - 1, 0)
-            top, bottom = mission.places[climbed], mission.places[0]
-        begin.append(bottom)
-        along.append(top - bottom)
+            high, low = mission.places[climbed], mission.places[0]
+        begin.append(low)
+        along.append(high - low)
     p, u = np.array(begin), np.array(along)
     everyone = np.ones(len(p), dtype=np.bool_)
     found = nearest_places(p, rules, everyone)
     if found is None:
         return None
     a, b, distance = found
+    bottom, top = p.T.copy(), (p + u).T.copy()
     for one, other in near_pairs(p, p + u, rules, distance, everyone):
         value = part_distance(
-            (p[one], p[one] + u[one]), (p[other], p[other] + u[other]), rules
+            (bottom[:, one], top[:, one]), (bottom[:, other], top[:, other]), rules
         )
         if value.size and value.min() < distance:
             row = int(value.argmin())
@@ -115,127 +117,125 @@ def _refined(
     stretch: Stretch, flights: Profiles, rules: pb.Separation, best: Nearest | None
 ) -> Nearest | None:
     """Return the nearest of ``best`` and what happens in ``stretch``."""
-    everyone = np.arange(stretch.leg.size)
+    everyone, begin = np.arange(stretch.leg.size), np.zeros(stretch.leg.size)
     span = stretch.last - stretch.first
-    rear, front, _, _, _ = _reach(stretch, flights, everyone, everyone * 0, span)
-    moving = np.any(rear != front, axis=1)
-    _, stop, _, _, _ = _reach(
-        stretch, flights, everyone, np.ones(everyone.size), span, instant=True
-    )
+    reach = Reach(stretch, flights)
+    rear, front = reach.places(everyone, begin, span, span)
+    moving = np.any(rear != front, axis=0)
+    _, stop = reach.places(everyone, begin + 1.0, span, 0.0)
     # The least distance at the end bounds what is worth looking at.
     limit = np.inf if best is None else best.distance
-    found = nearest_places(stop, rules, moving, limit)
+    found = nearest_places(stop.T, rules, moving, limit)
     if found is not None:
         best = Nearest(found[:2], stretch.last, found[2])
     if best is None:
         return None
     pairs = []
-    for a, b in near_pairs(rear, front, rules, best.distance, moving):
-        whole = part_distance((rear[a], front[a]), (rear[b], front[b]), rules)
+    for a, b in near_pairs(rear.T, front.T, rules, best.distance, moving):
+        whole = part_distance(
+            (rear[:, a], front[:, a]), (rear[:, b], front[:, b]), rules
+        )
         near = whole < best.distance
         pairs.append((a[near], b[near]))
     a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
     for top in range(0, a.size, PAIRS):
         part = slice(top, top + PAIRS)
-        best = _halved(stretch, flights, rules, (a[part], b[part]), best)
+        best = _halved(reach, rules, (a[part], b[part]), best)
     return best
 
 
 def _halved(
-    stretch: Stretch,
-    flights: Profiles,
+    reach: Reach,
     rules: pb.Separation,
     pairs: tuple[IntArray, IntArray],
     best: Nearest,
 ) -> Nearest:
-    """Return the nearest of ``best`` and what ``pairs`` do in ``stretch``."""
+    """Return the nearest of ``best`` and what ``pairs`` do in that stretch."""
+    stretch = reach.stretch
     span = stretch.last - stretch.first
-    count = PIECES
+    count = COARSE
     piece = np.tile(np.arange(count), pairs[0].size)
     a, b = np.repeat(pairs[0], count), np.repeat(pairs[1], count)
     while a.size:
-        width = span / count
-        bound, value = _examined(stretch, flights, rules, (a, b, piece), width)
-        row = int(value.argmin())
-        if value[row] < best.distance:
-            time = stretch.first + (int(piece[row]) + 0.5) * width
-            best = Nearest((int(a[row]), int(b[row])), float(time), float(value[row]))
-        left = bound < best.distance - RESOLUTION
-        a, b = np.repeat(a[left], 2), np.repeat(b[left], 2)
-        piece = np.repeat(2 * piece[left], 2)
+        rows, width = _Rows.of(a, b, piece), span / count
+        part = rows.part.astype(np.float64)
+        rear, front = reach.places(rows.drone, part, width, width)
+        whole = rows.distance(rear, front, rules)
+        # What is further apart throughout can be nearer at no instant.
+        near = np.flatnonzero(whole < best.distance)
+        a, b, piece, whole = a[near], b[near], piece[near], whole[near]
+        if count >= PIECES and a.size:
+            rows = _Rows.of(a, b, piece)
+            bound, value = _examined(reach, rules, rows, whole, width)
+            row = int(value.argmin())
+            if value[row] < best.distance:
+                time = stretch.first + (int(piece[row]) + 0.5) * width
+                pair = int(a[row]), int(b[row])
+                best = Nearest(pair, float(time), float(value[row]))
+            left = bound < best.distance - RESOLUTION
+            a, b, piece = a[left], b[left], piece[left]
+        a, b, piece = np.repeat(a, 2), np.repeat(b, 2), np.repeat(2 * piece, 2)
         piece[1::2] += 1
         count *= 2
     return best
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Pairs of drones during pieces of time."""
+
+    drone: IntArray
+    """Each drone that is in one of them, shape (m,)."""
+    part: IntArray
+    """And during which piece, shape (m,)."""
+    one: IntArray
+    """Where in these the first of each pair is, shape (n,)."""
+    other: IntArray
+    """And the second, shape (n,)."""
+
+    @classmethod
+    def of(cls, a: IntArray, b: IntArray, piece: IntArray) -> _Rows:
+        """Return the pairs of ``a`` and ``b`` during ``piece``, all (n,)."""
+        base = int(piece.max()) + 1
+        keys, place = np.unique(
+            np.concatenate([a, b]) * base + np.concatenate([piece, piece]),
+            return_inverse=True,
+        )
+        return cls(keys // base, keys % base, place[: a.size], place[a.size :])
+
+    def distance(
+        self, rear: FloatArray, front: FloatArray, rules: pb.Separation
+    ) -> FloatArray:
+        """Distances (n,) of the pairs' parts, from ``rear`` to ``front`` (3, m)."""
+        first, second = (
+            (rear.take(rows, axis=1), front.take(rows, axis=1))
+            for rows in (self.one, self.other)
+        )
+        return part_distance(first, second, rules)
+
+
 def _examined(
-    stretch: Stretch,
-    flights: Profiles,
+    reach: Reach,
     rules: pb.Separation,
-    rows: tuple[IntArray, IntArray, IntArray],
+    rows: _Rows,
+    whole: FloatArray,
     width: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Lower bounds over pieces of time, and least distances in their middles."""
-    a, b, piece = rows
-    base = int(piece.max()) + 1
-    keys, place = np.unique(
-        np.concatenate([a, b]) * base + np.concatenate([piece, piece]),
-        return_inverse=True,
-    )
-    drone, part = keys // base, keys % base
-    rear, front, slow, fast, moving = _reach(stretch, flights, drone, part, width)
-    middle_rear, middle_front, _, _, still_moving = _reach(
-        stretch, flights, drone, part + 0.5, width, instant=True
-    )
-    # Where a drone settles it jumps: no speed bounds what was before.
-    settles = moving & ~still_moving
-    one, other = place[: a.size], place[a.size :]
-    value = part_distance(
-        (middle_rear[one], middle_front[one]),
-        (middle_rear[other], middle_front[other]),
-        rules,
-    )
-    whole = part_distance((rear[one], front[one]), (rear[other], front[other]), rules)
-    scale = metric_scale(rules)
-    u, v = stretch.along[a] * scale, stretch.along[b] * scale
-    relative = np.zeros(a.size)
+    """Lower bounds over pieces of time, and least distances in their middles.
+
+    ``whole`` (n,) are lower bounds already.
+    """
+    drone, one, other = rows.drone, rows.one, rows.other
+    part = rows.part.astype(np.float64)
+    rear, front = reach.places(drone, part + 0.5, width, 0.0)
+    value = rows.distance(rear, front, rules)
+    slow, fast, settles = reach.rates(drone, part, width)
+    along = reach.stretch.along.T * metric_scale(rules)[:, None]
+    u, v = (along.take(drone[rows], axis=1) for rows in (one, other))
+    relative = np.zeros(one.size)
     for speed_a in (slow[one], fast[one]):
         for speed_b in (slow[other], fast[other]):
-            gap = speed_a[:, None] * u - speed_b[:, None] * v
-            np.maximum(relative, np.einsum("nk,nk->n", gap, gap), out=relative)
+            gap = speed_a * u - speed_b * v
+            np.maximum(relative, np.einsum("kn,kn->n", gap, gap), out=relative)
     sharp = np.maximum(whole, value - 0.5 * width * np.sqrt(relative))
     return np.where(settles[one] | settles[other], whole, sharp), value
-
-
-def _reach(
-    stretch: Stretch,
-    flights: Profiles,
-    drone: IntArray,
-    part: NDArray[np.int64] | FloatArray,
-    width: float,
-    *,
-    instant: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Rearmost and foremost places (m, 3), least and greatest rates (m,) [1/s].
-
-    And whether each drone has not settled at the start.
-    """
-    leg, release = stretch.leg[drone], stretch.release[drone]
-    since = stretch.first + part * width - release
-    late = flights.law_time(leg, since) - SPREAD
-    early = flights.law_time(leg, since + (0.0 if instant else width)) + SPREAD
-    rear, slow_rear = flights.fraction(leg, late)
-    front, slow_front = flights.fraction(leg, early)
-    # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-    _, fast = flights.fraction(leg, np.clip(0.5 * flights.duration[leg], late, early))
-    begin, along = stretch.begin[drone], stretch.along[drone]
-    moving = late < flights.duration[leg] + SETTLING
-    excess = np.where(moving, flights.excess[leg], 1.0)
-    return (
-        begin + rear[:, None] * along,
-        begin + (excess * front)[:, None] * along,
-        # The law's time runs slower than the clock at first, by up to 35 %.
-        0.65 * np.minimum(slow_rear, slow_front),
-        excess * fast,
-        moving,
-    )

@@ -50,8 +50,35 @@ def parse(content: bytes) -> list[Item]:
         raise MissionFormatError("is not ASCII text") from error
     if not lines or lines[0].strip() != HEADER:
         raise MissionFormatError(f"does not begin with {HEADER!r}")
+    items = _well_formed(lines[1:])
+    return _careful(lines[1:]) if items is None else items
+
+
+def _well_formed(lines: list[str]) -> list[Item] | None:
+    """Return all rows, column by column; None if anything is wrong with them."""
+    if any(line.count("\t") != _FIELDS - 1 for line in lines):
+        return None
+    fields = "\t".join(lines).split("\t") if lines else []
+    try:
+        index, current, frame, command, proceed = (
+            list(map(int, fields[column::_FIELDS])) for column in (0, 1, 2, 3, 11)
+        )
+        values = [list(map(float, fields[column::_FIELDS])) for column in range(4, 11)]
+    except ValueError:
+        return None
+    count = len(lines)
+    numbered = index == list(range(count)) and current == [1, *[0] * (count - 1)]
+    # A sum is finite only if all its numbers are.
+    finite = all(math.isfinite(sum(column)) for column in values)
+    if not (numbered and proceed == [1] * count and finite):
+        return None
+    return list(map(Item, frame, command, zip(*values[:4], strict=True), *values[4:]))
+
+
+def _careful(lines: list[str]) -> list[Item]:
+    """Return all rows, line by line, and name the first that is wrong."""
     items = []
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         fields = line.split("\t")
         if len(fields) != _FIELDS:
             raise MissionFormatError(f"line {number} has {len(fields)} fields, not 12")

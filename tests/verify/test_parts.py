@@ -82,7 +82,8 @@ def test_no_pair_of_parts_that_is_near_is_left_out(seed, shape, count, limit):
     assert all(a < b and (moving[a] or moving[b]) for a, b in found)
     a, b = np.array(list(combinations(range(count), 2))).T
     wanted = (moving[a] | moving[b]) & (
-        part_distance((one[a], other[a]), (one[b], other[b]), rules(shape)) <= limit
+        part_distance((one[a].T, other[a].T), (one[b].T, other[b].T), rules(shape))
+        <= limit
     )
     near = set(zip(a[wanted].tolist(), b[wanted].tolist(), strict=True))
     assert near <= set(found)
@@ -93,7 +94,7 @@ def test_no_pair_of_parts_that_is_near_is_left_out(seed, shape, count, limit):
 def test_parts_are_as_far_apart_as_their_nearest_points(seed):
     generator = np.random.default_rng(seed)
     a, b, c, d = np.round(generator.normal(scale=3.0, size=(4, 40, 3)))
-    least = part_distance((a, b), (c, d), rules(pb.Separation.SPHERE))
+    least = part_distance((a.T, b.T), (c.T, d.T), rules(pb.Separation.SPHERE))
     share = np.linspace(0.0, 1.0, 41)[:, None, None]
     first, second = a + share * (b - a), c + share * (d - c)
     gaps = np.linalg.norm(first[:, None] - second[None], axis=-1)
