@@ -40,8 +40,12 @@ less end within 0.17 s of what is predicted, 99 of 100 within 0.08 s; others up 
 off.
 """
 
-PACES = tuple(0.05 * step for step in range(19, 9, -1))
-"""Factors on the speeds of legs that are held back longer; the first that helps."""
+PACES = (0.95, 0.9, 0.85, 0.8), (0.75, 0.7, 0.65, 0.6, 0.55, 0.5)
+"""Factors on the speeds of legs that are held back longer, the first that helps; the
+later ones for those whom none of the others helps."""
+
+SLOWEST = PACES[-1][-1]
+"""Those whom no factor helps are flown so."""
 
 PATIENCE = 4.0
 """Who is held back for so long is not looked at any further [s]."""
@@ -99,33 +103,31 @@ def calmed(stages: Sequence[Stage], parameters: Parameters) -> list[Stage]:
     Stages in which nothing is to be done are the same objects.
     """
     late = parameters.acceleration / parameters.jerk
-    if not any(stage.drones.size for stage in stages):
-        return list(stages)
-    held = _held_back_all(stages, late)
-    rash = [np.flatnonzero(value > HELD) for value in held]
-    trials = [
-        stage.part(some).at_speeds(pace * stage.profile.speed[some], parameters)
-        for stage, some in zip(stages, rash, strict=True)
-        for pace in PACES
-    ]
-    if not any(stage.drones.size for stage in trials):
-        return list(stages)
-    outcomes = iter(zip(trials, _held_back_all(trials, late), strict=True))
-    found = []
-    for stage, some in zip(stages, rash, strict=True):
-        left = some
-        for pace in PACES:
-            trial, value = next(outcomes)
-            good = (value <= HELD) | (pace == PACES[-1])
-            fits = good[np.searchsorted(some, left)]
-            stage = _with(stage, left[fits], trial, some)  # noqa: PLW2901
-            left = left[~fits]
-        found.append(stage)
+    found = list(stages)
+    left = [np.flatnonzero(held > HELD) for held in _held_back_all(stages, late)]
+    for paces in PACES:
+        trials = [
+            stage.part(some).at_speeds(pace * stage.profile.speed[some], parameters)
+            for stage, some in zip(stages, left, strict=True)
+            for pace in paces
+        ]
+        outcomes = iter(zip(trials, _held_back_all(trials, late), strict=True))
+        for number, some in enumerate(left):
+            rash = some
+            for pace in paces:
+                trial, held = next(outcomes)
+                helps = (held <= HELD) | (pace == SLOWEST)
+                fits = helps[np.searchsorted(some, rash)]
+                found[number] = _with(found[number], rash[fits], trial, some)
+                rash = rash[~fits]
+            left[number] = rash
     return found
 
 
 def _held_back_all(stages: Sequence[Stage], late: float) -> list[FloatArray]:
     """Return ``held_back`` of each stage: all at once, which takes hardly longer."""
+    if not any(stage.drones.size for stage in stages):
+        return [np.zeros(0)] * len(stages)
     profile = LegProfile(
         *(
             np.concatenate([getattr(stage.profile, one.name) for stage in stages])

@@ -176,10 +176,13 @@ class _Layout:
         positions = pads.copy()
         positions[takeoff.drones] = takeoff.end
         positions[staging.drones] = staging.end
+        self.progress.advance()
+        found, places = self._encodings(moves[1:-1], positions)
+        if self.calm:
+            staging, found = self._calmed(staging, found, places)
         climbed = SPIN_UP + takeoff.finish() + staging.finish()
         self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
-        self.progress.advance()
-        encodings = iter(self._encodings(moves[1:-1], positions))
+        encodings = iter(zip(found, places[1:], strict=True))
         legs = []
         for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
             if item.leg.kind == "hold":
@@ -238,8 +241,6 @@ class _Layout:
         staging = self.builder.build(
             leg.drones, middle, leg.goal, leg.limits, speed=speed
         )
-        if self.calm:
-            (staging,) = calmed([staging], self.builder.parameters)
         whole = self.builder.build(leg.drones, pads[leg.drones], leg.goal, leg.limits)
         return takeoff, staging, self._untimed(whole, pads, "launch")
 
@@ -263,10 +264,10 @@ class _Layout:
 
     def _encodings(
         self, moves: list[LegFlight], positions: FloatArray
-    ) -> list[tuple[Encoding, FloatArray]]:
-        """Encode the timed legs, and say where everyone is after each of them.
+    ) -> tuple[list[Encoding], list[FloatArray]]:
+        """Encode the timed legs, and say where everyone is before and after each.
 
-        Where they are before it is known, however the legs before it are flown.
+        That is known, however the legs before it are flown.
         """
         places = [positions]
         for item in moves:
@@ -292,20 +293,18 @@ class _Layout:
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
         found = side_by_side(encode, len(moves), jobs, self.progress.advance)
-        if self.calm:
-            found = self._calmed(found, places)
-        return list(zip(found, places[1:], strict=True))
+        return found, places
 
     def _calmed(
-        self, encodings: list[Encoding], places: list[FloatArray]
-    ) -> list[Encoding]:
+        self, staging: Stage, encodings: list[Encoding], places: list[FloatArray]
+    ) -> tuple[Stage, list[Encoding]]:
         """Fly slower what would end at a time that nobody knows, if it stays apart.
 
-        ``places`` are those before each encoding.
+        ``places`` are those before each encoding; the climb is apart at any timing.
         """
         every = [stage for encoding in encodings for stage in encoding.stages]
-        slower = iter(calmed(every, self.builder.parameters))
-        found = []
+        slower = iter(calmed([staging, *every], self.builder.parameters))
+        staging, found = next(slower), []
         for encoding, before in zip(encodings, places, strict=False):
             around = Surroundings(before, self.show.separation, CLOCKED, self.pause)
             stages, nearest = [], []
@@ -325,7 +324,7 @@ class _Layout:
                 positions[stage.drones] = stage.end
                 around = replace(around, positions=positions)
             found.append(Encoding(encoding.name, tuple(stages), tuple(nearest)))
-        return found
+        return staging, found
 
     def _timed(
         self, item: LegFlight, planned_start: float, encoding: Encoding
