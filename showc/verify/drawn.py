@@ -10,7 +10,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.autopilot import CLOCK_LAG, SPREAD
 from showc.verify.decode import parse
-from showc.verify.legs import TimedLegs, joined, longest_first
+from showc.verify.legs import TimedLegs, joined
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
 from showc.verify.tracked import STEP, Fleet
@@ -164,8 +164,6 @@ class _Flight:
     counts: FloatArray
     """For how long each counts, (n,) [s]: from its next release on, a drone is where
     that leg says."""
-    together: bool
-    """Whether all are released at once."""
     begun: float
     """Before, none is flown [s]."""
     done: float
@@ -181,7 +179,6 @@ class _Flight:
             legs,
             release,
             counts,
-            bool(np.ptp(release) == 0.0),
             float(release.min() - 2.0 * SAME),
             float((release + counts).max() + 2.0 * SAME),
         )
@@ -190,10 +187,7 @@ class _Flight:
         """Ways (m, 3, n) [m] since the legs' begins at mission times (m,) [s]."""
         since = times[:, None] - self.release
         waits, done = since < -SAME, since >= self.counts - SAME
-        if self.together:
-            way = self.legs.tracked.at(since[:, 0])
-        else:
-            way = self.legs.tracked.covered(since)
+        way = self.legs.tracked.covered(since)
         if waits.any():
             np.copyto(way, 0.0, where=waits[:, None])
         if done.any():
@@ -219,7 +213,6 @@ def _by_the_clock(
     flights = []
     for leg in range(most):
         drones = np.flatnonzero(np.isfinite(release[:, leg]))
-        drones = drones[longest_first(table, row[drones, leg])]
         until = release[drones, leg + 1] - release[drones, leg]
         legs, ways = table.chosen(row[drones, leg]), along[drones, leg]
         tracked = fleet.fly(drones, legs, ways, until=until)

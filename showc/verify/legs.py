@@ -224,10 +224,9 @@ def _without_clock(
         for some, flight in ((timed, flying), (through, Fleet(len(fleet), lag))):
             if some:
                 drones = np.array(some)
-                drones = drones[longest_first(table, first[drones] + leg)]
-                places = np.stack([fleet[k].places[leg : leg + 2] for k in drones])
+                places = np.stack([fleet[k].places[leg : leg + 2] for k in some])
                 along = places[:, 1] - places[:, 0]
-                rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in drones]
+                rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in some]
                 holds = np.array([rest[0][1] if rest else np.inf for rest in rests])
                 legs = table.chosen(first[drones] + leg)
                 tracked = flight.fly(drones, legs, along, holds=holds)
@@ -264,11 +263,6 @@ def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
         )
     )
     return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
-
-
-def longest_first(table: Profiles, rows: IntArray) -> IntArray:
-    """Order (n,) of some ``rows`` (n,) of a table in which they are flown soonest."""
-    return np.argsort(-table.duration[rows], kind="stable")
 
 
 def _show_frame(site: Site, places: FloatArray) -> FloatArray:

@@ -29,8 +29,6 @@ from showc.verify.response import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from showc.verify.law_table import LawTable
@@ -58,12 +56,11 @@ _STILL = 1e-5
 _AHEAD, _ASKED = 0, 1
 _KINDS = slice(2, 2 + KINDS)
 _DRAG, _TILT, _POINT, _PUSH, _LATE_DRAG, _LATE_TILT = 9, 10, 11, 13, 15, 16
-_SPEED, _LEAN = _KINDS.start + SPEED, _KINDS.start + LEAN
+_SPEED, _MISSED, _SUM, _LEAN, _HALF_LEAN = (
+    _KINDS.start + kind for kind in (SPEED, MISSED, SUM, LEAN, HALF_LEAN)
+)
 _BEGUN, _ALL = slice(2, 15), slice(2, 17)
 _ROWS = 17
-
-_PARTS = slice(0, 2), slice(2, 3)
-"""Level axes and the upright one."""
 
 _Stuck: TypeAlias = "tuple[IntArray, FloatArray]"
 """Vehicles that do not sum up what they miss, and what that is, (m,) and (2, m)."""
@@ -103,6 +100,18 @@ def _products(axis: Axis, *, level: bool) -> tuple[FloatArray, FloatArray, Float
     )
 
 
+def _clock(gain: float) -> FloatArray:
+    """Return a step of the law's clock, shape (3, 5).
+
+    From its time now and half a step later, its rate, and the rates wanted at the begin
+    and in the middle of the step; ``gain`` is half a step over the lag.
+    """
+    time = np.array([1.0, 0.0, 1.0 - gain, gain, 0.0])
+    slower = 1.0 - 2.0 * gain + 2.0 * gain**2
+    rate = np.array([0.0, 0.0, slower, -2.0 * gain**2, 2.0 * gain])
+    return np.stack([time, time + 0.5 * rate, rate])
+
+
 class Loops:
     """States of n vehicles that follow their legs, step by step.
 
@@ -132,44 +141,68 @@ class Loops:
         state: FloatArray,
     ) -> None:
         self._law, self._aim, self._axis = law, aim, axes[0]
-        self._gain = 0.5 * law.step / lag
-        products = [_products(axis, level=axis is axes[0]) for axis in axes]
-        self._half_products = [half for half, _, _ in products]
-        self._whole_products = [whole for _, whole, _ in products]
-        self._numbers = np.zeros((_ROWS, *aim.shape))
-        kinds = self._numbers[_KINDS]
-        kinds[:] = state[:TIME].reshape(kinds.shape)
-        for part, (_, _, derived) in zip(_PARTS, products, strict=True):
-            self._numbers[:2, part] = np.tensordot(derived, kinds[:, part], axes=1)
-        self.time, self.rate = state[TIME].copy(), state[RATE].copy()
-        """Time of the law, in steps, and its rate, shape (n,)."""
+        products = [
+            _products(axes[number == 2], level=number < 2) for number in range(3)
+        ]
+        self._to_half, self._to_whole, derived = (
+            np.stack(matrices) for matrices in zip(*products, strict=True)
+        )
+        self._to_clock = _clock(0.5 * law.step / lag)
+        count = aim.shape[1]
+        self._numbers, self._before = np.zeros((2, 3, _ROWS, count))
+        self._clock, self._clock_before = np.zeros((2, 5, count))
+        self.kinds[:] = state[:TIME].reshape(KINDS, 3, count)
+        np.matmul(derived, self._numbers[:, _KINDS], out=self._numbers[:, :2])
+        time, rate = state[TIME], state[RATE]
+        self._clock[:3] = time, time + 0.5 * rate, rate
         self._make_room()
 
     @property
     def kinds(self) -> FloatArray:
         """States of the axes, shape (7, 3, n)."""
-        return self._numbers[_KINDS]
+        return self._numbers[:, _KINDS].transpose(1, 0, 2)
 
     @property
     def kinds_before(self) -> FloatArray:
         """States of the axes a step before, shape (7, 3, n)."""
-        return self._before[_KINDS]
+        return self._before[:, _KINDS].transpose(1, 0, 2)
+
+    @property
+    def time(self) -> FloatArray:
+        """Time of the law, in steps, shape (n,)."""
+        return np.asarray(self._clock[0])
+
+    @property
+    def time_before(self) -> FloatArray:
+        """That a step before."""
+        return np.asarray(self._clock_before[0])
+
+    @property
+    def rate(self) -> FloatArray:
+        """Rate of the law's time, shape (n,)."""
+        return np.asarray(self._clock[2])
+
+    @property
+    def rate_before(self) -> FloatArray:
+        """That a step before."""
+        return np.asarray(self._clock_before[2])
 
     def keep(self, count: int) -> None:
         """Follow only the first ``count`` vehicles from here on."""
-        self._aim = np.ascontiguousarray(self._aim[:, :count])
-        self._numbers = np.ascontiguousarray(self._numbers[..., :count])
-        self.time, self.rate = self.time[:count].copy(), self.rate[:count].copy()
+        self._aim, self._numbers, self._before, self._clock, self._clock_before = (
+            np.ascontiguousarray(numbers[..., :count])
+            for numbers in (
+                *(self._aim, self._numbers, self._before),
+                *(self._clock, self._clock_before),
+            )
+        )
         self._make_room()
 
     def _make_room(self) -> None:
-        count = self.time.size
-        # Nothing is put into the rows that an axis does not have.
-        self._before = np.zeros_like(self._numbers)
-        self.time_before, self.rate_before = np.zeros((2, count))
-        self._times, self._lead, self._wanted = np.empty((3, 2, count))
+        count = self._aim.shape[1]
+        self._lead = np.empty((2, count))
         self._led = np.empty((3, 2, count))
-        self._half = np.empty((5, 3, count))
+        self._half = np.empty((3, 5, count))
         self._triple, self._sizes = np.empty((3, count)), np.empty((2, count))
         self._towards = np.empty((2, 3, count))
         self._level, self._squares = np.empty((2, 2, 2, count))
@@ -179,24 +212,20 @@ class Loops:
         """Take one step."""
         now, half, after = self._numbers, self._half, self._before
         # The law's time in the middle of the step is known at its begin.
-        times = self._times
-        times[0] = self.time
-        np.multiply(self.rate, 0.5, out=times[1])
-        times[1] += self.time
-        self._law(times, self._led)
+        self._law(self._clock[:2], self._led)
         point, speed, push = self._led
         np.add(point, speed, out=self._lead)
-        aim = self._aim
-        np.multiply(aim, self._lead[:, None], out=now[_POINT : _POINT + 2])
-        np.multiply(aim, push[:, None], out=now[_PUSH : _PUSH + 2])
-        self._curve(now[_SPEED], now[_LEAN], now[_DRAG], now[_TILT])
-        _multiply(self._half_products, now[_BEGUN], half)
-        self._curve(half[2], half[3], now[_LATE_DRAG], now[_LATE_TILT])
+        aim = self._aim[:, None]
+        np.multiply(aim, self._lead, out=now[:, _POINT : _POINT + 2])
+        np.multiply(aim, push, out=now[:, _PUSH : _PUSH + 2])
+        self._curve(now[:, _SPEED], now[:, _LEAN], now[:, _DRAG], now[:, _TILT])
+        np.matmul(self._to_half, now[:, _BEGUN], out=half)
+        self._curve(half[:, 2], half[:, 3], now[:, _LATE_DRAG], now[:, _LATE_TILT])
         stuck = self._limit(now, half)
-        _multiply(self._whole_products, now[_ALL], after[: _KINDS.stop])
+        np.matmul(self._to_whole, now[:, _ALL], out=after[:, : _KINDS.stop])
         if stuck:
             self._unsum(after, *stuck)
-        self._wait(now[_AHEAD], half[0], point, speed)
+        self._wait(now[:, _AHEAD], half[:, 0], point, speed)
         self._numbers, self._before = after, now
 
     def _curve(
@@ -215,7 +244,7 @@ class Loops:
         self, now: FloatArray, half: FloatArray, point: FloatArray, speed: FloatArray
     ) -> None:
         """Let the law wait for who cannot keep up; changes ``speed``."""
-        towards, wanted = self._towards, self._wanted
+        towards, wanted = self._towards, self._clock[3:]
         np.multiply(self._aim, now, out=towards[0])
         np.multiply(self._aim, half, out=towards[1])
         np.add(towards[:, 0], towards[:, 1], out=wanted)
@@ -227,16 +256,9 @@ class Loops:
         np.maximum(wanted, 0.0, out=wanted)
         np.minimum(wanted, 1.0, out=wanted)
         np.copyto(wanted, 1.0, where=self._still)
-        rate, late = wanted
-        rate -= self.rate
-        rate *= self._gain
-        rate += self.rate
-        late -= rate
-        late *= 2.0 * self._gain
-        np.add(self.time, rate, out=self.time_before)
-        np.add(self.rate, late, out=self.rate_before)
-        self.time, self.time_before = self.time_before, self.time
-        self.rate, self.rate_before = self.rate_before, self.rate
+        clock, after = self._clock, self._clock_before
+        np.matmul(self._to_clock, clock, out=after[:3])
+        self._clock, self._clock_before = after, clock
 
     def _limit(self, now: FloatArray, half: FloatArray) -> tuple[_Stuck, ...]:
         """Lean no further than is allowed; what is missed is then not summed up.
@@ -245,27 +267,27 @@ class Loops:
         who does not sum then, if anybody leans too far.
         """
         level, squares, sizes = self._level, self._squares, self._sizes
-        np.add(now[_ASKED, :2], now[_PUSH, :2], out=level[0])
-        np.add(half[1, :2], now[_PUSH + 1, :2], out=level[1])
+        np.add(now[:2, _ASKED], now[:2, _PUSH], out=level[0])
+        np.add(half[:2, 1], now[:2, _PUSH + 1], out=level[1])
         np.multiply(level, level, out=squares)
         np.add(squares[:, 0], squares[:, 1], out=sizes)
         if not sizes.max(initial=0.0) > _STEEPEST**2:
             return ()
-        begin = _held(level[0], now[_KINDS][MISSED, :2], now[_PUSH, :2])
+        begin = _held(level[0], now[:2, _MISSED], now[:2, _PUSH])
         # Half a step later, the sum is less by what was not added.
         some, missed = begin
         level[1][:, some] -= 0.5 * self._law.step * missed
-        return begin, _held(level[1], half[4, :2], now[_PUSH + 1, :2])
+        return begin, _held(level[1], half[:2, 4], now[:2, _PUSH + 1])
 
     def _unsum(self, after: FloatArray, begin: _Stuck, middle: _Stuck) -> None:
         """Take back, after a step, what was summed up and should not have been."""
-        step, kinds = self._law.step, after[_KINDS]
+        step, level = self._law.step, after[:2]
         some, missed = begin
         share = 0.5 * step**2 * self._axis.states[HALF_LEAN, SUM]
-        kinds[HALF_LEAN][:2, some] -= share * missed
+        level[:, _HALF_LEAN][:, some] -= share * missed
         some, missed = middle
-        kinds[SUM][:2, some] -= step * missed
-        after[_ASKED][:2, some] -= step * missed
+        level[:, _SUM][:, some] -= step * missed
+        level[:, _ASKED][:, some] -= step * missed
 
 
 def _held(asked_for: FloatArray, missed: FloatArray, push: FloatArray) -> _Stuck:
@@ -275,15 +297,3 @@ def _held(asked_for: FloatArray, missed: FloatArray, push: FloatArray) -> _Stuck
     push[:, steep] += asked_for[:, steep] * (_STEEPEST / size[steep] - 1.0)
     vain = steep[np.sum(missed[:, steep] * asked_for[:, steep], axis=0) > 0.0]
     return vain, missed[:, vain]
-
-
-def _multiply(
-    products: Sequence[FloatArray], rows: FloatArray, result: FloatArray
-) -> None:
-    """Put the products of matrices with the level axes' rows, and the upright's."""
-    count = rows.shape[2]
-    flat, found = rows.reshape(len(rows), -1), result.reshape(len(result), -1)
-    for product, part in zip(
-        products, (slice(2 * count), slice(2 * count, None)), strict=True
-    ):
-        np.matmul(product, flat[:, part], out=found[:, part])

@@ -141,9 +141,14 @@ class Axis:
         return found
 
     @cached_property
+    def pushed(self) -> FloatArray:
+        """States (7,) after a step at 1 m/s², from rest."""
+        return (self.begun[:, DRAG] + self.middle[:, DRAG]) / -DRAG_GROWS
+
+    @cached_property
     def farthest(self) -> float:
-        """How far an acceleration of 1 m/s² for 1 s can ever push the place [m]."""
-        return float(np.abs(self.powers[:, PLACE, SPEED]).max())
+        """How far 1 m/s² for 1 s, one step or spread, can ever push the place [m]."""
+        return float(np.abs(self.powers[:, PLACE] @ self.pushed).max()) / self.step
 
     def energy(self, kind: int) -> FloatArray:
         """Root (7, 7) of the sum of one state's squares while all come to rest.

@@ -43,6 +43,9 @@ BLOCK = 1024
 _TOGETHER = 32
 """Steps that are put in their places together, and after which is asked who settles."""
 
+_WORTH = 128
+"""Drones whose settling is worth being followed by itself."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
@@ -50,36 +53,34 @@ class Tracked:
 
     ways: NDArray[np.float32]
     """Ways covered since the legs' begins, shape (steps, 3, n), show frame [m]."""
+    column: IntArray
+    """Where in these each leg is, shape (n,)."""
     ended: FloatArray
     """When the law's own time has ended, shape (n,) [s]."""
     until: FloatArray
     """Time from its release to that of each drone's next leg, shape (n,) [s]."""
 
-    def at(self, since: FloatArray) -> FloatArray:
-        """Ways (m, 3, n) [m] of all legs at ``since`` (m,) their releases [s]."""
-        low, high, share = self._steps(since[:, None, None])
-        found = self.ways[low.ravel()] * (1.0 - share)
-        found += self.ways[high.ravel()] * share
-        return np.asarray(found)
-
     def covered(self, since: FloatArray) -> FloatArray:
-        """Ways (m, 3, n) [m] of each leg at ``since`` (m, n) its release [s]."""
-        low, high, share = self._steps(since[:, None])
-        table, count = self.ways.ravel(), self.ways.shape[2]
-        place = np.arange(3 * count).reshape(3, count)
-        found = table.take(3 * count * low + place) * (1.0 - share)
-        found += table.take(3 * count * high + place) * share
-        return np.asarray(found)
+        """Ways (m, 3, n) [m] of each leg at ``since`` (m, n) its release [s].
 
-    def _steps(self, since: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return steps before and after times ``since`` [s], and the latter's part.
-
-        Behind the last step nothing is, and before the first.
+        Nothing is before it, and nothing behind the last step.
         """
-        last = len(self.ways) - 1
-        place = np.minimum(np.maximum(since / STEP, 0.0), last)
+        steps, _, count = self.ways.shape
+        place = np.minimum(np.maximum(since / STEP, 0.0), steps - 1)
         low = place.astype(np.int64)
-        return low, np.minimum(low + 1, last), place - low
+        share = np.subtract(place, low, out=place)
+        rest = 1.0 - share
+        further = (low < steps - 1) * np.int64(3 * count)
+        low *= 3 * count
+        low += self.column
+        further += low
+        found = np.empty((len(since), 3, count))
+        table = self.ways.ravel()
+        for axis in range(3):
+            way, own = found[:, axis], table[axis * count :]
+            np.multiply(own.take(low), rest, out=way)
+            way += own.take(further) * share
+        return found
 
 
 class Fleet:
@@ -118,8 +119,7 @@ class Fleet:
 
         ``flights`` are their n legs, ``along`` (n, 3) [m] the ways in the show frame.
         The leg after it is released ``until`` (n,) from this leg's release, or
-        ``holds`` (n,) after the law's own time for this leg has ended [s]. It takes
-        least time if the longest legs come first.
+        ``holds`` (n,) after the law's own time for this leg has ended [s].
         """
         lasting = flights.duration + AFTER
         if until is not None:
@@ -128,24 +128,26 @@ class Fleet:
         count = drones.size
         ways = np.empty((steps + 1, 3, count), dtype=np.float32)
         ended, later = np.zeros(count), np.full(count, np.inf)
+        # Those that take longest come first: who is followed no longer is cut off.
+        order = np.argsort(-flights.duration, kind="stable")
         for begin in range(0, count, BLOCK):
-            rows = slice(begin, min(begin + BLOCK, count))
-            part = flights.part(rows.start, rows.stop)
+            columns = slice(begin, min(begin + BLOCK, count))
+            rows = order[columns]
+            part, who = flights.chosen(rows), drones[rows]
             self._law.fill(part)
-            who = drones[rows]
             vehicles = _Vehicles(part, along[rows], self._settling)
             state = self.states[:, who]
             state[TIME] = 0.0
             loops = Loops(self._law, self._axes, vehicles.aim, self._lag, state)
             vehicles.run(
                 loops,
-                ways[..., rows],
+                ways[..., columns],
                 None if until is None else until[rows],
                 None if holds is None else holds[rows],
             )
             self.states[:, who] = vehicles.carried
             ended[rows], later[rows] = vehicles.ended, vehicles.until
-        return Tracked(ways, ended, later)
+        return Tracked(ways, np.argsort(order), ended, later)
 
 
 class _Vehicles:
@@ -264,28 +266,28 @@ class _Vehicles:
         off[PLACE] -= self._goal[:, :count]
         # A step behind its end, the table of the law is at rest.
         settled = loops.time >= self._due[:count] + 1.0
-        settled[settled] = self._settling.linear(off[..., settled])
+        settled[settled] = self._settling.slow(off[..., settled])
         left = np.flatnonzero(~(settled | (self._handover[:count] < step - 1)))
         kept = int(left[-1]) + 1 if left.size else 0
-        if kept == count:
+        # Who is left alone is followed for little more.
+        if kept and count - kept < _WORTH:
             return
         rows, off = slice(kept, count), off[..., kept:]
-        end = step + 1 + self._settling.steps
+        off[..., ~settled[kept:]] = 0.0
+        steps, end = self._handover[rows] - step, step + 1 + self._settling.steps
         places = self._ways[step + 1 : end, :, rows]
-        self._settling.places(off, self._scale[:, rows], places)
+        state = self._settling.follow(off, self._scale[:, rows], steps, places)
         self._fade(step + 1, places, rows)
         places += self._end[:, rows].astype(np.float32)
-        self._ways[end:, :, rows] = self._end[:, rows]
-        handover = self._handover[rows]
-        later = kept + np.flatnonzero((handover > step) & (handover < len(self._ways)))
-        steps = self._handover[later] - step
         # Behind the steps that are known, nothing of it counts.
-        state = self._settling.states(
-            off[..., later - kept], np.minimum(steps, self._settling.steps)
+        self._ways[end:, :, rows] = self._end[:, rows]
+        later = np.flatnonzero((steps > 0) & (self._handover[rows] < len(self._ways)))
+        state = state[..., later] * self._left(
+            self._handover[rows][later], kept + later
         )
-        state *= self._left(self._handover[later], later)
-        self.carried[:TIME, later] = state.reshape(TIME, -1)
-        self.carried[RATE, later] = self._settling.rates(loops.rate[later], steps)
+        self.carried[:TIME, kept + later] = state.reshape(TIME, -1)
+        rate = loops.rate[rows][later]
+        self.carried[RATE, kept + later] = self._settling.rates(rate, steps[later])
         loops.keep(kept)
         self._over = np.count_nonzero(loops.time >= self._due[:kept])
         self._look_ahead(step + 1)

@@ -9,7 +9,7 @@ from showc.verify.autopilot import GRAVITY, Law, profiles
 from showc.verify.law_table import LawTable
 from showc.verify.loops import RATE, STATES, TIME, Loops
 from showc.verify.response import Axis, level_axis, upright_axis
-from showc.verify.settling import RESOLUTION, Settling
+from showc.verify.settling import RESOLUTION, SLOW, Settling
 
 LAW = Law(2.5, 1.2, 5.0, 14.0)
 STEP = 0.02
@@ -149,38 +149,74 @@ def test_leaning_too_far_is_met_by_the_states_tried():
     assert 5 < np.sum(asked > GRAVITY * np.tan(np.pi / 6.0) + 3.0) <= 40
 
 
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=20)
-def test_who_settles_is_told_as_it_is_flown(seed):
+def settling_vehicles(seed, count=12, steps=400):
+    """States off their ends, how they settle, step by step, and who is slow."""
     generator = np.random.default_rng(seed)
-    count, steps = 12, 400
     flights = legs(generator.normal(scale=9.0, size=(count, 3)))
     table = LawTable(STEP)
     table.fill(flights)
     aim = np.zeros((3, count))
     aim[0], aim[2] = flights.level, flights.climb
     goal = aim * flights.length
-    off = np.zeros((STATES, count))
-    off[:12] = generator.normal(scale=0.1, size=(12, count))
-    off[:12] *= 10.0 ** generator.uniform(-4.0, 0.0, size=count)
-    state = off.copy()
+    state = generator.normal(scale=0.5, size=(STATES, count))
+    state *= 10.0 ** generator.uniform(-4.0, 0.0, size=count)
+    state[[14, 20]] = 0.0
+    off = state[:TIME].reshape(7, 3, count).copy()
     state[:3] += goal
     state[TIME] = flights.duration / STEP + 1.0
     state[RATE] = generator.uniform(0.5, 1.0, size=count)
-    both = axes()
-    loops, settling = Loops(table, both, aim, LAG, state), Settling(both, LAG)
-    kinds = off[:TIME].reshape(7, 3, count)
-    told = np.empty((steps, 3, count), dtype=np.float32)
-    settling.places(kinds, np.ones((3, count)), told)
-    flown = np.empty(told.shape)
-    for place in flown:
+    loops = Loops(table, axes(), aim, LAG, state)
+    kinds, rates = np.empty((steps, 7, 3, count)), np.empty((steps, count))
+    for kind, rate in zip(kinds, rates, strict=True):
         loops.advance()
-        place[:] = loops.kinds[0] - goal
-    some = settling.linear(kinds)
-    error = np.abs(flown - told)[..., some].max(initial=0.0)
-    assert error <= RESOLUTION + 1e-6 * np.abs(off).max()
-    later = np.full(count, steps)
-    np.testing.assert_allclose(
-        (settling.states(kinds, later) - loops.kinds)[1:, :, some], 0.0, atol=1e-5
+        kind[:], rate[:] = loops.kinds, loops.rate
+        kind[0] -= goal
+    slow = Settling(axes(), LAG).slow(off)
+    return off[..., slow], state[RATE, slow], kinds[..., slow], rates[:, slow]
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=20)
+def test_who_settles_is_told_as_it_is_flown(seed):
+    off, rate, kinds, rates = settling_vehicles(seed)
+    count, steps = off.shape[2], len(kinds)
+    wanted = np.random.default_rng(seed).integers(1, steps, size=count)
+    scale = np.linspace(0.9, 1.1, 3 * count).reshape(3, count)
+    told = np.empty((steps, 3, count), dtype=np.float32)
+    settling = Settling(axes(), LAG)
+    states = settling.follow(off, scale, wanted, told)
+    # A fiftieth of what is not linear, and single precision.
+    error = 0.02 * settling.pushes(off) + 1e-6 * np.abs(off).max(axis=(0, 1)) + 1e-7
+    assert np.all(np.abs(told - kinds[:, 0] * scale).max(axis=(0, 1)) < error)
+    each = np.arange(count)
+    at = kinds[wanted - 1, :, :, each].transpose(1, 2, 0)
+    assert np.all(np.abs(states - at)[0].max(axis=0) < error)
+    assert np.all(np.abs(states - at)[1].max(axis=0) < 5.0 * error)
+    found = settling.rates(rate, wanted)
+    np.testing.assert_allclose(found, rates[wanted - 1, each], atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=20)
+def test_what_is_not_linear_pushes_no_further_than_is_said(seed):
+    off, _, kinds, _ = settling_vehicles(seed)
+    level, upright = axes()
+    linear = np.stack(
+        [
+            axis.powers[1:401, 0] @ off[:, number]
+            for number, axis in enumerate((level, level, upright))
+        ],
+        axis=1,
     )
-    np.testing.assert_allclose(settling.rates(state[RATE], later), loops.rate)
+    error = np.abs(kinds[:, 0] - linear).max(axis=(0, 1))
+    assert np.all(error <= Settling((level, upright), LAG).pushes(off) * 1.01 + 1e-12)
+
+
+def test_some_are_slow_and_some_are_not():
+    """Else the tests above would say little."""
+    found = [settling_vehicles(seed, steps=1)[0].shape[2] for seed in range(20)]
+    assert 60 < sum(found) < 220
+    off = np.concatenate([settling_vehicles(k, steps=1)[0] for k in range(20)], axis=2)
+    pushes = Settling(axes(), LAG).pushes(off)
+    assert np.sum(pushes > 0.1 * SLOW) > 5
+    assert np.sum(pushes < RESOLUTION) > 5
