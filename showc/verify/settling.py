@@ -2,9 +2,9 @@
 
 The loops are linear then but for two things: drag that grows with the speed, and lift
 that leans. Both are products of small numbers, accelerations that push the vehicle
-about as it settles. They are followed in strides: within a stride they are those of a
-vehicle that only what was before pushes. When all that they can still do is below a
-tenth of a micrometre, the rest is told at once.
+about as it settles. They are followed in strides: within a stride they are worked out
+for a vehicle that they do not push, and again for one that these push. When all that
+they can still do is below a tenth of a micrometre, the rest is told at once.
 
 What they can do is bounded: places are off by no more than the sum of the
 accelerations over all steps to come can push them, and that sum is bounded by sums of
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.autopilot import GRAVITY
-from showc.verify.response import DRAG_GROWS, KINDS, LEAN, PLACE, SPEED, asked
+from showc.verify.response import DRAG, DRAG_GROWS, KINDS, LEAN, PLACE, SPEED, asked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SLOW = 1e-3
 """How far all that is not linear may push a vehicle that is followed in strides [m];
-strides tell that to about a hundredth."""
+strides tell that to about a two-hundredth."""
 
 RESOLUTION = 1e-7
 """How far it may push who is not followed any more [m]."""
@@ -47,14 +47,17 @@ class _Stride:
 
     def __init__(self, axis: Axis) -> None:
         powers, count = axis.powers, STRIDE
-        middle = axis.half @ powers[:count]
-        self.predicted = np.concatenate([middle[:, SPEED], middle[:, LEAN]])
-        """Speeds and leans in the middles of the steps, from states, (2 k, 7)."""
         # After i steps, what was pushed in step j has been left for i - 1 - j steps.
         self.forced = np.zeros((count + 1, KINDS, count))
         for step in range(1, count + 1):
             self.forced[step, :, :step] = (powers[:step] @ axis.pushed)[::-1].T
         states = np.concatenate([powers[: count + 1], self.forced], axis=2)
+        middle = axis.half @ states[:count]
+        each = np.arange(count)
+        middle[each, :, KINDS + each] += axis.half_inputs[:, DRAG] / -DRAG_GROWS
+        self.predicted = np.concatenate([middle[:, SPEED], middle[:, LEAN]])
+        """Speeds and leans in the middles of the steps, from states and accelerations,
+        shape (2 k, 7 + k)."""
         self.followed = np.concatenate([states[1:, PLACE], states[count]])
         """Places after each step, and states after the last, from states and
         accelerations, shape (k + 7, 7 + k)."""
@@ -140,12 +143,14 @@ class Settling:
         states, step = np.zeros_like(off), 0
         while step < len(result) and not bool((self.pushes(off) <= RESOLUTION).all()):
             pushed = self._pushed(off)
+            both = np.concatenate([off, pushed])
+            both[KINDS:] = pushed = self._pushed(both)
             rows = np.flatnonzero((wanted > step) & (wanted <= step + STRIDE))
             if rows.size:
                 states[..., rows] = self._within(
                     off[..., rows], pushed[..., rows], wanted[rows] - step
                 )
-            places, off = self._follow(np.concatenate([off, pushed]))
+            places, off = self._follow(both)
             part = result[step : step + STRIDE]
             np.multiply(places[: len(part)], scale, out=part, casting="same_kind")
             step += STRIDE
@@ -163,19 +168,28 @@ class Settling:
         """Rates (m,) of the law's time after ``steps`` (m,) from ``rate`` (m,)."""
         return np.asarray(1.0 + (rate - 1.0) * self._waits**steps)
 
-    def _pushed(self, off: FloatArray) -> FloatArray:
-        """Accelerations (k, 3, m) [m/s²] in the steps of a stride."""
+    def _pushed(self, rows: FloatArray) -> FloatArray:
+        """Accelerations (k, 3, m) [m/s²] in the steps of a stride.
+
+        By states (7, 3, m), or by states and accelerations (7 + k, 3, m).
+        """
         level, upright = (
-            np.tensordot(stride.predicted, off[:, part], axes=1)
+            np.tensordot(stride.predicted[:, : len(rows)], rows[:, part], axes=1)
             for stride, part in zip(self._strides, _PARTS, strict=True)
         )
-        speed = np.concatenate([level[:STRIDE], upright[:STRIDE]], axis=1)
-        size = np.abs(speed)
-        size[:, :2] = np.sqrt(speed[:, 0] ** 2 + speed[:, 1] ** 2)[:, None]
-        speed *= size
-        speed *= -DRAG_GROWS
-        speed[:, :2] += level[STRIDE:] * upright[STRIDE:] / GRAVITY
-        return np.asarray(speed)
+        speed, climb, lift = level[:STRIDE], upright[:STRIDE], upright[STRIDE:]
+        pushed = np.empty((STRIDE, 3, rows.shape[2]))
+        flat = np.square(speed[:, 0])
+        flat += np.square(speed[:, 1])
+        np.sqrt(flat, out=flat)
+        flat *= -DRAG_GROWS
+        np.multiply(speed, flat[:, None], out=pushed[:, :2])
+        np.multiply(np.abs(climb), climb, out=pushed[:, 2:])
+        pushed[:, 2:] *= -DRAG_GROWS
+        lift *= 1.0 / GRAVITY
+        level[STRIDE:] *= lift
+        pushed[:, :2] += level[STRIDE:]
+        return pushed
 
     def _follow(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places (k, 3, m) and states (7, 3, m) by states and accelerations."""
