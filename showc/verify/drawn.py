@@ -16,7 +16,7 @@ from showc.verify.sample import point_layout, points_of
 from showc.verify.tracked import STEP, Fleet
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -131,25 +131,58 @@ class _Fleet:
                 self.begin[:, drone] = mission.places[rows[0]]
                 self.first[drone] = release[0]
                 self.last[drone] = (release + followed[first[drone] + rows]).max()
-        self.flights = [
-            _Flight.of(one, self.late)
-            for one in flown.flights or _by_the_clock(missions, begin or 0.0)
-        ]
+        self._missions, self._start = missions, begin or 0.0
+        self._known: list[_Flight] | None = None
+        if flown.flights:
+            self._known = [_Flight.of(one, self.late) for one in flown.flights]
+        self._begin()
+
+    def _begin(self) -> None:
+        """Go to before the first flight."""
+        self._seen = -np.inf
+        self._place, self._flying = self.begin.copy(), list[_Flight]()
+        if self._known is None:
+            # They are flown when their time comes: all of them would take much memory.
+            self._fleet = Fleet(len(self._missions), self._missions[0].lag)
+            self._coming = self._by_the_clock()
+        else:
+            self._coming = iter(sorted(self._known, key=lambda one: one.begun))
+        self._next = next(self._coming, None)
+
+    def _by_the_clock(self) -> Iterator[_Flight]:
+        legs = _by_the_clock(self._fleet, self._missions, self._start)
+        return (_Flight.of(one, self.late) for one in legs)
+
+    def _go_on(self, first: float, last: float) -> None:
+        """Find the flights from time ``first`` up to ``last`` [s]."""
+        if first < self._seen:
+            # Who goes back once may do so often.
+            if self._known is None:
+                self._fleet = Fleet(len(self._missions), self._missions[0].lag)
+                self._known = list(self._by_the_clock())
+            self._begin()
+        self._seen = first
+        while self._next is not None and last >= self._next.begun:
+            self._flying.append(self._next)
+            self._next = next(self._coming, None)
+        for flight in [one for one in self._flying if first >= one.done]:
+            self._flying.remove(flight)
+            self._place[:, flight.legs.drones] += flight.legs.along.T
+            if self._known is None:
+                self._fleet.reuse(flight.legs.tracked)
 
     def __call__(self, times: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Places (n, 3, drones) [m] at mission times (n,) [s], rising.
 
         And which of them are timed, (n, drones).
         """
-        begin, flying = self.begin.copy(), []
-        for flight in self.flights:
-            if times[0] >= flight.done:
-                begin[:, flight.legs.drones] += flight.legs.along.T
-            elif times[-1] >= flight.begun:
-                flying.append(flight)
-        place = np.repeat(begin[None], times.size, axis=0)
-        for flight in flying:
-            place[..., flight.legs.drones] += flight.ways(times)
+        self._go_on(float(times[0]), float(times[-1]))
+        place = np.repeat(self._place[None], times.size, axis=0)
+        for flight in self._flying:
+            if flight.legs.drones.size == place.shape[2]:
+                place += flight.ways(times)
+            else:
+                place[..., flight.legs.drones] += flight.ways(times)
         known = (times[:, None] >= self.first) & (times[:, None] <= self.last)
         return place, known
 
@@ -196,9 +229,9 @@ class _Flight:
 
 
 def _by_the_clock(
-    missions: Sequence[MissionLegs], begin: float
-) -> tuple[TimedLegs, ...]:
-    """All timed legs, flown from their releases."""
+    fleet: Fleet, missions: Sequence[MissionLegs], begin: float
+) -> Iterator[TimedLegs]:
+    """Yield timed legs, flown from their releases: the first of all, the second, ..."""
     table, first = joined(missions)
     timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
     most = max((rows.size for rows in timed), default=0)
@@ -209,12 +242,9 @@ def _by_the_clock(
         release[drone, : rows.size] = mission.release[rows] - begin
         row[drone, : rows.size] = first[drone] + rows
         along[drone, : rows.size] = np.diff(mission.places, axis=0)[rows]
-    fleet = Fleet(len(missions), missions[0].lag)
-    flights = []
     for leg in range(most):
         drones = np.flatnonzero(np.isfinite(release[:, leg]))
         until = release[drones, leg + 1] - release[drones, leg]
         legs, ways = table.chosen(row[drones, leg]), along[drones, leg]
         tracked = fleet.fly(drones, legs, ways, until=until)
-        flights.append(TimedLegs(drones, release[drones, leg], ways, tracked))
-    return tuple(flights)
+        yield TimedLegs(drones, release[drones, leg], ways, tracked)

@@ -59,6 +59,8 @@ class Tracked:
     """When the law's own time has ended, shape (n,) [s]."""
     until: FloatArray
     """Time from its release to that of each drone's next leg, shape (n,) [s]."""
+    memory: NDArray[np.float32]
+    """What the ways lie in; it may be longer."""
 
     def covered(self, since: FloatArray) -> FloatArray:
         """Ways (m, 3, n) [m] of each leg at ``since`` (m, n) its release [s].
@@ -105,6 +107,14 @@ class Fleet:
         self._law = LawTable(STEP)
         self.states = np.zeros((STATES, drones))
         self.states[RATE] = 1.0
+        self._spare: list[NDArray[np.float32]] = []
+
+    def reuse(self, tracked: Tracked) -> None:
+        """Take back the memory of flights that nobody looks at any more.
+
+        It takes long to get: much longer than to fill.
+        """
+        self._spare.append(tracked.memory)
 
     def fly(
         self,
@@ -126,7 +136,11 @@ class Fleet:
             lasting = np.minimum(lasting, until + STEP)
         steps = max(int(np.ceil(lasting.max(initial=0.0) / STEP)), 1)
         count = drones.size
-        ways = np.empty((steps + 1, 3, count), dtype=np.float32)
+        size = (steps + 1) * 3 * count
+        memory = self._spare.pop() if self._spare else np.empty(0, dtype=np.float32)
+        if memory.size < size:
+            memory = np.empty(size, dtype=np.float32)
+        ways = memory[:size].reshape(steps + 1, 3, count)
         ended, later = np.zeros(count), np.full(count, np.inf)
         # Those that take longest come first: who is followed no longer is cut off.
         order = np.argsort(-flights.duration, kind="stable")
@@ -147,7 +161,7 @@ class Fleet:
             )
             self.states[:, who] = vehicles.carried
             ended[rows], later[rows] = vehicles.ended, vehicles.until
-        return Tracked(ways, np.argsort(order), ended, later)
+        return Tracked(ways, np.argsort(order), ended, later, memory)
 
 
 class _Vehicles:

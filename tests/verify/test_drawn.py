@@ -1,5 +1,6 @@
 """The predicted fleet in the log, against the missions' own bytes."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -31,7 +32,21 @@ class Shifted:
         return places
 
 
-def drawn(flight, missions, begin, tmp_path, **shift):
+class Backwards:
+    """A log that is read message by message, the last first."""
+
+    def __init__(self, log):
+        self.log, self.channels = log, log.channels
+
+    def read(self, channels):
+        for data, messages, offset in reversed(list(self.log.read(channels))):
+            for row in reversed(range(messages.log_time.size)):
+                names = messages.__dataclass_fields__
+                one = {name: getattr(messages, name)[row : row + 1] for name in names}
+                yield data, replace(messages, **one), offset
+
+
+def drawn(flight, missions, begin, tmp_path, *, backwards=False, **shift):
     path = tmp_path / "output.mcap"
     write_log(
         flight, path, manifest=b"{}", predicted=Shifted(missions.predicted, **shift)
@@ -43,7 +58,8 @@ def drawn(flight, missions, begin, tmp_path, **shift):
         for name in sorted(missions.files)
         if name.endswith(".waypoints")
     ]
-    return check_drawn(log, show, fly_rows(rows, values), begin)
+    read = Backwards(log) if backwards else log
+    return check_drawn(read, show, fly_rows(rows, values), begin)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +98,15 @@ def test_the_drawn_fleet_flies_the_missions(gliding, missions, tmp_path):
     assert check.verdict == "pass"
     assert check.value < 0.005
     assert not check.notes[0].startswith("0 places")
+
+
+@pytest.mark.parametrize("start", [START, None])
+def test_messages_may_come_in_any_order(start, gliding, tmp_path):
+    files, begin = mission_files(gliding, start=start), BEGIN if start else None
+    forth = drawn(gliding, files, begin, tmp_path)
+    back = drawn(gliding, files, begin, tmp_path, backwards=True)
+    assert back.value == pytest.approx(forth.value, rel=1e-9)
+    assert (back.verdict, back.notes) == (forth.verdict, forth.notes)
 
 
 def test_a_drone_drawn_beside_its_line_is_found(gliding, missions, tmp_path):
