@@ -28,6 +28,7 @@ from showc.mission.lights import (
     light_items,
     pulse_widths,
 )
+from showc.mission.takeoff import RISING, takeoff_times
 from showc.mission.timing import SPIN_UP
 from showc.mission.tracking import law_ends
 
@@ -90,7 +91,7 @@ class Encoder:
 
     def _takeoff(self, writers: list[_Writer], home: GlobalPoints) -> None:
         takeoff, staging = self.timeline.takeoff, self.timeline.staging
-        heights, climbs = takeoff.stored.height.tolist(), takeoff.followed.tolist()
+        heights, climbs = takeoff.stored.height.tolist(), self._risen(takeoff).tolist()
         for row, drone in enumerate(takeoff.drones):
             writers[drone].takeoff(home, heights[row], climbs[row])
         climbs = self._ended(staging).tolist()
@@ -106,11 +107,23 @@ class Encoder:
         for writer in writers:
             writer.forget_speeds()
 
+    @property
+    def _by_sums(self) -> bool:
+        """Whether drones go by sums of times, as far as these are known."""
+        return self.start is None and self.autopilot == "ardupilot"
+
+    def _risen(self, takeoff: Stage) -> FloatArray:
+        """When autopilots end take-offs, from the ground on, shape (n,) [s]."""
+        if not self._by_sums:
+            return takeoff.followed
+        return takeoff_times(takeoff.stored.height.tolist(), self.parameters)
+
     def _ended(self, staging: Stage) -> FloatArray:
         """When autopilots end the rest of the climb, shape (n,) [s]."""
         if self.start is not None:
             return staging.followed
-        return law_ends(staging, self.parameters)
+        ended = law_ends(staging, self.parameters)
+        return ended - RISING if self._by_sums else ended
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))

@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.verify.autopilot import METRES_PER_DEGREE, Law, Profiles, profiles
 from showc.verify.geodesy import east_north_up
+from showc.verify.takeoff import SOONER, takeoff_time
 from showc.verify.tracked import Fleet
 from showc.verify.waypoints import LAND, TAKEOFF, WAYPOINT, MissionFormatError
 
@@ -159,7 +160,7 @@ def fly_rows(missions: Sequence[MissionRows], values: Mapping[str, float]) -> Fl
     """Return the legs of a fleet's missions under one set of parameters.
 
     A leg that follows a hold is timed: by the clock if the hold waits for one, else by
-    what was flown and held before, take-off at its nominal time.
+    what was flown and held before, take-off from its nominal time on.
 
     Raises
     ------
@@ -185,21 +186,20 @@ def fly_rows(missions: Sequence[MissionRows], values: Mapping[str, float]) -> Fl
         releases = _releases(mission.waits, nominal[begin:end])
         fleet.append(MissionLegs(mission.places, releases, own, lag))
     if any(kind == "pause" for mission in missions for kind, _ in mission.waits):
-        return _without_clock(missions, fleet, lag, nominal)
+        return _without_clock(missions, fleet, law)
     return FleetLegs(fleet, None)
 
 
 def _without_clock(
     missions: Sequence[MissionRows],
     fleet: list[MissionLegs],
-    lag: float,
-    nominal: FloatArray,
+    law: Law,
 ) -> FleetLegs:
     """Return the legs of ``fleet``, released when those before have ended and held.
 
     An autopilot takes the next item when the law's own time for a leg has ended.
-    ``nominal`` are the times in which all legs are most likely flown [s].
     """
+    lag = fleet[0].lag
     flying = Fleet(len(fleet), lag)
     table, first = joined(fleet)
     releases = [one.release.copy() for one in fleet]
@@ -216,8 +216,10 @@ def _without_clock(
                 releases[drone][leg] = clocks[drone]
                 timed.append(drone)
             elif leg == 0:
-                # Take-off follows no law of legs, and is timed nominally.
-                clocks[drone] += nominal[first[drone]]
+                # Take-off follows no law of legs, and what follows it does not rest.
+                height, up = float(mission.steps[0, 2]), float(mission.limits[0, 1])
+                took = takeoff_time(height, up, law.vertical_acceleration)
+                clocks[drone] += took - SOONER
             elif leg + 1 < len(mission.waits):
                 # What comes last, the landing, times nothing.
                 through.append(drone)
