@@ -55,11 +55,13 @@ _STILL = 1e-5
 # middle. Those that come last are known last.
 _AHEAD, _ASKED = 0, 1
 _KINDS = slice(2, 2 + KINDS)
-_DRAG, _TILT, _POINT, _PUSH, _LATE_DRAG, _LATE_TILT = 9, 10, 11, 13, 15, 16
+_DRAG, _TILT, _POINT, _PUSH = 9, 10, 11, 12
+_LATE_POINT, _LATE_PUSH, _LATE_DRAG, _LATE_TILT = 13, 14, 15, 16
+_POINTS, _PUSHES = slice(11, 14, 2), slice(12, 15, 2)
 _SPEED, _MISSED, _SUM, _LEAN, _HALF_LEAN = (
     _KINDS.start + kind for kind in (SPEED, MISSED, SUM, LEAN, HALF_LEAN)
 )
-_BEGUN, _ALL = slice(2, 15), slice(2, 17)
+_BEGUN, _ALL = slice(2, 13), slice(2, 17)
 _ROWS = 17
 
 _Stuck: TypeAlias = "tuple[IntArray, FloatArray]"
@@ -73,7 +75,7 @@ def _products(axis: Axis, *, level: bool) -> tuple[FloatArray, FloatArray, Float
     -------
     ndarray
         Place and speed together, acceleration asked for, speed, lean and speed missed
-        after half a step, from the rows that have begun, shape (5, 13).
+        after half a step, from the rows that have begun, shape (5, 11).
     ndarray
         Place and speed together, acceleration asked for, and the states after a step,
         from all rows, shape (9, 15).
@@ -85,7 +87,7 @@ def _products(axis: Axis, *, level: bool) -> tuple[FloatArray, FloatArray, Float
     if level:
         derived[1] = asked()
     begin = {DRAG: _DRAG, TILT: _TILT, POINT: _POINT, PUSH: _PUSH}
-    late = {DRAG: _LATE_DRAG, TILT: _LATE_TILT, POINT: _POINT + 1, PUSH: _PUSH + 1}
+    late = {DRAG: _LATE_DRAG, TILT: _LATE_TILT, POINT: _LATE_POINT, PUSH: _LATE_PUSH}
     half, whole = np.zeros((2, KINDS, _ROWS))
     half[:, _KINDS], whole[:, _KINDS] = axis.half, axis.whole
     for kind, row in begin.items():
@@ -216,8 +218,8 @@ class Loops:
         point, speed, push = self._led
         np.add(point, speed, out=self._lead)
         aim = self._aim[:, None]
-        np.multiply(aim, self._lead, out=now[:, _POINT : _POINT + 2])
-        np.multiply(aim, push, out=now[:, _PUSH : _PUSH + 2])
+        np.multiply(aim, self._lead, out=now[:, _POINTS])
+        np.multiply(aim, push, out=now[:, _PUSHES])
         self._curve(now[:, _SPEED], now[:, _LEAN], now[:, _DRAG], now[:, _TILT])
         np.matmul(self._to_half, now[:, _BEGUN], out=half)
         self._curve(half[:, 2], half[:, 3], now[:, _LATE_DRAG], now[:, _LATE_TILT])
@@ -268,7 +270,7 @@ class Loops:
         """
         level, squares, sizes = self._level, self._squares, self._sizes
         np.add(now[:2, _ASKED], now[:2, _PUSH], out=level[0])
-        np.add(half[:2, 1], now[:2, _PUSH + 1], out=level[1])
+        np.add(half[:2, 1], now[:2, _LATE_PUSH], out=level[1])
         np.multiply(level, level, out=squares)
         np.add(squares[:, 0], squares[:, 1], out=sizes)
         if not sizes.max(initial=0.0) > _STEEPEST**2:
@@ -277,7 +279,7 @@ class Loops:
         # Half a step later, the sum is less by what was not added.
         some, missed = begin
         level[1][:, some] -= 0.5 * self._law.step * missed
-        return begin, _held(level[1], half[:2, 4], now[:2, _PUSH + 1])
+        return begin, _held(level[1], half[:2, 4], now[:2, _LATE_PUSH])
 
     def _unsum(self, after: FloatArray, begin: _Stuck, middle: _Stuck) -> None:
         """Take back, after a step, what was summed up and should not have been."""

@@ -40,7 +40,7 @@ BLOCK = 1024
 """Legs that are integrated together; bounds the memory."""
 
 
-_TOGETHER = 32
+_TOGETHER = 16
 """Steps that are put in their places together, and after which is asked who settles."""
 
 _WORTH = 128
