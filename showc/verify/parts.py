@@ -87,12 +87,13 @@ def _gaps(
         Shape (rows, columns) [m]; infinite where the column is not behind the row, or
         neither moves.
     """
-    scale = metric_scale(rules)
+    scale, points = metric_scale(rules), low is high
     axis = int(np.argmax(np.ptp(low * scale, axis=0)))
     order = np.argsort(low[:, axis], kind="stable")
     low = np.ascontiguousarray((low[order] * scale).T)
     high = np.ascontiguousarray((high[order] * scale).T)
     moving = moving[order]
+    all_move, behind = bool(moving.all()), np.tri(ROWS, dtype=np.bool_)
     per_axis = rules.shape in {rules.ANY_AXIS, rules.ALL_AXES}
     join = np.minimum if rules.shape == rules.ALL_AXES else np.maximum
     # A margin for what the sum is rounded by.
@@ -104,9 +105,12 @@ def _gaps(
         axes = []
         for number in range(3):
             gap = low[number, rows, None] - high[number, None, columns]
-            back = low[number, None, columns] - high[number, rows, None]
-            np.maximum(gap, back, out=gap)
-            np.maximum(gap, 0.0, out=gap)
+            if points:
+                np.abs(gap, out=gap)
+            else:
+                back = low[number, None, columns] - high[number, rows, None]
+                np.maximum(gap, back, out=gap)
+                np.maximum(gap, 0.0, out=gap)
             axes.append(gap if per_axis else np.square(gap, out=gap))
         if per_axis:
             found = join(join(axes[0], axes[1]), axes[2])
@@ -114,9 +118,11 @@ def _gaps(
             axes[0] += axes[1]
             axes[0] += axes[2]
             found = np.sqrt(axes[0], out=axes[0])
-        idle = ~(moving[rows, None] | moving[None, columns])
-        here = np.arange(min(ROWS, moving.size - top))
-        found[idle | (np.arange(found.shape[1]) <= here[:, None])] = np.inf
+        if not all_move:
+            found[~(moving[rows, None] | moving[None, columns])] = np.inf
+        # The columns begin with the rows themselves.
+        begin = found[:, :ROWS]
+        begin[behind[: len(begin), : begin.shape[1]]] = np.inf
         yield order[rows], order[columns], found
 
 
