@@ -143,8 +143,8 @@ def _position(segment: Segment, drone: int, time: float) -> FloatArray:
     for table in segment.tables:
         found = np.flatnonzero(table.drones == drone)
         if found.size:
-            values = evaluate(table, np.array([time]))
-            return np.asarray(values[:3, 0, found[0]])
+            values = evaluate(table.only(int(found[0])), np.array([time]))
+            return np.asarray(values[:3, 0, 0])
     raise KeyError(drone)
 
 

@@ -9,6 +9,7 @@ only a CRC that the writer left out is no more than a warning.
 from __future__ import annotations
 
 import mmap
+import struct
 import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,6 +38,9 @@ from showc.verify.unpack import unpack
 if TYPE_CHECKING:
     from showc.verify.outline import Record
     from showc.verify.unpack import Unpacked
+
+_INDEX = struct.Struct("<HI")
+"""What a message index begins with: its channel, and the size of its entries."""
 
 _TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
@@ -144,13 +148,13 @@ class _Walk:
     def _take(self, record: Record) -> None:
         """Take the next record, in the order of the file."""
         opcode, position = record.opcode, record.position
+        if opcode == Opcode.MESSAGE_INDEX:
+            self._message_index(record)
+            return
+        self._close_chunk(position)
         cursor = content(self.view, record)
-        if opcode != Opcode.MESSAGE_INDEX:
-            self._close_chunk(position)
         if opcode == Opcode.CHUNK:
             self._chunk(record)
-        elif opcode == Opcode.MESSAGE_INDEX:
-            self._message_index(position, cursor)
         elif opcode == Opcode.SCHEMA:
             self.contents.add_schema(Schema.read(cursor), position)
         elif opcode == Opcode.CHANNEL:
@@ -195,15 +199,23 @@ class _Walk:
         self._open = (record, unpacked, MessageIndexes(messages))
         self._open_end = record.stop
 
-    def _message_index(self, position: int, cursor: Cursor) -> None:
+    def _message_index(self, record: Record) -> None:
+        position = record.position
         if self._open is None:
             raise Damage(position, "a message index follows no chunk")
-        channel = cursor.number(2, "channel of a message index")
-        start, stop = cursor.raw(4, "entries of a message index")
-        cursor.close("message index")
+        start = record.start + _INDEX.size
+        channel, size = 0, -1
+        if start <= record.stop:
+            channel, size = _INDEX.unpack_from(self.view, record.start)
+        if start + size != record.stop:
+            # One of its fields is too long or too short: say which.
+            cursor = content(self.view, record)
+            cursor.number(2, "channel of a message index")
+            cursor.raw(4, "entries of a message index")
+            cursor.close("message index")
         _, _, indexes = self._open
-        indexes.take(channel, bytes(self.view[start:stop]), position)
-        self._open_end = cursor.stop
+        indexes.take(channel, bytes(self.view[start : record.stop]), position)
+        self._open_end = record.stop
 
     def _close_chunk(self, position: int) -> None:
         """All message indexes of the last chunk are read: hold them against it."""

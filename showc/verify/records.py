@@ -15,6 +15,9 @@ MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 """What every record starts with: opcode, length of the content."""
 
+_PAIR = struct.Struct("<HQ")
+"""An entry of a map of numbers."""
+
 
 class Opcode(IntEnum):
     """Kinds of records."""
@@ -93,6 +96,8 @@ class Cursor:
     def number_map(self, what: str) -> dict[int, int]:
         """Map of two-byte to eight-byte integers."""
         start, stop = self.raw(4, what)
+        if (stop - start) % _PAIR.size == 0:
+            return dict(_PAIR.iter_unpack(self.data[start:stop]))
         inner = Cursor(self.data, start, stop, self.base)
         result: dict[int, int] = {}
         while inner.position < stop:

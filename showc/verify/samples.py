@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -131,6 +131,8 @@ def fleet_parts(
     if channel is None:
         return []
     comparison = _Comparison(log, show, grids)
+    # Once for all parts, before they are handed out to copies of this process.
+    _ = comparison.fleet_at
     return [partial(comparison.fleet, channel, share) for share in range(SHARES)]
 
 
@@ -139,12 +141,14 @@ def check_other_samples(
 ) -> list[Check]:
     """Hold the samples of single drones and their frames against the polynomials."""
     topics = _topics(log)
-    comparison = _Comparison(log, show, grids)
     single = {
         number: int(match[1]) - 1
         for topic, number in topics.items()
         if (match := DRONE_STATE.fullmatch(topic))
     }
+    if not single and TRANSFORMS not in topics:
+        return []
+    comparison = _Comparison(log, show, grids)
     checks = []
     if single and FLEET in topics:
         checks.append(comparison.single(single, topics[FLEET]))
@@ -197,8 +201,12 @@ class _Comparison:
     def __init__(self, log: LogFile, show: LoggedShow, grids: FloatArray) -> None:
         self.log = log
         self.show = show
-        self.fleet_at = Fleet(show)
         self.grids = grids
+
+    @cached_property
+    def fleet_at(self) -> Fleet:
+        """State and control at given times."""
+        return Fleet(self.show)
 
     def seconds(self, times: IntArray) -> FloatArray:
         """Show time of time stamps [s]."""

@@ -53,6 +53,18 @@ class PieceTable:
         """Drone of each row, shape (rows,)."""
         return np.repeat(self.drones, np.diff(self.first))
 
+    def only(self, column: int) -> PieceTable:
+        """Return the table of one of its drones, the ``column``-th."""
+        rows = slice(int(self.first[column]), int(self.first[column + 1]))
+        return PieceTable(
+            self.drones[column : column + 1],
+            np.array([0, rows.stop - rows.start]),
+            self.start[rows],
+            self.end[rows],
+            self.state[rows],
+            self.control[rows],
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:

@@ -10,16 +10,20 @@ from showc.verify.show import PieceTable
 
 
 def random_table(seed):
-    """Some drones with meshes of their own over the same time."""
+    """Drones over the same time, some on meshes of their own, some on common ones."""
     random = np.random.default_rng(seed)
-    counts = random.integers(1, 6, size=random.integers(1, 5))
-    breaks = [
+    meshes = [
         np.concatenate([[0.0], np.sort(random.uniform(0.1, 3.9, count - 1)), [4.0]])
-        for count in counts
+        for count in random.integers(1, 6, size=random.integers(1, 5))
     ]
+    drones = random.integers(1, 15)
+    # The first mesh has most of them; the last shares one of its intervals.
+    meshes += [np.unique(np.concatenate([meshes[0][:2], meshes[-1][-2:]]))]
+    breaks = [meshes[k] for k in random.geometric(0.6, drones).clip(1, len(meshes)) - 1]
+    counts = np.array([one.size - 1 for one in breaks])
     rows = int(counts.sum())
     return PieceTable(
-        np.arange(counts.size) * 3,
+        np.arange(drones) * 3,
         np.concatenate([[0], np.cumsum(counts)]),
         np.concatenate([one[:-1] for one in breaks]),
         np.concatenate([one[1:] for one in breaks]),
@@ -59,6 +63,15 @@ def test_all_at_once_is_one_by_one(seed, times, joints):
         for number, time in enumerate(instants):
             single = one_by_one(table, drone, time)
             np.testing.assert_allclose(together[:, number, drone], single, atol=1e-12)
+
+
+@given(st.integers(0, 100), st.floats(0.0, 4.0))
+def test_one_drone_is_as_among_all(seed, time):
+    table, moment = random_table(seed), np.array([time])
+    together = evaluate(table, moment)
+    for column in range(table.drones.size):
+        single = evaluate(table.only(column), moment)
+        np.testing.assert_allclose(single[:, 0, 0], together[:, 0, column], atol=1e-12)
 
 
 @given(st.integers(0, 12), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5))
