@@ -98,6 +98,18 @@ def gauss(stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return points, weights, integrals @ np.linalg.inv(vandermonde)
 
 
+@lru_cache(maxsize=64)
+def _weights(degree: int, split: int, *, ends: bool) -> FloatArray:
+    """Bernstein basis at the Gauss points of ``split`` steps, and at their ``ends``.
+
+    Shape (split, points, degree + 1).
+    """
+    points, _, _ = gauss(STAGES)
+    if ends:
+        points = np.append(points, 1.0)
+    return basis(degree, (np.arange(split)[:, None] + points) / split)
+
+
 def allocation(vehicle: Vehicle) -> FloatArray:
     """Matrix (4, 4) from squared rotor speeds [rad²/s²] to thrust and torques."""
     lift = vehicle.thrust_coefficient
@@ -209,22 +221,21 @@ class _Run:
         whole = (pieces.table.end - pieces.table.start)[pieces.piece]
         whole = np.where(pieces.valid, whole, 0.0)
         self.width = np.repeat(whole / split, split, axis=1)
-        points, weights, partial = gauss(STAGES)
-        self.fraction = np.arange(split)[:, None] + points
-        control = self._logged(pieces.control, self.fraction)
+        _, weights, partial = gauss(STAGES)
+        control = self._logged(pieces.control)
         self.clipped = 0.0
         if pieces.cut:
             last, self.clipped = flyable(vehicle, np.moveaxis(control, 1, -1))
             control = np.moveaxis(last, -1, 1)
         self._integrate(pieces.first, control, vehicle, weights, partial)
 
-    def _logged(self, coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
-        """Evaluate the log at ``fraction`` (split, points), counted in steps.
+    def _logged(self, coefficients: FloatArray, *, ends: bool = False) -> FloatArray:
+        """Evaluate the log at the Gauss points of all steps, and at their ``ends``.
 
         ``coefficients`` has the shape (degree + 1, components, drones, intervals), the
         result (points, components, drones, steps).
         """
-        weights = basis(coefficients.shape[0] - 1, fraction / self.split)
+        weights = _weights(coefficients.shape[0] - 1, self.split, ends=ends)
         # (split, points, degree + 1) x (degree + 1, components, drones, intervals)
         values = np.tensordot(weights, coefficients, axes=(2, 0))
         _, points, components, drones, intervals = values.shape
@@ -278,7 +289,7 @@ class _Run:
         over = np.array([factor / ix, factor / iy, 1.0 / iz])
         torque = control[:, 1:] * over[:, None, None]
         coupling = ((iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz)
-        rates = self._logged(self.pieces.state[:, 9:], self.fraction)
+        rates = self._logged(self.pieces.state[:, 9:])
         ends = first
         for _ in range(_ROUNDS):
             slope = torque.copy()
@@ -299,11 +310,9 @@ class _Run:
             Estimated error of the integration, shape (12, drones).
         """
         state = self.pieces.state
-        end = np.arange(1.0, self.split + 1.0)[:, None]
-        fraction = np.concatenate([self.fraction, end], axis=1)
         found = []
         for part, flown in ((slice(0, 3), self.position), (slice(6, 9), self.angles)):
-            gap = self._logged(state[:, part], fraction)
+            gap = self._logged(state[:, part], ends=True)
             gap[:-1] -= flown
             gap[-1] -= self.ends[part]
             np.abs(gap, out=gap)

@@ -104,21 +104,21 @@ def expected_fields(flown: FloatArray, kind: str) -> FloatArray:
 def _quaternion(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Rotation by roll about x, then pitch about y, then yaw about z: x, y, z, w."""
     # Product of the three elementary quaternions qz qy qx.
-    sine, cosine = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
     half = 0.5 * pitch
     pitched, level = np.sin(half), np.cos(half)
-    a, b = cosine * level, sine * pitched
-    c, d = cosine * pitched, sine * level
     half = 0.5 * roll
-    sine, cosine = np.sin(half), np.cos(half)
-    return np.stack(
-        [
-            a * sine - b * cosine,
-            c * cosine + d * sine,
-            d * cosine - c * sine,
-            a * cosine + b * sine,
-        ]
+    rolled, upright = np.sin(half), np.cos(half)
+    result = np.stack(
+        [level * rolled, pitched * upright, -pitched * rolled, level * upright]
     )
+    if not yaw.any():
+        return result
+    x, y, z, w = result.copy()
+    half = 0.5 * yaw
+    sine, cosine = np.sin(half), np.cos(half)
+    result *= cosine
+    result += np.stack([-sine * y, sine * x, sine * w, -sine * z])
+    return result
 
 
 def same_sign(values: FloatArray, expected: FloatArray, kind: str) -> FloatArray:
