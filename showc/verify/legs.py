@@ -229,7 +229,13 @@ def _without_clock(
                 places = np.stack([fleet[k].places[leg : leg + 2] for k in some])
                 along = places[:, 1] - places[:, 0]
                 rests = [missions[drone].waits[leg + 1 : leg + 2] for drone in some]
-                holds = np.array([rest[0][1] if rest else np.inf for rest in rests])
+                # Where a drone is on its landing, no leg tells.
+                holds = np.array(
+                    [
+                        rest[0][1] if rest and rest[0][0] != "land" else np.inf
+                        for rest in rests
+                    ]
+                )
                 legs = table.chosen(first[drones] + leg)
                 tracked = flight.fly(drones, legs, along, holds=holds)
                 if flight is flying:

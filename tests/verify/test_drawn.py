@@ -13,6 +13,7 @@ from showc.mission import mission_files
 from showc.verify.drawn import UNCLOCKED, check_drawn
 from showc.verify.legs import FleetLegs, fly_rows, read_parameters, read_rows
 from showc.verify.mission_flight import check_mission_flight
+from showc.verify.tracked import STEP
 from showc.verify.waypoints import MissionFormatError, parse
 
 START = datetime(2026, 6, 1, 20, 0, tzinfo=UTC)
@@ -126,6 +127,32 @@ def test_without_a_clock_releases_are_nominal(gliding, tmp_path):
     assert drawn(gliding, relative, None, tmp_path).verdict == "pass"
     late = drawn(gliding, relative, None, tmp_path, late=5.0 * UNCLOCKED)
     assert late.verdict == "fail"
+
+
+def test_without_a_clock_each_drone_is_followed_until_it_rests(gliding, tmp_path):
+    """However long others fly on before they land."""
+    relative = mission_files(gliding)
+    path = tmp_path / "output.mcap"
+    write_log(gliding, path, manifest=b"{}")
+    _, show = loaded(path)
+    values = read_parameters(relative.files["missions/ardupilot.parm"])
+    one = read_rows(
+        parse(relative.files["missions/drone_0001.waypoints"]), show.rules.site, values
+    )
+    pace = np.ones((len(one.limits), 1))
+    pace[-2] = 0.25  # the last leg before the landing
+    slow = replace(one, limits=pace * one.limits)
+    alone, among = (fly_rows(rows, values) for rows in ([one], [one, slow, slow]))
+    by_itself, with_others = (
+        one.flights[-1].tracked.ways[..., one.flights[-1].tracked.column[0]]
+        for one in (alone, among)
+    )
+    steps = len(by_itself)
+    assert len(with_others) > 1.5 * steps
+    np.testing.assert_allclose(with_others[:steps], by_itself, atol=1e-5)
+    np.testing.assert_allclose(by_itself[-1], alone.flights[-1].along[0], atol=1e-5)
+    speeds = np.linalg.norm(np.diff(with_others, axis=0), axis=1) / STEP
+    assert np.abs(np.diff(speeds)).max() < 0.2
 
 
 def test_nothing_drawn_is_left_out(log_path):
