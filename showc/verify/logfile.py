@@ -121,7 +121,7 @@ class LogFile:
         ]
         first, last = (len(kept) * at // shares for at in (share, share + 1))
         for chunk, keep in kept[first:last]:
-            data = inflate(self._view, chunk.head)
+            data = inflate(self._view, chunk.head, known=True)
             release(self._view)
             m = chunk.messages
             yield (

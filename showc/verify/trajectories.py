@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
     Bytes = NDArray[np.uint8]
+    Runs = Sequence[tuple[int, int]]
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
 
@@ -100,9 +101,11 @@ class _Trajectory(NamedTuple):
     pieces: int
     degrees: tuple[int, int]
     """Of state and control."""
-    breaks: Sequence[Bytes]
-    state: Sequence[Bytes]
-    control: Sequence[Bytes]
+    raw: Bytes
+    """Of its chunk."""
+    breaks: Runs
+    state: Runs
+    control: Runs
     offset: int
     """Where the data of its chunk begin in the file [bytes]."""
 
@@ -114,9 +117,7 @@ def _trajectory(
     offset: int,
 ) -> _Trajectory:
     """Find the parts of one message in the chunk's bytes ``raw``."""
-    breaks, state, control = (
-        [raw[begin:end] for begin, end in runs.get(field, ())] for field in (3, 5, 7)
-    )
+    breaks, state, control = runs.get(3, []), runs.get(5, []), runs.get(7, [])
     pieces = _count(breaks) - 1
     degrees = integers.get(4, 0), integers.get(6, 0)
     if not (
@@ -126,14 +127,13 @@ def _trajectory(
         and _count(control) == pieces * (degrees[1] + 1) * CONTROL_COMPONENTS
     ):
         raise _contradiction(offset)
-    return _Trajectory(
-        integers.get(2, 0), pieces, degrees, breaks, state, control, offset
-    )
+    drone = integers.get(2, 0)
+    return _Trajectory(drone, pieces, degrees, raw, breaks, state, control, offset)
 
 
-def _count(runs: Sequence[Bytes]) -> int:
+def _count(runs: Runs) -> int:
     """Count the doubles in some runs of bytes."""
-    return sum(run.size for run in runs) // 8
+    return sum([end - begin for begin, end in runs]) // 8
 
 
 def _contradiction(offset: int) -> Damage:
@@ -190,7 +190,7 @@ def _segment(message: pb.Segment, trajectories: list[_Trajectory]) -> Segment:
 def _table(degrees: tuple[int, int], group: list[_Trajectory]) -> PieceTable:
     pieces = np.array([trajectory.pieces for trajectory in group])
     first = np.concatenate([[0], np.cumsum(pieces)]).astype(np.int64)
-    breaks = _doubles([run for one in group for run in one.breaks])
+    breaks = _doubles([one.raw[a:b] for one in group for a, b in one.breaks])
     # Every break but a trajectory's last starts a piece, all but its first end one.
     begins, ends = np.ones(breaks.size, dtype=bool), np.ones(breaks.size, dtype=bool)
     begins[first[1:] + np.arange(len(group))] = False
@@ -200,12 +200,12 @@ def _table(degrees: tuple[int, int], group: list[_Trajectory]) -> PieceTable:
         first=first,
         start=breaks[begins],
         end=breaks[ends],
-        state=_doubles([run for one in group for run in one.state]).reshape(
+        state=_doubles([one.raw[a:b] for one in group for a, b in one.state]).reshape(
             -1, degrees[0] + 1, STATE_COMPONENTS
         ),
-        control=_doubles([run for one in group for run in one.control]).reshape(
-            -1, degrees[1] + 1, CONTROL_COMPONENTS
-        ),
+        control=_doubles(
+            [one.raw[a:b] for one in group for a, b in one.control]
+        ).reshape(-1, degrees[1] + 1, CONTROL_COMPONENTS),
     )
     bad = _senseless(table)
     if bad.size:
