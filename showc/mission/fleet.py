@@ -104,8 +104,8 @@ def mission_files(
     home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
     builder = StageBuilder(frame, home_altitude, parameters)
     # PX4 goes by no clock either, but how it ends a leg is not known.
-    clocked = start is not None or autopilot == "px4"
-    timeline = build_timeline(flight, builder, progress, jobs, clocked=clocked)
+    by_sums = start is None and autopilot == "ardupilot"
+    timeline = build_timeline(flight, builder, progress, jobs, by_sums=by_sums)
     encoder = Encoder(show, timeline, parameters, home_altitude, start, autopilot)
     missions = encoder.missions()
     home_row = autopilot == "ardupilot"

@@ -36,8 +36,11 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 MANY = 200
-"""Fleets of so many drones are worth several processes; and without a clock, none of
-their legs is made to end on time: they would need one anyway, and it takes too long."""
+"""Fleets of so many drones are worth several processes."""
+
+UNCALMED = 200
+"""Without a clock, no leg of fleets of so many drones is made to end on time: they
+would need a clock anyway, and it takes too long."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
@@ -116,13 +119,13 @@ def build_timeline(
     progress: Progress,
     jobs: int | None = None,
     *,
-    clocked: bool = True,
+    by_sums: bool = False,
 ) -> Timeline:
     """Lay out the missions of ``flight``.
 
     Legs of many drones are looked at in ``jobs`` processes (None: one for each core),
-    which changes nothing in what is found. Who goes by no clock (not ``clocked``) flies
-    no leg that ends at a time that nobody knows.
+    which changes nothing in what is found. Who goes by sums of times (``by_sums``), not
+    by a clock, flies no leg that ends at a time that nobody knows.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def build_timeline(
             "a mission goes from one launch of all drones to one landing of all; "
             f"found {', '.join(item.leg.kind for item in moves)}"
         )
-    return _Layout(flight, builder, progress, jobs, clocked=clocked).run(moves)
+    return _Layout(flight, builder, progress, jobs, by_sums=by_sums).run(moves)
 
 
 class _Layout:
@@ -154,14 +157,14 @@ class _Layout:
         progress: Progress,
         jobs: int | None,
         *,
-        clocked: bool,
+        by_sums: bool,
     ) -> None:
         self.flight = flight
         self.builder = builder
         self.progress = progress
         self.jobs = jobs
         self.show = flight.itinerary.show
-        self.calm = not clocked and self.show.drones < MANY
+        self.calm = by_sums and self.show.drones < UNCALMED
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
         self.arrival = 0.0

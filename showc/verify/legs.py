@@ -145,7 +145,8 @@ def read_rows(
             hold = ("through", 0.0)
     if not waits:
         raise MissionFormatError("flies nowhere")
-    latitude, longitude = np.array([item[3:5] for item in flown]).T
+    latitude = np.array([item.latitude for item in flown])
+    longitude = np.array([item.longitude for item in flown])
     heights = _stored([0.0, *(item.height for item in flown[1:])])
     places = east_north_up(site, latitude, longitude, heights + home.height)
     steps = _steps(latitude, longitude, heights, site)

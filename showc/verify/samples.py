@@ -141,14 +141,12 @@ def check_other_samples(
 ) -> list[Check]:
     """Hold the samples of single drones and their frames against the polynomials."""
     topics = _topics(log)
+    comparison = _Comparison(log, show, grids)
     single = {
         number: int(match[1]) - 1
         for topic, number in topics.items()
         if (match := DRONE_STATE.fullmatch(topic))
     }
-    if not single and TRANSFORMS not in topics:
-        return []
-    comparison = _Comparison(log, show, grids)
     checks = []
     if single and FLEET in topics:
         checks.append(comparison.single(single, topics[FLEET]))
