@@ -60,6 +60,7 @@ def rules_message(flight: Flight) -> pb.Rules:
             volume_min=vector(site.volume_min),
             volume_max=vector(site.volume_max),
             fence=fence,
+            fence_margin=site.fence_margin,
         ),
         vehicle=pb.Vehicle(
             name=vehicle.name,
@@ -137,6 +138,10 @@ def _limits_message(limits: Limits) -> pb.Limits:
         torque_max=vector(limits.torque_max),
         position_min=vector(limits.position_min),
         position_max=vector(limits.position_max),
+        level_speed=limits.level_speed,
+        acceleration=limits.acceleration,
+        acceleration_up=limits.acceleration_up,
+        acceleration_down=limits.acceleration_down,
     )
 
 

@@ -46,7 +46,7 @@ class Rules(_message.Message):
     def __init__(self, format_version: _Optional[int] = ..., name: _Optional[str] = ..., drones: _Optional[int] = ..., duration: _Optional[float] = ..., site: _Optional[_Union[Site, _Mapping]] = ..., vehicle: _Optional[_Union[Vehicle, _Mapping]] = ..., separation: _Optional[_Union[Separation, _Mapping]] = ..., yaw_held: _Optional[bool] = ..., heading: _Optional[float] = ..., log_rate: _Optional[float] = ..., formations: _Optional[_Iterable[_Union[Formation, _Mapping]]] = ..., limits: _Optional[_Iterable[_Union[Limits, _Mapping]]] = ...) -> None: ...
 
 class Site(_message.Message):
-    __slots__ = ("latitude", "longitude", "altitude", "heading", "volume_min", "volume_max", "fence")
+    __slots__ = ("latitude", "longitude", "altitude", "heading", "volume_min", "volume_max", "fence", "fence_margin")
     LATITUDE_FIELD_NUMBER: _ClassVar[int]
     LONGITUDE_FIELD_NUMBER: _ClassVar[int]
     ALTITUDE_FIELD_NUMBER: _ClassVar[int]
@@ -54,6 +54,7 @@ class Site(_message.Message):
     VOLUME_MIN_FIELD_NUMBER: _ClassVar[int]
     VOLUME_MAX_FIELD_NUMBER: _ClassVar[int]
     FENCE_FIELD_NUMBER: _ClassVar[int]
+    FENCE_MARGIN_FIELD_NUMBER: _ClassVar[int]
     latitude: float
     longitude: float
     altitude: float
@@ -61,7 +62,8 @@ class Site(_message.Message):
     volume_min: Vector3
     volume_max: Vector3
     fence: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, latitude: _Optional[float] = ..., longitude: _Optional[float] = ..., altitude: _Optional[float] = ..., heading: _Optional[float] = ..., volume_min: _Optional[_Union[Vector3, _Mapping]] = ..., volume_max: _Optional[_Union[Vector3, _Mapping]] = ..., fence: _Optional[_Iterable[float]] = ...) -> None: ...
+    fence_margin: float
+    def __init__(self, latitude: _Optional[float] = ..., longitude: _Optional[float] = ..., altitude: _Optional[float] = ..., heading: _Optional[float] = ..., volume_min: _Optional[_Union[Vector3, _Mapping]] = ..., volume_max: _Optional[_Union[Vector3, _Mapping]] = ..., fence: _Optional[_Iterable[float]] = ..., fence_margin: _Optional[float] = ...) -> None: ...
 
 class Vehicle(_message.Message):
     __slots__ = ("name", "mass", "arm_length", "thrust_coefficient", "torque_coefficient", "inertia", "rotor_speed_max", "gravity", "torque_factor")
@@ -86,7 +88,7 @@ class Vehicle(_message.Message):
     def __init__(self, name: _Optional[str] = ..., mass: _Optional[float] = ..., arm_length: _Optional[float] = ..., thrust_coefficient: _Optional[float] = ..., torque_coefficient: _Optional[float] = ..., inertia: _Optional[_Union[Vector3, _Mapping]] = ..., rotor_speed_max: _Optional[float] = ..., gravity: _Optional[float] = ..., torque_factor: _Optional[float] = ...) -> None: ...
 
 class Limits(_message.Message):
-    __slots__ = ("velocity_min", "velocity_max", "tilt", "body_rate", "thrust_min", "thrust_max", "torque_max", "position_min", "position_max")
+    __slots__ = ("velocity_min", "velocity_max", "tilt", "body_rate", "thrust_min", "thrust_max", "torque_max", "position_min", "position_max", "level_speed", "acceleration", "acceleration_up", "acceleration_down")
     VELOCITY_MIN_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_MAX_FIELD_NUMBER: _ClassVar[int]
     TILT_FIELD_NUMBER: _ClassVar[int]
@@ -96,6 +98,10 @@ class Limits(_message.Message):
     TORQUE_MAX_FIELD_NUMBER: _ClassVar[int]
     POSITION_MIN_FIELD_NUMBER: _ClassVar[int]
     POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_SPEED_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_UP_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_DOWN_FIELD_NUMBER: _ClassVar[int]
     velocity_min: Vector3
     velocity_max: Vector3
     tilt: float
@@ -105,7 +111,11 @@ class Limits(_message.Message):
     torque_max: Vector3
     position_min: Vector3
     position_max: Vector3
-    def __init__(self, velocity_min: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_max: _Optional[_Union[Vector3, _Mapping]] = ..., tilt: _Optional[float] = ..., body_rate: _Optional[_Union[Vector3, _Mapping]] = ..., thrust_min: _Optional[float] = ..., thrust_max: _Optional[float] = ..., torque_max: _Optional[_Union[Vector3, _Mapping]] = ..., position_min: _Optional[_Union[Vector3, _Mapping]] = ..., position_max: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+    level_speed: float
+    acceleration: float
+    acceleration_up: float
+    acceleration_down: float
+    def __init__(self, velocity_min: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_max: _Optional[_Union[Vector3, _Mapping]] = ..., tilt: _Optional[float] = ..., body_rate: _Optional[_Union[Vector3, _Mapping]] = ..., thrust_min: _Optional[float] = ..., thrust_max: _Optional[float] = ..., torque_max: _Optional[_Union[Vector3, _Mapping]] = ..., position_min: _Optional[_Union[Vector3, _Mapping]] = ..., position_max: _Optional[_Union[Vector3, _Mapping]] = ..., level_speed: _Optional[float] = ..., acceleration: _Optional[float] = ..., acceleration_up: _Optional[float] = ..., acceleration_down: _Optional[float] = ...) -> None: ...
 
 class Separation(_message.Message):
     __slots__ = ("distance", "shape", "vertical_stretch")

@@ -65,29 +65,35 @@ def limits_of(
     climb, descent = speed[2], speed[2]
     if "speed" not in settings:
         descent = -base.velocity_min[2]
-    climb = settings.number("climb") if "climb" in settings else climb
-    descent = settings.number("descent") if "descent" in settings else descent
     most = vehicle.thrust_max if custom else min(base.thrust_max, vehicle.thrust_max)
-    thrust_max = settings.number("thrust_max") if "thrust_max" in settings else most
-    thrust_min = (
-        settings.number("thrust_min") if "thrust_min" in settings else base.thrust_min
-    )
     torque = vehicle.torque_max if custom else base.torque_max
     if "torque" in settings:
         torque = settings.vector("torque")
     limits = Limits(
-        velocity_min=(-speed[0], -speed[1], -descent),
-        velocity_max=(speed[0], speed[1], climb),
-        tilt=settings.number("tilt") if "tilt" in settings else base.tilt,
+        velocity_min=(-speed[0], -speed[1], -_given(settings, "descent", descent)),
+        velocity_max=(speed[0], speed[1], _given(settings, "climb", climb)),
+        tilt=_given(settings, "tilt", base.tilt),
         body_rate=_each(settings, "body_rate", base.body_rate),
-        thrust_min=thrust_min,
-        thrust_max=thrust_max,
+        thrust_min=_given(settings, "thrust_min", base.thrust_min),
+        thrust_max=_given(settings, "thrust_max", most),
         torque_max=torque,
-        position_min=site.volume_min,
-        position_max=site.volume_max,
+        position_min=site.room[0],
+        position_max=site.room[1],
+        level_speed=_given(settings, "level_speed", 0.0),
+        acceleration=_given(settings, "acceleration", 0.0),
+        acceleration_up=_given(settings, "acceleration_up", 0.0),
+        acceleration_down=_given(settings, "acceleration_down", 0.0),
     )
+    envelope = PRESETS[aircraft.text("preset")].envelope
+    if envelope is not None and aircraft.text("envelope") == "autopilot":
+        limits = envelope.within(limits)
     sound = _can_hover(limits, vehicle, settings, aircraft, reader)
     return limits if sound else None
+
+
+def _given(settings: Settings, key: str, default: float) -> float:
+    """Return the number a script gives, or the default."""
+    return settings.number(key) if key in settings else default
 
 
 def _each(settings: Settings, key: str, default: Vector) -> Vector:

@@ -100,6 +100,7 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
         volume_min=low,
         volume_max=high,
         fence=fence,
+        fence_margin=settings.number("fence_margin"),
     )
 
 

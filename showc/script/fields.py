@@ -86,6 +86,12 @@ SITE = Section(
             "Corners `[x, y]` of a geofence on the ground, show frame.",
             default_text="the volume's walls",
         ),
+        Field(
+            "fence_margin",
+            Quantity("m", minimum=0.0, maximum=100.0),
+            "Distance from the fence that every drone keeps at every instant.",
+            default=0.0,
+        ),
     ),
 )
 

@@ -64,6 +64,21 @@ class Site:
     """Upper corner of the flight volume, show frame [m]."""
     fence: FloatArray | None = None
     """Geofence, shape (corners, 2), show frame [m]; None: the volume's walls."""
+    fence_margin: float = 0.0
+    """Distance from the fence that every drone keeps [m]."""
+
+    @property
+    def room(self) -> tuple[Vector, Vector]:
+        """Corners of the box to fly in [m].
+
+        It is the flight volume; where its walls are the fence, the margin is taken off.
+        """
+        inset = 0.0 if self.fence is not None else self.fence_margin
+        low, high = self.volume_min, self.volume_max
+        return (
+            (low[0] + inset, low[1] + inset, low[2]),
+            (high[0] - inset, high[1] - inset, high[2]),
+        )
 
 
 @dataclass(frozen=True, slots=True)

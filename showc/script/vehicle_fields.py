@@ -6,6 +6,8 @@ from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
 from showc.vehicle.presets import DEFAULT_PRESET, PRESETS
 
 _OF_PRESET = "the preset's"
+_OF_ENVELOPE = "the envelope's, else none but the airframe's own"
+_ACCELERATION = Quantity("m/s²", minimum=0.1, maximum=100.0)
 _INERTIA = Quantity("kg m²", minimum=1e-7, maximum=10.0)
 _SPEED = Quantity("m/s", minimum=0.1, maximum=50.0)
 _RATE = Quantity("deg/s", minimum=1.0, maximum=2000.0)
@@ -65,6 +67,14 @@ VEHICLE = Section(
             "them by the arm once more, as one printed form does.",
             default_text=_OF_PRESET,
         ),
+        Field(
+            "envelope",
+            Choice(("autopilot", "airframe")),
+            "What the flight is solved for. `autopilot`: the airframe, and the speeds "
+            "and accelerations that the preset's autopilot was seen to follow. "
+            "`airframe`: the airframe alone.",
+            default="airframe",
+        ),
     ),
     short="preset",
 )
@@ -91,6 +101,30 @@ LIMITS = Section(
             _SPEED,
             "Greatest descent speed.",
             default_text="`speed` along z, else the preset's",
+        ),
+        Field(
+            "level_speed",
+            _SPEED,
+            "Greatest level speed in any direction, sqrt(vx² + vy²).",
+            default_text=_OF_ENVELOPE,
+        ),
+        Field(
+            "acceleration",
+            _ACCELERATION,
+            "Greatest level acceleration in any direction, sqrt(ax² + ay²).",
+            default_text=_OF_ENVELOPE,
+        ),
+        Field(
+            "acceleration_up",
+            _ACCELERATION,
+            "Greatest upward acceleration.",
+            default_text=_OF_ENVELOPE,
+        ),
+        Field(
+            "acceleration_down",
+            _ACCELERATION,
+            "Greatest downward acceleration.",
+            default_text=_OF_ENVELOPE,
         ),
         Field(
             "tilt",

@@ -116,6 +116,10 @@ class Aircraft:
         """Say why these limits allow no hover at all; empty when they do."""
         hover = self.vehicle.hover_thrust
         limits = self.limits
+        if limits.acceleration or limits.acceleration_up or limits.acceleration_down:
+            return "limits of acceleration are not planned yet"
+        if limits.level_speed:
+            return "limits of level speed are not planned yet"
         if not limits.thrust_min <= hover <= limits.thrust_max:
             return (
                 f"hovering takes {hover:.3g} N of thrust; the limits allow "

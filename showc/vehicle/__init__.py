@@ -1,6 +1,6 @@
 """The aircraft: physical parameters, limits, presets, equations of motion."""
 
-from showc.vehicle.limits import Limits, Separation, SeparationShape, Vector
+from showc.vehicle.limits import Envelope, Limits, Separation, SeparationShape, Vector
 from showc.vehicle.presets import DEFAULT_PRESET, PRESETS, Preset
 from showc.vehicle.quadrotor import (
     CONTROL_NAMES,
@@ -15,6 +15,7 @@ __all__ = [
     "PRESETS",
     "STANDARD_GRAVITY",
     "STATE_NAMES",
+    "Envelope",
     "Limits",
     "Preset",
     "Quadrotor",

@@ -32,12 +32,52 @@ class Limits:
     """Lower corner of the flight volume [m]."""
     position_max: Vector
     """Upper corner of the flight volume [m]."""
+    level_speed: float = 0.0
+    """Greatest level speed, sqrt(vx² + vy²) [m/s]; 0: no limit."""
+    acceleration: float = 0.0
+    """Greatest level acceleration, sqrt(ax² + ay²) [m/s²]; 0: no limit."""
+    acceleration_up: float = 0.0
+    """Greatest az [m/s²]; 0: no limit."""
+    acceleration_down: float = 0.0
+    """Greatest -az [m/s²]; 0: no limit."""
 
     def with_vertical_speed(self, climb: float, descent: float) -> Limits:
         """Return the same limits with no more than ``climb`` and ``descent`` [m/s]."""
         lower = (*self.velocity_min[:2], max(self.velocity_min[2], -descent))
         upper = (*self.velocity_max[:2], min(self.velocity_max[2], climb))
         return replace(self, velocity_min=lower, velocity_max=upper)
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """What an autopilot was seen to follow on an airframe, and with which gains."""
+
+    level_speed: float
+    """Greatest level speed, sqrt(vx² + vy²) [m/s]."""
+    acceleration: float
+    """Greatest level acceleration, sqrt(ax² + ay²) [m/s²]."""
+    acceleration_up: float
+    """Greatest upward acceleration [m/s²]."""
+    acceleration_down: float
+    """Greatest downward acceleration [m/s²]."""
+    airframe: str
+    """What it was flown with, and how near to the trajectory."""
+    parameters: tuple[tuple[str, float], ...]
+    """Parameters of the autopilot that it was flown with: names and values."""
+
+    def within(self, limits: Limits) -> Limits:
+        """Return ``limits``, tightened to what the autopilot follows."""
+
+        def tighter(own: float, most: float) -> float:
+            return min(own or most, most)
+
+        return replace(
+            limits,
+            level_speed=tighter(limits.level_speed, self.level_speed),
+            acceleration=tighter(limits.acceleration, self.acceleration),
+            acceleration_up=tighter(limits.acceleration_up, self.acceleration_up),
+            acceleration_down=tighter(limits.acceleration_down, self.acceleration_down),
+        )
 
 
 @dataclass(frozen=True, slots=True)
