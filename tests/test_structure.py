@@ -26,6 +26,8 @@ MAY_IMPORT = {
     "light": FOUNDATION | {"vehicle", "script", "plan", "flight"},
     "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light"},
     "mission": FOUNDATION | {"vehicle", "script", "plan", "flight", "light", "log"},
+    "vehicle_link": FOUNDATION
+    | {"vehicle", "script", "plan", "flight", "light", "log", "mission"},
     "view": FOUNDATION | {"vehicle", "flight", "log", "ocp"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "solve", "light", "log", "mission"},

@@ -29,7 +29,7 @@ def command(plan: Path, flown: Path, limit: float | None, as_json: bool) -> int:
     \b
       showc compare output.mcap output-flown.mcap
     """
-    from showc.mission.compare import compare_flown
+    from showc.vehicle_link.compare import compare_flown
 
     result = compare_flown(plan, flown)
     if as_json:

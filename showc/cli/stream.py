@@ -66,7 +66,7 @@ def command(
       showc compare output.mcap output-flown.mcap
     """
     from showc.cli.console import progress
-    from showc.mission.stream import StreamOptions, stream_show
+    from showc.vehicle_link.stream import StreamOptions, stream_show
 
     record = flown or log.with_name(f"{log.stem}-flown.mcap")
     options = StreamOptions(rate=rate, corridor=corridor, link_timeout=link_timeout)

@@ -52,7 +52,7 @@ def command(
       showc upload output/ --connect udpin:0.0.0.0:14550
     """
     from showc.cli.console import progress
-    from showc.mission.upload import upload_missions
+    from showc.vehicle_link.upload import upload_missions
 
     record = audit or folder.with_name(f"{folder.resolve().name}-audit.json")
     with progress(quiet=quiet or as_json) as watcher:

@@ -1,7 +1,6 @@
 """Missions that an autopilot flies together and on time.
 
-Import :mod:`showc.mission.fleet` for the files, :mod:`showc.mission.upload`,
-:mod:`showc.mission.stream` and :mod:`showc.mission.compare` for the shells.
+Import :mod:`showc.mission.fleet` for the files.
 """
 
 from __future__ import annotations

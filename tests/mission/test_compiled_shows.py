@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mission.conftest import free_port
-from mission.vehicle import Vehicle
 from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from repository import SHOWS
+from vehicle_link.vehicle import Vehicle
 
-from showc.mission.upload import upload_missions
 from showc.script import load_show
+from showc.vehicle_link.upload import upload_missions
 
 pytestmark = pytest.mark.slow
 

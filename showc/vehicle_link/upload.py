@@ -9,17 +9,17 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
-from showc.mission.folder import read_fleet
-from showc.mission.network import Address, Network
-from showc.mission.transfer import State, Transfer
 from showc.progress import Silent
+from showc.vehicle_link.folder import read_fleet
+from showc.vehicle_link.network import Address, Network
+from showc.vehicle_link.transfer import State, Transfer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from showc.mission.folder import FleetFolder, FleetMission
     from showc.progress import Progress
+    from showc.vehicle_link.folder import FleetFolder, FleetMission
 
 SILENT = Silent()
 
@@ -97,7 +97,7 @@ def upload_missions(
     folder
         What ``showc compile`` wrote: ``manifest.json`` and ``missions/``.
     connections
-        Links to the vehicles, see :class:`showc.mission.network.Network`.
+        Links to the vehicles, see :class:`showc.vehicle_link.network.Network`.
     drones
         Which drones, counting from 1; None: all.
     systems

@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.errors import UsageError
 from showc.log.reader import read_log
-from showc.mission.flown import read_flown
+from showc.vehicle_link.flown import read_flown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.reader import LoggedShow
-    from showc.mission.flown import Track
     from showc.trajectory import PiecewisePolynomial
+    from showc.vehicle_link.flown import Track
 
     FloatArray = NDArray[np.float64]
 

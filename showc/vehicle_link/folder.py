@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
 from showc.mission.fleet import fleet_token
-from showc.mission.wire import WireItem, parse_waypoints
+from showc.vehicle_link.wire import WireItem, parse_waypoints
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,12 +10,12 @@ import numpy as np
 
 from showc.errors import UsageError
 from showc.log.reader import read_log
-from showc.mission.flown import FlownLog
-from showc.mission.network import Address, Network
-from showc.mission.pace import Clock, Rounds
-from showc.mission.pilot import Phase, Pilot
-from showc.mission.setpoints import StreamPlan, stream_plan
 from showc.progress import Silent
+from showc.vehicle_link.flown import FlownLog
+from showc.vehicle_link.network import Address, Network
+from showc.vehicle_link.pace import Clock, Rounds
+from showc.vehicle_link.pilot import Phase, Pilot
+from showc.vehicle_link.setpoints import StreamPlan, stream_plan
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -119,7 +119,7 @@ def stream_show(
     log
         Trajectory log that ``showc compile`` wrote.
     connections
-        Links to the vehicles, see :class:`showc.mission.network.Network`.
+        Links to the vehicles, see :class:`showc.vehicle_link.network.Network`.
     drones
         Which drones, counting from 1; None: all.
     flown

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from showc.mission.wire import WireItem, difference
+from showc.vehicle_link.wire import WireItem, difference
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.mission.network import Address
+    from showc.vehicle_link.network import Address
 
 PATIENCE = 0.6
 """Time without an answer after which a message is sent again [s]."""

@@ -8,13 +8,13 @@ from hashlib import sha256
 
 import pytest
 from mission.flights import START, shift_flight
-from mission.vehicle import Faults, Vehicle
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from vehicle_link.vehicle import Faults, Vehicle
 
 from showc.errors import UsageError
 from showc.mission import mission_files
-from showc.mission.upload import upload_missions
 from showc.script.show import MissionOptions
+from showc.vehicle_link.upload import upload_missions
 
 NOW = datetime(2026, 6, 1, 19, 30, tzinfo=UTC)
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mission.flights import hop_flight
-from mission.vehicle import Faults, Vehicle
+from vehicle_link.vehicle import Faults, Vehicle
 
 from showc.errors import DamagedFileError, UsageError
 from showc.log.writer import write_log
-from showc.mission.compare import compare_flown
-from showc.mission.flown import FlownLog, read_flown
 from showc.mission.geodesy import SiteFrame
-from showc.mission.stream import Clock, StreamOptions, stream_show
 from showc.progress import Silent
+from showc.vehicle_link.compare import compare_flown
+from showc.vehicle_link.flown import FlownLog, read_flown
+from showc.vehicle_link.stream import Clock, StreamOptions, stream_show
 
 SPEED = 2.0
 """How much faster than the wall's clock these shows run."""
@@ -187,7 +187,7 @@ def test_px4_gets_setpoints_before_it_goes_offboard(log, flight):
 @pytest.mark.slow
 def test_mavsdks_vehicle_is_taken_through_the_show(tmp_path):
     pytest.importorskip("mavsdk")
-    from mission.mavsdk_vehicle import MavsdkVehicle
+    from vehicle_link.mavsdk_vehicle import MavsdkVehicle
 
     flight = hop_flight(1)
     show = flight.itinerary.show
