@@ -9,11 +9,14 @@ sys.path.insert(0, str(ROOT))
 from showc.script.codes import codes_reference  # noqa: E402
 from showc.script.reference import script_reference  # noqa: E402
 from showc.script.schema import schema_text  # noqa: E402
+from showc.verify.codes import codes_reference as checks_reference  # noqa: E402
 
 GENERATED = {
     ROOT / "schemas" / "show.schema.json": schema_text,
     ROOT / "showc" / "docs" / "script.md": script_reference,
-    ROOT / "showc" / "docs" / "codes.md": codes_reference,
+    ROOT / "showc" / "docs" / "codes.md": lambda: (
+        f"{codes_reference()}\n{checks_reference()}"
+    ),
 }
 
 if __name__ == "__main__":

@@ -8,24 +8,28 @@ import click
 @click.command(name="explain")
 @click.argument("code", required=False)
 def command(code: str | None) -> int:
-    """Explain a diagnostic code: its cause, an example, how to mend it.
+    """Explain a code of a finding or of a check: its cause, how to mend it.
 
     Without a code, list them all.
 
     \b
       showc explain SHW201
+      showc explain VRF321
     """
     from showc.script.codes import CODES, explain
+    from showc.verify import codes
 
+    titles = {entry.code: entry.title for entry in CODES.values()}
+    titles |= {entry.code: entry.title for entry in codes.codes().values()}
     if code is None:
-        for name, entry in sorted(CODES.items()):
-            click.echo(f"{name}  {entry.title}")
+        for name, title in sorted(titles.items()):
+            click.echo(f"{name}  {title}")
         return 0
-    text = explain(code.upper())
+    text = explain(code) or codes.explain(code)
     if text is None:
         from difflib import get_close_matches
 
-        near = get_close_matches(code.upper(), CODES, n=3, cutoff=0.5)
+        near = get_close_matches(code.upper(), titles, n=3, cutoff=0.5)
         hint = f"; near it: {', '.join(near)}" if near else ""
         raise click.UsageError(
             f"there is no code {code!r}{hint} (showc explain lists them all)"

@@ -38,7 +38,7 @@ def _witnesses(show: LoggedShow) -> Check:
     name = "no claimed lower bound on a time beyond its proof"
     moves = [one for one in _moves(show) if one.message.certificate.dual_bound > 0.0]
     if not moves:
-        return Check(GROUP, name, "skipped", notes=("no segment claims one",))
+        return Check("VRF341", GROUP, name, "skipped", notes=("no segment claims one",))
     worst, where, failed = np.inf, Place(), []
     for segment in moves:
         message = segment.message
@@ -64,6 +64,7 @@ def _witnesses(show: LoggedShow) -> Check:
         f"{max(ratios):.1%} of the times flown (tolerance {TOLERANCE:.0e} s)"
     )
     return Check(
+        "VRF341",
         GROUP,
         name,
         "fail" if failed else "pass",
@@ -89,6 +90,7 @@ def _order(show: LoggedShow) -> Check:
             )
             where = Place(segment=segment.message.name, time=segment.start)
     return Check(
+        "VRF342",
         GROUP,
         "lower bound below single-drone minimum and time flown",
         "fail" if bad else "pass",
@@ -126,8 +128,9 @@ def _encounters(show: LoggedShow) -> Check:
         if not gap <= worst:
             worst, where = gap, place
     if not count:
-        return Check(GROUP, name, "skipped", notes=("no segment claims one",))
+        return Check("VRF343", GROUP, name, "skipped", notes=("no segment claims one",))
     return Check(
+        "VRF343",
         GROUP,
         name,
         "pass" if worst <= DISTANCE_TOLERANCE else "fail",

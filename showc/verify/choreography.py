@@ -57,11 +57,14 @@ class _Worst:
             self.value = float(values[index])
             self.where = Place(drone=int(drones[index]) + 1, segment=segment, time=time)
 
-    def check(self, name: str, limit: float, unit: str, *notes: str) -> Check:
+    def check(
+        self, code: str, name: str, limit: float, unit: str, *notes: str
+    ) -> Check:
         """Turn into a check."""
         verdict: Verdict = "pass" if self.value <= limit else "fail"
         more = (f"{self.count:,} findings of this kind",) if self.count > 1 else ()
         return Check(
+            code,
             GROUP,
             name,
             verdict,
@@ -100,7 +103,7 @@ def _hover(show: LoggedShow) -> Check:
                 segment=segment.message.name,
                 time=time,
             )
-    return worst.check("hover at both ends of every segment", JOINT, "(SI)")
+    return worst.check("VRF331", "hover at both ends of every segment", JOINT, "(SI)")
 
 
 def _heading(show: LoggedShow) -> Check:
@@ -127,7 +130,7 @@ def _heading(show: LoggedShow) -> Check:
             off = np.abs(np.remainder(state[:, 8] - heading + np.pi, 2 * np.pi) - np.pi)
             worst.see(off, segment.drones, JOINT, segment=name, time=time)
     when = "at every instant" if held else "at every hover"
-    return worst.check(f"yaw at the show's heading {when}", JOINT, "rad")
+    return worst.check("VRF332", f"yaw at the show's heading {when}", JOINT, "rad")
 
 
 def _distances(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -145,7 +148,9 @@ def _reached(show: LoggedShow) -> Check:
             segment=segment.message.name,
             time=segment.end,
         )
-    return worst.check("every drone ends where its segment asks", REACHED, "m")
+    return worst.check(
+        "VRF333", "every drone ends where its segment asks", REACHED, "m"
+    )
 
 
 def _goals(show: LoggedShow) -> Check:
@@ -165,11 +170,11 @@ def _goals(show: LoggedShow) -> Check:
         if points is None or np.any(chosen >= points.shape[0]):
             place = Place(segment=message.name, time=segment.end)
             note = f"there is no such formation or place: {message.to_formation!r}"
-            return Check(GROUP, name, "fail", where=place, notes=(note,))
+            return Check("VRF334", GROUP, name, "fail", where=place, notes=(note,))
         if np.unique(chosen).size != chosen.size:
             place = Place(segment=message.name, time=segment.end)
             note = "two drones have one place"
-            return Check(GROUP, name, "fail", where=place, notes=(note,))
+            return Check("VRF334", GROUP, name, "fail", where=place, notes=(note,))
         _, last = segment.ends()
         worst.see(
             _distances(last[given, :3], points[chosen]),
@@ -178,7 +183,7 @@ def _goals(show: LoggedShow) -> Check:
             segment=message.name,
             time=segment.end,
         )
-    return worst.check(name, REACHED, "m")
+    return worst.check("VRF334", name, REACHED, "m")
 
 
 def _continuity(show: LoggedShow) -> Check:
@@ -206,7 +211,7 @@ def _continuity(show: LoggedShow) -> Check:
                 segment=segment.message.name,
                 time=segment.start + float(table.start[rows[row]]),
             )
-    return worst.check("state continuous inside every segment", JOINT, "(SI)")
+    return worst.check("VRF335", "state continuous inside every segment", JOINT, "(SI)")
 
 
 def _joined(show: LoggedShow) -> list[Check]:
@@ -244,8 +249,8 @@ def _joined(show: LoggedShow) -> list[Check]:
     rest[missing] = np.inf
     gap.see(rest, np.arange(show.drones), MOMENT, segment="the end", time=show.duration)
     return [
-        gap.check("every drone covered from launch to landing", MOMENT, "s"),
-        jump.check("segments joined without a jump", JOINT, "(SI)"),
+        gap.check("VRF336", "every drone covered from launch to landing", MOMENT, "s"),
+        jump.check("VRF337", "segments joined without a jump", JOINT, "(SI)"),
     ]
 
 
@@ -274,6 +279,7 @@ def _ground(show: LoggedShow) -> Check:
         drones = segment.drones[fresh]
         if drones.size and segment.message.kind != pb.Segment.LAUNCH:
             return Check(
+                "VRF338",
                 GROUP,
                 name,
                 "fail",
@@ -286,7 +292,7 @@ def _ground(show: LoggedShow) -> Check:
     if np.any(kinds != pb.Segment.LAND):
         drone = int(np.flatnonzero(kinds != pb.Segment.LAND)[0]) + 1
         note = "a drone's last segment is not a landing"
-        return Check(GROUP, name, "fail", where=Place(drone), notes=(note,))
+        return Check("VRF338", GROUP, name, "fail", where=Place(drone), notes=(note,))
     worst = _Worst()
     for pad in np.unique(pads.astype(str)):
         points = formations.get(str(pad))
@@ -294,7 +300,12 @@ def _ground(show: LoggedShow) -> Check:
         if points is None:
             note = f"the pads {str(pad)!r} are not among the formations"
             return Check(
-                GROUP, name, "fail", where=Place(int(mine[0]) + 1), notes=(note,)
+                "VRF338",
+                GROUP,
+                name,
+                "fail",
+                where=Place(int(mine[0]) + 1),
+                notes=(note,),
             )
         for places, time, label in (
             (start, 0.0, "launch"),
@@ -304,4 +315,4 @@ def _ground(show: LoggedShow) -> Check:
                 [_distances(points, places[drone][None]).min() for drone in mine]
             )
             worst.see(gap, mine, REACHED, segment=label, time=time)
-    return worst.check(name, REACHED, "m")
+    return worst.check("VRF338", name, REACHED, "m")

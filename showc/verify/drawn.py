@@ -69,7 +69,9 @@ def check_drawn(
         number for number, channel in log.channels.items() if channel.topic == TOPIC
     ]
     if not channels:
-        return Check("missions", NAME, "skipped", notes=("the log draws none",))
+        return Check(
+            "VRF421", "missions", NAME, "skipped", notes=("the log draws none",)
+        )
     fleet = _Fleet(flown, begin)
     limit = TOLERANCE
     if begin is None:
@@ -101,6 +103,7 @@ def check_drawn(
             worst = farthest
             where = Place(drone=int(drone) + 1, time=float(times[row]))
     return Check(
+        "VRF421",
         "missions",
         NAME,
         "pass" if worst <= limit else "fail",

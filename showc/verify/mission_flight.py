@@ -80,7 +80,7 @@ def check_mission_flight(
     """
     if description.get("autopilot") != "ardupilot":
         note = "how this autopilot flies a leg is not known: nothing is predicted"
-        return [Check(GROUP, NAME, "skipped", notes=(note,))]
+        return [Check("VRF411", GROUP, NAME, "skipped", notes=(note,))]
     where = Place(file=f"{folder.name}/{PARAMETERS}")
     try:
         values = read_parameters((folder / PARAMETERS).read_bytes())
@@ -91,10 +91,10 @@ def check_mission_flight(
             rows.append(read_rows(items, rules.site, values))
         fleet = fly_rows(rows, values)
     except (OSError, MissionFormatError, ValueError, IndexError) as error:
-        return [Check(GROUP, NAME, "fail", where=where, notes=(str(error),))]
+        return [Check("VRF411", GROUP, NAME, "fail", where=where, notes=(str(error),))]
     flown = fleet.missions
     if len(flown) < 2:
-        return [Check(GROUP, NAME, "pass", notes=("one drone flies alone",))]
+        return [Check("VRF411", GROUP, NAME, "pass", notes=("one drone flies alone",))]
     wanted = rules.separation
     work: list[Callable[[], Any]] = [
         partial(nearest_timed, flown, wanted),
@@ -109,16 +109,21 @@ def check_mission_flight(
     except OverlappingLegsError as error:
         note = f"{error} is released before the leg before it has surely ended"
         place = Place(error.drone + 1)
-        return [Check(GROUP, NAME, "fail", where=place, notes=(note,))]
+        return [Check("VRF411", GROUP, NAME, "fail", where=place, notes=(note,))]
     if timed is not None:
         timed = replace(timed, time=timed.time - _start_of_day(description))
-    checks = [_verdict(NAME, timed, wanted.distance)]
+    checks = [_verdict("VRF411", NAME, timed, wanted.distance)]
     if not any(kind == "clock" for mission in rows for kind, _ in mission.waits):
         loose = (*checks[0].notes, UNCLOCKED)
         checks = [replace(checks[0], notes=loose)]
     checks += [
-        _verdict(f"{name} keeps the separation at any timing", found, wanted.distance)
-        for name, found in (("take-off", climb), ("landing", land))
+        _verdict(
+            code, f"{name} keeps the separation at any timing", found, wanted.distance
+        )
+        for code, name, found in (
+            ("VRF412", "take-off", climb),
+            ("VRF413", "landing", land),
+        )
     ]
     return [*checks, _as_claimed(timed, description), *rest]
 
@@ -136,9 +141,9 @@ def _start_of_day(description: Mapping[str, Any]) -> float:
     return 3600.0 * moment.hour + 60.0 * moment.minute + moment.second
 
 
-def _verdict(name: str, found: Nearest | None, wanted: float) -> Check:
+def _verdict(code: str, name: str, found: Nearest | None, wanted: float) -> Check:
     if found is None:
-        return Check(GROUP, name, "pass", notes=("nobody moves on time",))
+        return Check(code, GROUP, name, "pass", notes=("nobody moves on time",))
     limit = wanted - ROUNDING - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
     verdict: Verdict = "pass" if bound >= limit else "fail"
@@ -148,7 +153,7 @@ def _verdict(name: str, found: Nearest | None, wanted: float) -> Check:
     )
     pair = found.pair[0] + 1, found.pair[1] + 1
     place = Place(pair=pair, time=found.time if found.time > 0.0 else None)
-    return Check(GROUP, name, verdict, bound, limit, "m", place, (note,))
+    return Check(code, GROUP, name, verdict, bound, limit, "m", place, (note,))
 
 
 def _as_claimed(found: Nearest | None, description: Mapping[str, Any]) -> Check:
@@ -163,9 +168,9 @@ def _as_claimed(found: Nearest | None, description: Mapping[str, Any]) -> Check:
         ]
     except (KeyError, TypeError, ValueError, AttributeError):
         note = "the manifest's prediction cannot be read"
-        return Check(GROUP, CLAIMED, "fail", notes=(note,))
+        return Check("VRF414", GROUP, CLAIMED, "fail", notes=(note,))
     claimed = min(claims, default=np.inf)
     actual = np.inf if found is None else found.distance
     off = 0.0 if claimed == actual else abs(claimed - actual)
     verdict: Verdict = "pass" if off <= AGREEMENT else "fail"
-    return Check(GROUP, CLAIMED, verdict, off, AGREEMENT, "m")
+    return Check("VRF414", GROUP, CLAIMED, verdict, off, AGREEMENT, "m")

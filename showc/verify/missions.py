@@ -80,6 +80,7 @@ def check_attachments(log: LogFile, metadata: dict[str, str]) -> list[Check]:
         note = "the attachment is missing" if found is None else "the hash differs"
         checks.append(
             Check(
+                "VRF106",
                 "integrity",
                 f"attachment {name!r} has its hash",
                 "pass" if good else "fail",
@@ -89,6 +90,7 @@ def check_attachments(log: LogFile, metadata: dict[str, str]) -> list[Check]:
     if manifest is None:
         checks.append(
             Check(
+                "VRF107",
                 "integrity",
                 "manifest readable",
                 "fail",
@@ -158,11 +160,11 @@ def mission_parts(
             "leave missions out of the verification"
         )
         place = Place(file=str(folder))
-        missing = Check(GROUP, FILES, "fail", where=place, notes=(note,))
+        missing = Check("VRF401", GROUP, FILES, "fail", where=place, notes=(note,))
         return [lambda: [missing]]
     if _without_missions(manifest) and not _present(folder):
         note = "compiled without missions"
-        skipped = Check(GROUP, "mission files", "skipped", notes=(note,))
+        skipped = Check("VRF400", GROUP, "mission files", "skipped", notes=(note,))
         return [lambda: [_same_manifest(log, folder), skipped]]
     files = _files(manifest)
     parts: list[Callable[[], list[Check]]] = [
@@ -186,7 +188,9 @@ def _check_files(
     checks = [_same_manifest(log, folder), _hashes(folder, files, FILES)]
     if sorted(missions) != list(range(show.drones)):
         note = f"the manifest names missions of {len(missions)} drones"
-        checks.append(Check(GROUP, "one mission for each drone", "fail", notes=(note,)))
+        checks.append(
+            Check("VRF403", GROUP, "one mission for each drone", "fail", notes=(note,))
+        )
     checks.append(_end_points(folder, missions, show))
     return checks
 
@@ -235,6 +239,7 @@ def _same_manifest(log: LogFile, folder: Path) -> Check:
     same = _read(folder / MANIFEST) == log.attachment(MANIFEST)
     note = "they differ, or the file cannot be read: files of two compiles are mixed"
     return Check(
+        "VRF402",
         GROUP,
         "manifest in the log and manifest in the folder are one",
         "pass" if same else "fail",
@@ -257,6 +262,7 @@ def _hashes(folder: Path, files: dict[str, str], name: str) -> Check:
         bad.append("the manifest names no files")
     more = [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
     return Check(
+        "VRF401",
         GROUP,
         name,
         "fail" if bad else "pass",
@@ -281,23 +287,35 @@ def _end_points(folder: Path, missions: dict[int, str], show: LoggedShow) -> Che
         try:
             items = parse(content)
         except MissionFormatError as error:
-            return Check(GROUP, name, "fail", where=place, notes=(str(error),))
+            return Check(
+                "VRF404", GROUP, name, "fail", where=place, notes=(str(error),)
+            )
         ends, names = legs[drone]
         ratio, missed = _follow(items, ends, show.rules.site)
         count += len(names)
         if missed is not None:
             note = f"no item flies to the end of “{names[missed]}” in its turn"
             return Check(
-                GROUP, name, "fail", ratio, 1.0, "of the resolution", place, (note,)
+                "VRF404",
+                GROUP,
+                name,
+                "fail",
+                ratio,
+                1.0,
+                "of the resolution",
+                place,
+                (note,),
             )
         if not any(item.command == LAND for item in items[-1:]):
             note = "the last item is not a landing"
-            return Check(GROUP, name, "fail", where=place, notes=(note,))
+            return Check("VRF404", GROUP, name, "fail", where=place, notes=(note,))
         if ratio > worst:
             worst, where = ratio, place
     note = f"{count:,} ends of legs, to 1e-7 degrees and 1.2 cm of height"
     verdict: Verdict = "pass" if count else "fail"
-    return Check(GROUP, name, verdict, worst, 1.0, "of the resolution", where, (note,))
+    return Check(
+        "VRF404", GROUP, name, verdict, worst, 1.0, "of the resolution", where, (note,)
+    )
 
 
 def _leg_ends(show: LoggedShow) -> list[tuple[FloatArray, list[str]]]:

@@ -115,7 +115,7 @@ def prove(
         checks += [check for part in found["missions"] for check in part]
     else:
         checks.append(
-            Check("missions", "mission files", "skipped", notes=("as asked",))
+            Check("VRF400", "missions", "mission files", "skipped", notes=("as asked",))
         )
     return Verification(
         str(log.path), show.rules.name, show.drones, show.duration, tuple(checks)
@@ -164,6 +164,7 @@ def _integrity(log: LogFile) -> list[Check]:
     )
     checks = [
         Check(
+            "VRF101",
             "integrity",
             "every byte accounted for",
             "pass",
@@ -175,6 +176,7 @@ def _integrity(log: LogFile) -> list[Check]:
     ]
     checks += [
         Check(
+            "VRF102",
             "integrity",
             "CRC present",
             "warning",
@@ -208,6 +210,7 @@ def _agreement(show: LoggedShow, metadata: dict[str, str]) -> Check:
         if not same:
             bad.append(f"{key}: {metadata.get(key)!r}, the rules say {value!r}")
     return Check(
+        "VRF105",
         "integrity",
         "metadata, rules and segments agree",
         "fail" if bad else "pass",
@@ -252,6 +255,7 @@ def _segments(
         notes.append(f"controls exceed the rotors by {clipped:.1e} and were cut")
     checks = [
         Check(
+            "VRF301",
             "physics",
             "controls fly the logged positions",
             "pass" if position[0] < POSITION_ERROR else "fail",
@@ -262,6 +266,7 @@ def _segments(
             tuple(notes),
         ),
         Check(
+            "VRF302",
             "physics",
             "controls fly the logged attitude",
             "pass" if attitude[0] < ATTITUDE_ERROR else "fail",
@@ -275,6 +280,18 @@ def _segments(
     return checks
 
 
+_LIMITS = {
+    "volume": "VRF311",
+    "velocity": "VRF312",
+    "tilt": "VRF313",
+    "body rates": "VRF314",
+    "thrust": "VRF315",
+    "torques": "VRF316",
+    "rotor speeds": "VRF317",
+}
+"""Code of each family of limits."""
+
+
 def _limit(extreme: Extreme, segment: Segment) -> Check:
     bound = extreme.bound
     sign = -1.0 if bound.name.startswith("least") else 1.0
@@ -283,6 +300,7 @@ def _limit(extreme: Extreme, segment: Segment) -> Check:
         f"(tolerance {TOLERANCE:.0e} of it)"
     )
     return Check(
+        _LIMITS[bound.quantity],
         "limits",
         f"{bound.quantity} within limits at every instant",
         "pass" if extreme.margin >= -TOLERANCE else "fail",
@@ -298,7 +316,9 @@ def _separation(show: LoggedShow, encounter: Encounter | None) -> Check:
     name = "separation of every pair at every instant"
     wanted = show.rules.separation.distance
     if encounter is None:
-        return Check("separation", name, "skipped", notes=("there is only one drone",))
+        return Check(
+            "VRF321", "separation", name, "skipped", notes=("there is only one drone",)
+        )
     a, b = encounter.pair
     note = (
         f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter "
@@ -306,6 +326,7 @@ def _separation(show: LoggedShow, encounter: Encounter | None) -> Check:
         f"{RESOLUTION:.0e} m, tolerance {SEPARATION_TOLERANCE:.0e} m)"
     )
     return Check(
+        "VRF321",
         "separation",
         name,
         "pass" if encounter.lower >= wanted - SEPARATION_TOLERANCE else "fail",

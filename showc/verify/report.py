@@ -73,6 +73,8 @@ class Place:
 class Check:
     """One statement about the show, and whether it holds."""
 
+    code: str
+    """``VRF`` and three digits; what it means is in ``codes``."""
     group: str
     """Heading it stands under: integrity, physics, limits, ..."""
     name: str
@@ -93,6 +95,7 @@ class Check:
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
         return {
+            "code": self.code,
             "group": self.group,
             "name": self.name,
             "verdict": self.verdict,
@@ -129,12 +132,16 @@ class Verification:
         """0 if all is proved, 1 if a check failed."""
         return 0 if self.passed else 1
 
-    def check(self, name: str) -> Check:
-        """Return the check of that name; KeyError if there is none."""
+    def check(self, code: str) -> Check:
+        """Return the first check of that code; KeyError if there is none."""
         for check in self.checks:
-            if check.name == name:
+            if check.code == code:
                 return check
-        raise KeyError(name)
+        raise KeyError(code)
+
+    def failures(self) -> frozenset[str]:
+        """Return the codes of all checks that failed."""
+        return frozenset(c.code for c in self.checks if c.verdict == "fail")
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole result as a dictionary that JSON can hold."""

@@ -90,12 +90,13 @@ class Compared:
         if other.value > self.value:
             self.value, self.where = other.value, other.where
 
-    def check(self, name: str, *notes: str) -> Check:
+    def check(self, code: str, name: str, *notes: str) -> Check:
         """Turn into a check."""
         found = (f"{self.samples:,} numbers compared", *notes)
         if self.bad:
             found += (f"{self.bad:,} of them are off",)
         return Check(
+            code,
             GROUP,
             name,
             "pass" if self.bad == 0 and self.samples else "fail",
@@ -161,13 +162,15 @@ def join_samples(
     """All checks of samples, from what the parts found."""
     channel = _topics(log).get(FLEET)
     if channel is None:
-        return [Check(GROUP, "samples", "fail", notes=(f"there is no {FLEET}",))]
+        return [
+            Check("VRF121", GROUP, "samples", "fail", notes=(f"there is no {FLEET}",))
+        ]
     worst = Compared()
     for part in fleet:
         worst.join(part)
     return [
         _times(log, show, channel),
-        worst.check("fleet samples equal to the polynomials"),
+        worst.check("VRF122", "fleet samples equal to the polynomials"),
         *others,
     ]
 
@@ -186,6 +189,7 @@ def _times(log: LogFile, show: LoggedShow, channel: int) -> Check:
         grid = np.append(grid, end)
     same = found.size == grid.size and bool(np.all(np.abs(found - grid) <= 2.0))
     return Check(
+        "VRF121",
         GROUP,
         "samples at every step of the log rate",
         "pass" if same else "fail",
@@ -242,6 +246,7 @@ class _Comparison:
             times = self.log.times(channel)
             if drone >= self.show.drones or not np.array_equal(times, expected):
                 return Check(
+                    "VRF123",
                     GROUP,
                     "samples of single drones equal to the polynomials",
                     "fail",
@@ -270,7 +275,9 @@ class _Comparison:
                 drones,
                 "state",
             )
-        return worst.check("samples of single drones equal to the polynomials")
+        return worst.check(
+            "VRF123", "samples of single drones equal to the polynomials"
+        )
 
     def transforms(self, channel: int) -> Check:
         """Check the frames of the drones."""
@@ -291,12 +298,13 @@ class _Comparison:
                     )
         if worst.samples == 0:
             return Check(
+                "VRF124",
                 GROUP,
                 "frames of the drones equal to the polynomials",
                 "skipped",
                 notes=("the log has none",),
             )
-        return worst.check("frames of the drones equal to the polynomials")
+        return worst.check("VRF124", "frames of the drones equal to the polynomials")
 
     def _compare(
         self,

@@ -73,6 +73,7 @@ def check_schemas(log: LogFile) -> list[Check]:
             other.append(f"schema {schema.name} is of another release")
     checks = [
         Check(
+            "VRF103",
             "integrity",
             "message types are showc's and Foxglove's",
             "fail" if bad else "pass",
@@ -80,7 +81,14 @@ def check_schemas(log: LogFile) -> list[Check]:
         )
     ]
     checks += [
-        Check("integrity", "schema release", "warning", where=Place(), notes=(note,))
+        Check(
+            "VRF104",
+            "integrity",
+            "schema release",
+            "warning",
+            where=Place(),
+            notes=(note,),
+        )
         for note in other
     ]
     return checks

@@ -9,14 +9,14 @@ from verified import with_table
 from showc.log import showc_pb2 as pb
 from showc.verify.choreography import check_choreography
 
-HOVER = "hover at both ends of every segment"
-REACHED = "every drone ends where its segment asks"
-FORMATION = "every formation is reached"
-INSIDE = "state continuous inside every segment"
-COVERED = "every drone covered from launch to landing"
-JOINED = "segments joined without a jump"
-PADS = "from the pads on the ground, and back to them"
-YAW = "yaw at the show's heading at every instant"
+HOVER = "VRF331"
+REACHED = "VRF333"
+FORMATION = "VRF334"
+INSIDE = "VRF335"
+COVERED = "VRF336"
+JOINED = "VRF337"
+PADS = "VRF338"
+YAW = "VRF332"
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def show(log_and_show):
 
 
 def failures(show):
-    return {check.name for check in check_choreography(show) if check.verdict == "fail"}
+    return {check.code for check in check_choreography(show) if check.verdict == "fail"}
 
 
 def moved(show, number, component, shift, *, drone=1, begin=True, end=True):

@@ -18,9 +18,9 @@ from showc.verify.geodesy import east_north_up, to_east_north_up
 from showc.verify.missions import check_attachments, check_missions
 from showc.verify.waypoints import MissionFormatError, parse
 
-SAME = "manifest in the log and manifest in the folder are one"
-HASHES = "files beside the log are those of its compile"
-ENDS = "missions end their legs where the trajectory does"
+SAME = "VRF402"
+HASHES = "VRF401"
+ENDS = "VRF404"
 
 
 def digest(content):
@@ -69,7 +69,7 @@ def folder(compiled_folder, tmp_path):
 def failures(folder):
     verification = verify_log(folder / "output.mcap")
     return verification, {
-        check.name for check in verification.checks if check.verdict == "fail"
+        check.code for check in verification.checks if check.verdict == "fail"
     }
 
 
@@ -261,7 +261,7 @@ def test_whatever_stands_in_a_mission_raises_nothing(folder, row, column, text, 
     log, show = loaded(folder / "output.mcap")
     checks = check_missions(log, show)
     path.write_bytes(content)
-    found = {check.name for check in checks if check.verdict == "fail"}
+    found = {check.code for check in checks if check.verdict == "fail"}
     assert (HASHES in found) == (altered != content)
 
 
@@ -296,7 +296,7 @@ def test_whatever_stands_in_a_manifest_raises_nothing(folder, manifest):
     (folder / "output" / "manifest.json").write_bytes(content)
     log, show = loaded(folder / "output.mcap")
     other = SimpleNamespace(path=log.path, attachment=lambda _: content)
-    found = {c.name for c in check_missions(other, show) if c.verdict == "fail"}
+    found = {c.code for c in check_missions(other, show) if c.verdict == "fail"}
     assert HASHES in found
     assert SAME not in found
     check_attachments(other, {"script": "synthetic.yaml"})

@@ -1,0 +1,28 @@
+"""Codes of checks: every one is explained, and none is explained that no check has."""
+
+import re
+from pathlib import Path
+
+import showc.verify
+from showc.verify.codes import ROOMS, codes, explain
+
+SOURCES = Path(showc.verify.__file__).parent
+
+
+def test_the_table_holds_exactly_the_codes_of_the_checks():
+    used = {
+        code
+        for path in SOURCES.rglob("*.py")
+        for code in re.findall(r'"(VRF\d{3})"', path.read_text(encoding="utf-8"))
+    }
+    assert used == set(codes())
+
+
+def test_every_room_has_its_hundred():
+    for code in codes().values():
+        assert int(code.code[3]) == 1 + list(ROOMS).index(code.room)
+
+
+def test_a_code_is_explained_in_any_case():
+    assert "separation" in explain("vrf321")
+    assert explain("VRF999") is None
