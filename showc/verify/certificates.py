@@ -14,7 +14,7 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow, Segment
+    from showc.verify.kernel.show import LoggedShow, Segment
 
     FloatArray = NDArray[np.float64]
 

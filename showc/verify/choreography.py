@@ -13,7 +13,7 @@ from showc.verify.report import Check, Place, Verdict
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow, Segment
+    from showc.verify.kernel.show import LoggedShow, Segment
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -10,7 +10,7 @@ from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
 from showc.verify.damage import Damage
-from showc.verify.show import LARGEST, LoggedShow
+from showc.verify.kernel.show import LARGEST, LoggedShow
 from showc.verify.trajectories import read_segments
 
 if TYPE_CHECKING:

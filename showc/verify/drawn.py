@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.verify.kernel.show import LoggedShow
     from showc.verify.legs import FleetLegs, MissionLegs
     from showc.verify.logfile import LogFile
-    from showc.verify.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
 

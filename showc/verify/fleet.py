@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from showc.verify.bernstein import basis
+from showc.verify.kernel.bernstein import basis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow, PieceTable
+    from showc.verify.kernel.show import LoggedShow, PieceTable
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.bernstein import halves
+from showc.verify.kernel.bernstein import halves
 from showc.verify.physics import allocation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Limits, Rules, Vector3
-    from showc.verify.show import PieceTable, Segment
+    from showc.verify.kernel.show import PieceTable, Segment
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.log import showc_pb2 as pb
+    from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
-    from showc.verify.show import LoggedShow
 
 GROUP = "missions"
 

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from showc.verify.bernstein import basis
+from showc.verify.kernel.bernstein import basis
 from showc.verify.pieces import Pieces, batches
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Vehicle
-    from showc.verify.show import PieceTable, Segment
+    from showc.verify.kernel.show import PieceTable, Segment
 
     FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.verify.show import PieceTable
+    from showc.verify.kernel.show import PieceTable
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log import showc_pb2 as pb
+    from showc.verify.kernel.show import LoggedShow, Segment
     from showc.verify.logfile import LogFile
     from showc.verify.progress import Progress
-    from showc.verify.show import LoggedShow, Segment
 
 POSITION_ERROR = 1e-3
 """Greatest deviation of the flown controls from the logged positions [m]."""

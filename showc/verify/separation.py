@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from showc.verify.bernstein import halves, square_sum
+from showc.verify.kernel.bernstein import halves, square_sum
 from showc.verify.measure import Measure, measures
 from showc.verify.slices import Slice, edges, take
 from showc.verify.tracks import Stretch, Tracks, cut
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow
+    from showc.verify.kernel.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from showc.verify.bernstein import elevate, part
+from showc.verify.kernel.bernstein import elevate, part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.show import LoggedShow, Segment
+    from showc.verify.kernel.show import LoggedShow, Segment
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

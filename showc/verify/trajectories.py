@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from showc.verify.damage import Damage
-from showc.verify.show import (
+from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
     LARGEST,
     STATE_COMPONENTS,

@@ -6,7 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from verified import with_table
 
-from showc.verify.bernstein import basis, elevate, halves, part, square_sum, values
+from showc.verify.kernel.bernstein import (
+    basis,
+    elevate,
+    halves,
+    part,
+    square_sum,
+    values,
+)
+from showc.verify.kernel.show import PieceTable
 from showc.verify.limits import (
     RESOLUTION,
     Bound,
@@ -16,7 +24,6 @@ from showc.verify.limits import (
     extremes,
     rotor_shares,
 )
-from showc.verify.show import PieceTable
 
 COEFFICIENTS = st.lists(
     st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=9), min_size=1, max_size=4

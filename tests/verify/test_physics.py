@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from verified import with_table
 
 from showc.log import showc_pb2 as pb
-from showc.verify.bernstein import basis
+from showc.verify.kernel.bernstein import basis
+from showc.verify.kernel.show import PieceTable, Segment
 from showc.verify.physics import allocation, flyable, gauss, replay
-from showc.verify.show import PieceTable, Segment
 
 VEHICLE = pb.Vehicle(
     mass=0.625,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.verify.bernstein import values
+from showc.verify.kernel.bernstein import values
 from showc.verify.measure import Measure
 from showc.verify.slices import edges, take
 from showc.verify.tracks import Tracks

@@ -10,8 +10,8 @@ from synthetic import vertical_flight
 from showc.log import showc_pb2 as pb
 from showc.log.writer import write_log
 from showc.verify.decode import read_show
+from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 from showc.verify.mcap import open_log
-from showc.verify.show import LoggedShow, PieceTable, Segment
 
 
 def proved_flight(drones=4):
