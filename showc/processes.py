@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
+import subprocess
 from contextlib import contextmanager
+from threading import Lock
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+_GUARD = ("/bin/sh", "-c", "read _; kill -KILL 0")
+"""Waits until its input ends, which the death of the process that holds the other end
+brings about, however it dies; then ends its whole process group."""
 
 
 def usable_cores() -> int:
@@ -32,3 +39,83 @@ def undisturbed() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Guard:
+    """The guard of this process: started when first needed, gone with it."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def group(self) -> int:
+        """Return the number of the guarded process group, starting the guard."""
+        with self._lock:
+            if self._process is None or self._process.poll() is not None:
+                self._process = subprocess.Popen(  # noqa: S603 - a constant
+                    _GUARD, stdin=subprocess.PIPE, process_group=0
+                )
+            return self._process.pid
+
+    def leave(self) -> None:
+        """Let the guard end, and all that is still in its group with it."""
+        process, self._process = self._process, None
+        if process is not None and process.stdin is not None:
+            process.stdin.close()
+            process.wait()
+
+    def forget(self) -> None:
+        """Close a copy's end of the pipe: the original alone keeps the group alive."""
+        process, self._process = self._process, None
+        self._lock = Lock()
+        if process is not None and process.stdin is not None:
+            process.stdin.close()
+            process.returncode = 0  # the copy has no child to wait for
+
+
+_guard = _Guard()
+atexit.register(_guard.leave)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_guard.forget)
+
+
+def guarded_group() -> int:
+    """Return the number of a process group that ends when this process ends.
+
+    Workers join it with :func:`join_group`. However this process dies, by ``kill -9``
+    too, the system kills every process of the group within the time a shell takes to
+    wake up. An interrupt from the keyboard does not reach the group.
+
+    Returns
+    -------
+    int
+        Number of the group; 0 on systems without process groups.
+
+    Raises
+    ------
+    OSError
+        If no process can be started.
+    """
+    return _guard.group() if os.name == "posix" else 0
+
+
+def join_group(group: int) -> None:
+    """Make this process a worker of a group: the first thing a worker does.
+
+    Signals that ask for an end have their usual effect from here on, whatever the
+    parent does with them.
+
+    Parameters
+    ----------
+    group
+        What :func:`guarded_group` returned in the process that the worker works for.
+        If that process is dead already, this one ends at once.
+    """
+    if group == 0:
+        return
+    for name in ("SIGTERM", "SIGHUP"):
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
+    try:
+        os.setpgid(0, group)
+    except OSError:
+        os._exit(1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from showc.processes import undisturbed, usable_cores
+from showc.processes import guarded_group, join_group, undisturbed, usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -75,7 +75,9 @@ def _in_copies(
 
     before = set(active_children())
     _work.append(work)
-    crew = ProcessPoolExecutor(jobs, get_context("fork"))
+    crew = ProcessPoolExecutor(
+        jobs, get_context("fork"), initializer=join_group, initargs=(guarded_group(),)
+    )
     try:
         # From their first instruction on: the process that was copied ends them.
         with undisturbed():

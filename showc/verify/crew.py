@@ -19,6 +19,8 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
+from showc.processes import guarded_group, join_group, usable_cores
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -27,13 +29,6 @@ if TYPE_CHECKING:
 _NUMBER = struct.Struct("<H")
 _MOST = 1000
 """Parts handed out at most; their numbers fit into the smallest of pipes."""
-
-
-def cores() -> int:
-    """Count the processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _ignore() -> None:
@@ -119,7 +114,7 @@ def run_all(
 
 
 def _wanted(jobs: int | None) -> int:
-    return cores() if jobs is None else jobs
+    return usable_cores() if jobs is None else jobs
 
 
 def _shared(
@@ -173,23 +168,25 @@ def _shared(
 
 def _copy(work: Callable[[Connection], None]) -> tuple[Connection, int]:
     """Let a copy of this process ``work``; where it reports to, and its number."""
+    group = guarded_group()
     receive, send = os.pipe()
     # A copy never hears an interrupt, not even in its first instant: it is ended.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         process = os.fork()
         if process == 0:
-            _do(work, send)
+            _do(work, send, group)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     os.close(send)
     return Connection(receive, writable=False), process
 
 
-def _do(work: Callable[[Connection], None], send: int) -> NoReturn:
+def _do(work: Callable[[Connection], None], send: int, group: int) -> NoReturn:
     """Do ``work``; ends this process."""
     status = 1
     try:
+        join_group(group)
         work(Connection(send, readable=False))
         status = 0
     finally:
