@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from showc.cli.vehicles import connect_option, drones_option
+from showc.cli.vehicles import connect_option, drones_option, signing_key_option
 
 
 @click.command(name="upload")
@@ -31,6 +31,18 @@ from showc.cli.vehicles import connect_option, drones_option
     show_default=True,
     help="Seconds in which a vehicle must show up.",
 )
+@click.option(
+    "--missing",
+    is_flag=True,
+    help="Only drones that do not hold their mission by the record: to try again "
+    "those that failed.",
+)
+@click.option(
+    "--no-parameters",
+    is_flag=True,
+    help="Leave the parameters of the vehicles as they are.",
+)
+@signing_key_option
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
 def command(
@@ -39,20 +51,25 @@ def command(
     drones: list[int] | None,
     audit: Path | None,
     timeout: float,
+    missing: bool,
+    no_parameters: bool,
+    signing_key: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
     """Put missions onto vehicles, read them back, compare, keep a record.
 
     OUTPUT/ is the folder that compile wrote. Drone n goes to the vehicle with MAVLink
-    system id n. A folder mixed from two compiles is refused. Ends with 0 if every
-    vehicle holds its mission, 1 if one does not.
+    system id n, after the parameters of OUTPUT/missions/ardupilot.parm. A folder mixed
+    from two compiles is refused, and so are two vehicles with one system id, and armed
+    ones. Ends with 0 if every vehicle holds its mission, 1 if one does not.
 
     \b
       showc upload output/ --connect udpin:0.0.0.0:14550
     """
     from showc.cli.console import progress
-    from showc.vehicle_link.upload import upload_missions
+    from showc.vehicle_link.frames import read_key
+    from showc.vehicle_link.upload import UploadOptions, upload_missions
 
     record = audit or folder.with_name(f"{folder.resolve().name}-audit.json")
     with progress(quiet=quiet or as_json) as watcher:
@@ -61,12 +78,19 @@ def command(
             connections=connections,
             drones=drones,
             audit=record,
-            timeout=timeout,
+            options=UploadOptions(
+                timeout=timeout,
+                missing=missing,
+                parameters=not no_parameters,
+                key=None if signing_key is None else read_key(signing_key),
+            ),
             progress=watcher,
         )
     if as_json:
         click.echo(json.dumps(report.to_json(), indent=1))
     else:
+        if missing and not report.vehicles:
+            click.echo("every drone holds its mission by the record")
         for vehicle in report.vehicles:
             state = "holds its mission" if vehicle.holds else vehicle.reason
             click.echo(f"drone {vehicle.drone}: {state}")

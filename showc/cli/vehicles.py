@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 
@@ -46,3 +48,12 @@ drones_option = click.option(
     help="Only these drones.  [default: all of them]",
 )
 """A part of the fleet."""
+
+signing_key_option = click.option(
+    "--signing-key",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Sign all messages and heed only signed ones (MAVLink 2).  FILE holds 64 "
+    "hexadecimal digits, or the passphrase given to the vehicles.",
+)
+"""The key that ground station and vehicles share."""

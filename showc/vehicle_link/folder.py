@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
 from showc.mission.fleet import fleet_token
-from showc.vehicle_link.wire import WireItem, parse_waypoints
+from showc.vehicle_link.wire import WireItem, parse_parameters, parse_waypoints
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,6 +39,8 @@ class FleetFolder:
     """Whose dialect they speak."""
     missions: tuple[FleetMission, ...]
     """By drone."""
+    parameters: dict[str, float]
+    """What the ``.parm`` file beside the missions sets, by name."""
 
 
 def read_fleet(folder: Path) -> FleetFolder:
@@ -77,6 +79,11 @@ def read_fleet(folder: Path) -> FleetFolder:
             f"{folder}: the missions are not those of compile {token[:12]}…; compile "
             "the show again"
         )
+    parameters: dict[str, float] = {}
+    name = f"missions/{autopilot}.parm"
+    if name in listed:
+        content = _checked(folder, name, listed[name])
+        parameters = parse_parameters(content, str(folder / name))
     missions = tuple(
         FleetMission(
             _drone_of(name),
@@ -86,7 +93,7 @@ def read_fleet(folder: Path) -> FleetFolder:
         )
         for name, content in contents.items()
     )
-    return FleetFolder(token, autopilot, missions)
+    return FleetFolder(token, autopilot, missions, parameters)
 
 
 def _manifest(folder: Path) -> dict[str, Any]:

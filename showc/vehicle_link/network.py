@@ -1,8 +1,12 @@
-"""Datagrams to and from vehicles: many links, many vehicles on each."""
+"""Datagrams to and from vehicles: many links, many vehicles on each.
+
+A vehicle is the address at which its system id was first heard. What comes from another
+address under that id is never taken for the vehicle's word, and the id is noted as one
+that two claim.
+"""
 
 from __future__ import annotations
 
-import select
 import socket
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -10,22 +14,39 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from showc.errors import UsageError
+from showc.vehicle_link.clock import WallClock
+from showc.vehicle_link.frames import Codec, Framer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from types import TracebackType
 
-GROUND_SYSTEM = 255
-"""System id of a ground station."""
+    from showc.vehicle_link.clock import Clock
 
-LARGEST_DATAGRAM = 65536
+AUTOPILOT_COMPONENT = 1
+"""Component id of an autopilot."""
+
+LARGEST_DATAGRAM = 2048
+"""Bytes read of a datagram: vehicles send no more than fits an Ethernet frame."""
+
+AT_A_TIME = 64
+"""Datagrams that are read before the caller has its turn again."""
+
+STRANGERS = 64
+"""Addresses that are listened to without being a vehicle's; the oldest is dropped."""
 
 HEARTBEAT_PERIOD = 1.0
 """Time between the ground station's own heartbeats [s]."""
 
+RECEIVE_BUFFER = 1 << 22
+"""Bytes that may wait in a socket, as far as the system allows it."""
+
+Origin = tuple[str, int]
+"""Host and port."""
+
 
 class Address(NamedTuple):
-    """Who is spoken to."""
+    """Which system and component is spoken to."""
 
     system: int
     component: int
@@ -33,7 +54,7 @@ class Address(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message and who sent it."""
+    """A message, and which system and component sent it."""
 
     sender: Address
     message: Any
@@ -47,16 +68,13 @@ class _Link:
         self.text = text
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
-        self.peer: tuple[str, int] | None = None
-        self.peers: dict[int, tuple[str, int]] = {}
-        # The dialect is generated code without types.
-        self.codec: Any = dialect.MAVLink(None, GROUND_SYSTEM, 190)
-        self.codec.robust_parsing = True
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self.called: Origin | None = None
         try:
             if kind == "udpin":
                 self.socket.bind((host, port))
             else:
-                self.peer = (socket.gethostbyname(host), port)
+                self.called = (socket.gethostbyname(host), port)
         except OSError as error:
             self.socket.close()
             raise UsageError(
@@ -64,37 +82,28 @@ class _Link:
                 "ground station using the port?"
             ) from None
 
-    def receive(self) -> list[Received]:
-        """Read everything that has arrived."""
-        found: list[Received] = []
-        while True:
-            try:
-                data, origin = self.socket.recvfrom(LARGEST_DATAGRAM)
-            except (BlockingIOError, ConnectionRefusedError):
-                return found
-            for message in self.codec.parse_buffer(data) or []:
-                if message.get_type() == "BAD_DATA":
-                    continue
-                system = message.get_srcSystem()
-                self.peers[system] = origin
-                sender = Address(system, message.get_srcComponent())
-                found.append(Received(sender, message))
+    def receive(self) -> tuple[bytes, Origin] | None:
+        """Return the next datagram and where it came from."""
+        try:
+            return self.socket.recvfrom(LARGEST_DATAGRAM)
+        except OSError:
+            return None
 
-    def send(self, message: Any, system: int | None) -> None:  # noqa: ANN401
-        """Send to the vehicle ``system``, or to everybody known."""
-        data = message.pack(self.codec)
-        if self.peer is not None:
-            targets = {self.peers.get(system or 0, self.peer)}
-        elif system in self.peers:
-            targets = {self.peers[system]}
-        else:
-            targets = set(self.peers.values())
-        for target in targets:
-            try:
-                self.socket.sendto(data, target)
-            except OSError:
-                # A vehicle that is off shows as silent: time decides, not the socket.
-                continue
+    def send(self, data: bytes, target: Origin) -> None:
+        """Send a datagram."""
+        try:
+            self.socket.sendto(data, target)
+        except OSError:
+            # A vehicle that is off shows as silent: time decides, not the socket.
+            return
+
+
+@dataclass(frozen=True, slots=True)
+class _Home:
+    """Where a vehicle is reached."""
+
+    link: _Link
+    origin: Origin
 
 
 class Network:
@@ -105,6 +114,12 @@ class Network:
     connections
         ``udpin:HOST:PORT`` (or ``udp:``) waits for vehicles, ``udpout:HOST:PORT`` calls
         one. Any number of vehicles may share a link; they differ in system id.
+    systems
+        System ids of the vehicles; others are not listened to.
+    key
+        Signing key of 32 bytes; None: messages are not signed.
+    clock
+        The wall's, if None.
 
     Raises
     ------
@@ -112,13 +127,29 @@ class Network:
         If a connection is not worded so, or cannot be opened.
     """
 
-    def __init__(self, connections: Sequence[str]) -> None:
+    def __init__(
+        self,
+        connections: Sequence[str],
+        systems: Iterable[int],
+        *,
+        key: bytes | None = None,
+        clock: Clock | None = None,
+    ) -> None:
         if not connections:
             raise UsageError(
                 "no connection; give one, for instance udpin:0.0.0.0:14550"
             )
+        self.clock = clock or WallClock()
+        self.claims: dict[int, tuple[Origin, Origin]] = {}
+        """Ids that two addresses claim: the vehicle's and the other's."""
+        self.untrusted: set[int] = set()
+        """Ids that were heard without the signature that is asked for."""
+        self._systems = frozenset(systems)
+        self._codec = Codec(key)
         self._links: list[_Link] = []
-        self._home: dict[int, _Link] = {}
+        self._homes: dict[int, _Home] = {}
+        self._framers: dict[tuple[_Link, Origin], Framer] = {}
+        self._sealed = False
         self._spoke = -HEARTBEAT_PERIOD
         try:
             for text in connections:
@@ -143,11 +174,54 @@ class Network:
         for link in self._links:
             link.socket.close()
 
-    def poll(self, now: float, wait: float) -> list[Received]:
-        """Wait up to ``wait`` [s] for messages; keep the own heartbeat going."""
+    def seal(self) -> None:
+        """Listen to the vehicles' addresses alone from now on."""
+        self._sealed = True
+        known = {(home.link, home.origin) for home in self._homes.values()}
+        self._framers = {
+            place: framer for place, framer in self._framers.items() if place in known
+        }
+
+    def poll(self, span: float) -> list[Received]:
+        """Wait up to ``span`` [s] for messages; keep the own heartbeat going.
+
+        Reads a bounded number of datagrams, so that a flood takes nobody's turn.
+        """
+        now = self.clock.now()
         if now - self._spoke >= HEARTBEAT_PERIOD:
             self._spoke = now
-            beat = dialect.MAVLink_heartbeat_message(
+            self._beat()
+        by_socket = {link.socket: link for link in self._links}
+        found: list[Received] = []
+        for readable in self.clock.wait(list(by_socket), span):
+            link = by_socket[readable]
+            for _ in range(AT_A_TIME):
+                datagram = link.receive()
+                if datagram is None:
+                    break
+                found.extend(self._messages(link, *datagram))
+        return found
+
+    def send(self, message: Any, system: int) -> None:  # noqa: ANN401
+        """Send ``message`` to the vehicle ``system``; to nothing but it."""
+        home = self._homes.get(system)
+        if home is not None:
+            home.link.send(self._codec.pack(message), home.origin)
+
+    def claim(self, system: int) -> str:
+        """Say which two addresses claim the id ``system``; empty: not two."""
+        if system not in self.claims:
+            return ""
+        first, second = (f"{host}:{port}" for host, port in self.claims[system])
+        return (
+            f"two vehicles speak as system {system}, {first} and {second}: give each "
+            "its own number, and one link only"
+        )
+
+    def _beat(self) -> None:
+        """Send the own heartbeat to every vehicle, and to what waits for a call."""
+        data = self._codec.pack(
+            dialect.MAVLink_heartbeat_message(
                 dialect.MAV_TYPE_GCS,
                 dialect.MAV_AUTOPILOT_INVALID,
                 0,
@@ -155,23 +229,50 @@ class Network:
                 dialect.MAV_STATE_ACTIVE,
                 3,
             )
-            for link in self._links:
-                link.send(beat, None)
-        sockets = {link.socket: link for link in self._links}
-        ready, _, _ = select.select(list(sockets), [], [], max(wait, 0.0))
+        )
+        targets = {(home.link, home.origin) for home in self._homes.values()}
+        targets |= {(link, link.called) for link in self._links if link.called}
+        for link, origin in targets:
+            link.send(data, origin)
+
+    def _messages(self, link: _Link, data: bytes, origin: Origin) -> list[Received]:
+        """Messages of the vehicles in a datagram."""
+        framer = self._framers.get((link, origin))
+        if framer is None:
+            if self._sealed or (link.called and origin[0] != link.called[0]):
+                return []
+            framer = self._listened(link, origin)
         found = []
-        for readable in ready:
-            link = sockets[readable]
-            for item in link.receive():
-                self._home[item.sender.system] = link
-                found.append(item)
+        for message, frame in framer.feed(data):
+            sender = Address(message.get_srcSystem(), message.get_srcComponent())
+            if sender.system not in self._systems:
+                continue
+            if not self._codec.trusted(frame):
+                self.untrusted.add(sender.system)
+            elif self._at_home(sender, link, origin):
+                found.append(Received(sender, message))
         return found
 
-    def send(self, message: Any, system: int) -> None:  # noqa: ANN401
-        """Send ``message`` to the vehicle ``system``."""
-        home = self._home.get(system)
-        for link in self._links if home is None else [home]:
-            link.send(message, system)
+    def _listened(self, link: _Link, origin: Origin) -> Framer:
+        """Listen to an address that is new."""
+        homes = {(home.link, home.origin) for home in self._homes.values()}
+        strangers = [place for place in self._framers if place not in homes]
+        if len(strangers) >= STRANGERS:
+            del self._framers[strangers[0]]
+        framer = self._framers[link, origin] = Framer(self._codec)
+        return framer
+
+    def _at_home(self, sender: Address, link: _Link, origin: Origin) -> bool:
+        """Return whether the vehicle's own address sent a message."""
+        here = _Home(link, origin)
+        home = self._homes.get(sender.system)
+        if home is None and sender.component == AUTOPILOT_COMPONENT:
+            home = self._homes[sender.system] = here
+        if home is None or home == here:
+            return home is not None
+        if sender.component == AUTOPILOT_COMPONENT:
+            self.claims.setdefault(sender.system, (home.origin, origin))
+        return False
 
 
 def _parsed(text: str) -> tuple[str, str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -147,7 +146,9 @@ def stream_show(
     show = read_log(log)
     plan = stream_plan(show, drones)
     epoch = int(show.metadata.get("epoch_ns", "0"))
-    with Network(connections) as network:
+    systems = options.systems or {}
+    numbers = [systems.get(drone + 1, drone + 1) for drone in plan.drones]
+    with Network(connections, numbers) as network:
         conductor = _Conductor(plan, network, options, progress, clock or Clock())
         if flown is None:
             return conductor.run(None)
@@ -337,7 +338,7 @@ class _Conductor:
     def _listen(self, span: float) -> float:
         """Take messages for up to ``span`` [s]; return the time."""
         wait = self.clock.wall(max(span, 0.0))
-        for received in self.network.poll(time.monotonic(), wait):
+        for received in self.network.poll(wait):
             pilot = self.by_system.get(received.sender.system)
             if pilot is None or received.sender.component != 1:
                 continue

@@ -1,8 +1,13 @@
-"""The MAVLink mission protocol, without sockets: put a mission on, read it back.
+"""Parameters and a mission onto one vehicle and read back, without sockets.
 
 A transfer is fed with the messages of one vehicle and with the time, and hands out the
 messages to send. It ends with what the vehicle holds equal to what was sent, or with
 the reason why not.
+
+Links lose and delay. What the vehicle is asked is repeated until it answers. The items
+of a mission are never repeated on our own account: the vehicle asks for each, and asks
+again after a second. A copy that crosses such a repetition is answered with
+``MAV_MISSION_INVALID_SEQUENCE`` and does no harm.
 """
 
 from __future__ import annotations
@@ -12,33 +17,118 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from showc.vehicle_link.wire import WireItem, difference
+from showc.vehicle_link.wire import WireItem, difference, single
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from showc.vehicle_link.network import Address
 
-PATIENCE = 0.6
-"""Time without an answer after which a message is sent again [s]."""
+PATIENCE = 2.0
+"""Time without an answer after which a question is put again [s]: twice as long as a
+link with half a second of delay each way needs."""
 
-ATTEMPTS = 10
-"""How often a message is sent before the vehicle counts as silent."""
+IMPATIENCE = 1.5
+"""Factor by which patience grows with every repetition."""
+
+LONGEST_PATIENCE = 8.0
+"""Where it ends [s]."""
+
+ATTEMPTS = 6
+"""How often a question is put before the vehicle counts as silent: 32 s in all."""
+
+ASKS_AGAIN = 3.0
+"""ArduPilot asks for a missing item again after 1 s; none for this long [s] after the
+last item means that it has them all, and that its word of it was lost."""
+
+GIVES_UP = 9.0
+"""ArduPilot gives an upload up after 8 s without an item [s]."""
+
+AT_A_TIME = 8
+"""Questions that ArduPilot is asked before it answers the first: it answers each one by
+itself, and queues 20. Other autopilots are asked one by one."""
+
+RUNS = 3
+"""How often a transfer is begun before it has failed."""
+
+PAUSE = 2.0
+"""Time before it is begun again [s]."""
+
+HARMLESS = {dialect.MAV_MISSION_INVALID_SEQUENCE}
+"""Answers that say nothing: a second copy of an item came."""
+
+PASSING = {
+    dialect.MAV_MISSION_OPERATION_CANCELLED,
+    dialect.MAV_MISSION_DENIED,
+    dialect.MAV_MISSION_ERROR,
+}
+"""Answers after which a new beginning may help: the vehicle gave up, is busy with
+another upload, or had not started up yet."""
+
+
+def result_name(enumeration: str, value: int) -> str:
+    """Return the name of a result such as ``MAV_MISSION_RESULT`` 3, known or not."""
+    entry = dialect.enums[enumeration].get(value)
+    return f"unknown {enumeration} {value}" if entry is None else str(entry.name)
 
 
 class State(Enum):
     """What a transfer is doing."""
 
     WAITING = "waiting"
-    SENDING = "sending"
+    PAUSING = "pausing before a new beginning"
+    WRITING = "writing parameters"
+    CHECKING = "reading parameters back"
+    SENDING = "sending the mission"
     COUNTING = "asking how many items there are"
-    READING = "reading back"
+    READING = "reading the mission back"
     DONE = "holds its mission"
     FAILED = "failed"
 
 
+class _Questions:
+    """Questions put until each is answered, some at a time.
+
+    Parameters
+    ----------
+    keys
+        What is asked for.
+    ask
+        Message that asks for a key.
+    at_a_time
+        How many may be open.
+    """
+
+    def __init__(
+        self, keys: Sequence[Any], ask: Callable[[Any], Any], at_a_time: int
+    ) -> None:
+        self.open = list(keys)
+        self.exhausted: Any = None
+        self._ask, self._at_a_time = ask, at_a_time
+        self._asked: dict[Any, tuple[int, float]] = {}
+
+    def answered(self, key: object) -> None:
+        """Close a question."""
+        self.open.remove(key)
+
+    def due(self, now: float) -> list[Any]:
+        """Return what is to be asked now; notes a key that was asked too often."""
+        out = []
+        for key in self.open[: self._at_a_time]:
+            times, when = self._asked.get(key, (0, now))
+            if now < when:
+                continue
+            if times >= ATTEMPTS:
+                self.exhausted = key
+                return []
+            patience = min(PATIENCE * IMPATIENCE**times, LONGEST_PATIENCE)
+            self._asked[key] = times + 1, now + patience
+            out.append(self._ask(key))
+        return out
+
+
 class Transfer:
-    """Puts one mission onto one vehicle and reads it back.
+    """Puts parameters and a mission onto one vehicle and reads them back.
 
     Parameters
     ----------
@@ -48,22 +138,32 @@ class Transfer:
         The mission, item 0 first.
     autopilot
         Whose dialect it is; decides what may read back differently.
+    parameters
+        Value by name, written before the mission.
     """
 
     def __init__(
-        self, vehicle: Address, items: Sequence[WireItem], autopilot: str
+        self,
+        vehicle: Address,
+        items: Sequence[WireItem],
+        autopilot: str,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         self.vehicle = vehicle
         self.items = tuple(items)
         self.autopilot = autopilot
+        self.parameters = {
+            name: single(value) for name, value in (parameters or {}).items()
+        }
         self.state = State.WAITING
         self.reason = ""
-        self.sent = 0
-        self.held: dict[int, WireItem] = {}
-        self._outbox: list[Any] = []
-        self._last: Any = None
-        self._tries = 0
+        self.runs = 0
         self._heard = 0.0
+        self._sent = 0
+        self._outbox: list[Any] = []
+        self._questions = _Questions([], lambda key: key, 1)
+        self._told: dict[str, float] = {}
+        self._refusal = ""
 
     @property
     def over(self) -> bool:
@@ -76,24 +176,43 @@ class Transfer:
         return self.state is not State.WAITING and not self.over
 
     @property
+    def steps(self) -> int:
+        """Answers that the vehicle has to give in all."""
+        return 2 * (len(self.parameters) + len(self.items))
+
+    @property
     def progress(self) -> int:
-        """Items sent and read back so far."""
-        return self.sent + len(self.held)
+        """How many of them it has given in this run."""
+        parameters, items = len(self.parameters), len(self.items)
+        done = {
+            State.CHECKING: parameters,
+            State.SENDING: 2 * parameters + self._sent,
+            State.COUNTING: 2 * parameters + items,
+            State.READING: 2 * parameters + items,
+            State.DONE: self.steps,
+        }.get(self.state, 0)
+        asking = {
+            State.WRITING: parameters,
+            State.CHECKING: parameters,
+            State.READING: items,
+        }.get(self.state)
+        return done if asking is None else done + asking - len(self._questions.open)
 
     def start(self, now: float) -> None:
-        """Announce the mission."""
-        self.state = State.SENDING
-        self._say(
-            dialect.MAVLink_mission_count_message(
-                *self.vehicle, len(self.items), dialect.MAV_MISSION_TYPE_MISSION
-            ),
-            now,
-        )
+        """Begin, or begin again."""
+        self.runs += 1
+        self._sent, self._told, self._refusal = 0, {}, ""
+        self._heard = now
+        if self.parameters:
+            self.state = State.WRITING
+            self._put(list(self.parameters), self._set_parameter)
+        else:
+            self._send_mission()
 
-    def give_up(self, reason: str) -> None:
-        """End a transfer that has not begun."""
-        if self.state is State.WAITING:
-            self._fail(reason)
+    def refuse(self, reason: str) -> None:
+        """End the transfer for good."""
+        if not self.over:
+            self.state, self.reason = State.FAILED, reason
 
     def take_outbox(self) -> list[Any]:
         """Return the messages to send, once."""
@@ -101,47 +220,118 @@ class Transfer:
         return out
 
     def tick(self, now: float) -> None:
-        """Send again what was not answered, and give up in the end."""
+        """Ask, ask again, and give up in the end."""
         if not self.busy:
             return
-        if now - self._heard < PATIENCE:
+        quiet = now - self._heard
+        if self.state is State.PAUSING:
+            if quiet >= PAUSE:
+                self.start(now)
             return
-        if self._tries >= ATTEMPTS:
-            self._fail(f"no answer while {self.state.value}")
+        if self.state is State.SENDING and self._sent:
+            if self._sent == len(self.items) and quiet > ASKS_AGAIN:
+                self._count()
+            elif quiet > GIVES_UP:
+                self._again("stopped asking for items", now)
             return
-        self._tries += 1
-        self._heard = now
-        self._outbox.append(self._last)
+        self._outbox += self._questions.due(now)
+        if self._questions.exhausted is not None:
+            self._again(self._unanswered(), now)
 
     def handle(self, message: Any, now: float) -> None:  # noqa: ANN401
         """Take a message of the vehicle."""
         kind = message.get_type()
-        if getattr(message, "mission_type", 0) != dialect.MAV_MISSION_TYPE_MISSION:
+        if kind == "HEARTBEAT":
+            if message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED:
+                self.refuse("is armed; missions are loaded on the ground, disarmed")
+        elif kind == "PARAM_VALUE":
+            self._parameter(message)
+        elif getattr(message, "mission_type", 0) != dialect.MAV_MISSION_TYPE_MISSION:
             return
-        if self.state is State.SENDING:
-            if kind in {"MISSION_REQUEST", "MISSION_REQUEST_INT"}:
+        elif kind in {"MISSION_REQUEST", "MISSION_REQUEST_INT"}:
+            if self.state in {State.SENDING, State.COUNTING}:
                 self._answer(int(message.seq), now)
-            elif kind == "MISSION_ACK":
-                self._acknowledged(int(message.type), now)
-        elif self.state is State.COUNTING and kind == "MISSION_COUNT":
+        elif kind == "MISSION_ACK":
+            self._acknowledged(int(message.type), now)
+        elif kind == "MISSION_COUNT" and self.state is State.COUNTING:
             self._counted(int(message.count), now)
-        elif self.state is State.READING and kind == "MISSION_ITEM_INT":
-            self._read(message, now)
+        elif kind == "MISSION_ITEM_INT" and self.state is State.READING:
+            self._read(message)
 
-    def _say(self, message: Any, now: float) -> None:  # noqa: ANN401
-        self._outbox.append(message)
-        self._last, self._tries, self._heard = message, 1, now
+    def _put(self, keys: list[Any], ask: Callable[[Any], Any]) -> None:
+        at_a_time = AT_A_TIME if self.autopilot == "ardupilot" else 1
+        self._questions = _Questions(keys, ask, at_a_time)
 
-    def _fail(self, reason: str) -> None:
-        self.state, self.reason = State.FAILED, reason
+    def _again(self, reason: str, now: float) -> None:
+        """Begin again after a pause, or give up."""
+        if self.runs >= RUNS:
+            self.refuse(reason)
+        else:
+            self.state, self._heard = State.PAUSING, now
+
+    def _unanswered(self) -> str:
+        """Say what the vehicle did not answer."""
+        key = self._questions.exhausted
+        if self.state in {State.WRITING, State.CHECKING}:
+            if key in self._told:
+                wanted, held = self.parameters[key], self._told[key]
+                return f"holds parameter {key} = {held:g} instead of {wanted:g}"
+            return f"does not answer for parameter {key}: silent, or it has none such"
+        return self._refusal or f"no answer while {self.state.value}"
+
+    # --- parameters -----------------------------------------------------------------
+
+    def _set_parameter(self, name: str) -> Any:  # noqa: ANN401
+        return dialect.MAVLink_param_set_message(
+            *self.vehicle,
+            name.encode(),
+            self.parameters[name],
+            dialect.MAV_PARAM_TYPE_REAL32,
+        )
+
+    def _read_parameter(self, name: str) -> Any:  # noqa: ANN401
+        return dialect.MAVLink_param_request_read_message(
+            *self.vehicle, name.encode(), -1
+        )
+
+    def _parameter(self, message: Any) -> None:  # noqa: ANN401
+        name, value = str(message.param_id), float(message.param_value)
+        writing = self.state is State.WRITING
+        if name not in self._questions.open or not (
+            writing or self.state is State.CHECKING
+        ):
+            return
+        self._told[name] = value
+        if value != self.parameters[name]:
+            return
+        self._questions.answered(name)
+        if self._questions.open:
+            return
+        if writing:
+            self.state, self._told = State.CHECKING, {}
+            self._put(list(self.parameters), self._read_parameter)
+        else:
+            self._send_mission()
+
+    # --- the mission ----------------------------------------------------------------
+
+    def _send_mission(self) -> None:
+        self.state = State.SENDING
+        self._put(
+            ["count"],
+            lambda _: dialect.MAVLink_mission_count_message(
+                *self.vehicle, len(self.items), dialect.MAV_MISSION_TYPE_MISSION
+            ),
+        )
 
     def _answer(self, sequence: int, now: float) -> None:
         if not 0 <= sequence < len(self.items):
-            self._fail(f"asked for item {sequence} of {len(self.items)}")
+            self.refuse(f"asked for item {sequence} of {len(self.items)}")
             return
-        self.sent = max(self.sent, sequence + 1)
+        self.state, self._heard = State.SENDING, now
+        self._sent = max(self._sent, sequence + 1)
         item = self.items[sequence]
-        self._say(
+        self._outbox.append(
             dialect.MAVLink_mission_item_int_message(
                 *self.vehicle,
                 item.sequence,
@@ -154,47 +344,55 @@ class Transfer:
                 item.y,
                 item.z,
                 dialect.MAV_MISSION_TYPE_MISSION,
-            ),
-            now,
+            )
         )
 
     def _acknowledged(self, result: int, now: float) -> None:
-        if result != dialect.MAV_MISSION_ACCEPTED:
-            names = dialect.enums["MAV_MISSION_RESULT"]
-            name = names[result].name if result in names else str(result)
-            self._fail(f"refused: {name} at item {max(self.sent - 1, 0)}")
+        if self.state not in {State.SENDING, State.COUNTING} or result in HARMLESS:
             return
-        if self.sent < len(self.items):
-            # An answer to an earlier transfer, or to nothing.
+        if result == dialect.MAV_MISSION_ACCEPTED:
+            # With items missing it answers an earlier upload, or nothing.
+            if self.state is State.SENDING and self._sent == len(self.items):
+                self._count()
             return
+        name = result_name("MAV_MISSION_RESULT", result)
+        refusal = f"refused: {name} at item {max(self._sent - 1, 0)}"
+        if self.state is State.COUNTING and result == dialect.MAV_MISSION_DENIED:
+            # It still waits for an item, and will ask for it.
+            self._refusal = refusal
+        elif result in PASSING or (
+            result == dialect.MAV_MISSION_NO_SPACE and self._sent == 0
+        ):
+            self._again(refusal, now)
+        else:
+            self.refuse(refusal)
+
+    def _count(self) -> None:
         self.state = State.COUNTING
-        self._say(
-            dialect.MAVLink_mission_request_list_message(
+        self._put(
+            ["list"],
+            lambda _: dialect.MAVLink_mission_request_list_message(
                 *self.vehicle, dialect.MAV_MISSION_TYPE_MISSION
             ),
-            now,
         )
 
     def _counted(self, count: int, now: float) -> None:
         if count != len(self.items):
-            self._fail(f"holds {count} items instead of {len(self.items)}")
+            self._again(f"holds {count} items instead of {len(self.items)}", now)
             return
         self.state = State.READING
-        self._ask(0, now)
-
-    def _ask(self, sequence: int, now: float) -> None:
-        self._say(
-            dialect.MAVLink_mission_request_int_message(
+        self._put(
+            list(range(count)),
+            lambda sequence: dialect.MAVLink_mission_request_int_message(
                 *self.vehicle, sequence, dialect.MAV_MISSION_TYPE_MISSION
             ),
-            now,
         )
 
-    def _read(self, message: Any, now: float) -> None:  # noqa: ANN401
+    def _read(self, message: Any) -> None:  # noqa: ANN401
         sequence = int(message.seq)
-        if sequence != len(self.held):
+        if sequence not in self._questions.open:
             return
-        self.held[sequence] = WireItem(
+        held = WireItem(
             sequence,
             int(message.frame),
             int(message.command),
@@ -203,12 +401,12 @@ class Transfer:
             int(message.y),
             float(message.z),
         )
-        found = difference(self.items[sequence], self.held[sequence], self.autopilot)
+        found = difference(self.items[sequence], held, self.autopilot)
         if found:
-            self._fail(f"item {sequence} reads back with {found}")
-        elif len(self.held) < len(self.items):
-            self._ask(len(self.held), now)
-        else:
+            self.refuse(f"item {sequence} reads back with {found}")
+            return
+        self._questions.answered(sequence)
+        if not self._questions.open:
             self.state = State.DONE
             self._outbox.append(
                 dialect.MAVLink_mission_ack_message(

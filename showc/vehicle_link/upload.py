@@ -1,36 +1,38 @@
-"""Put the missions of a fleet onto its vehicles, and keep a record of who has what."""
+"""Put the missions of a fleet onto its vehicles, and keep a record of what each has."""
 
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
 from showc.progress import Silent
+from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.folder import read_fleet
-from showc.vehicle_link.network import Address, Network
-from showc.vehicle_link.transfer import State, Transfer
+from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address, Network
+from showc.vehicle_link.transfer import RUNS, State, Transfer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from showc.progress import Progress
+    from showc.vehicle_link.clock import Clock
     from showc.vehicle_link.folder import FleetFolder, FleetMission
 
 SILENT = Silent()
-
-AUTOPILOT_COMPONENT = 1
-"""Component id of an autopilot."""
 
 LAST_SYSTEM = 250
 """Greatest system id of a vehicle; the rest is for ground stations."""
 
 AT_ONCE = 20
 """Vehicles that are written to at the same time."""
+
+LISTENING = 1.5
+"""Time between the first word of a vehicle and the first to it [s]: longer than the
+second between heartbeats, so that another one with its system id is noticed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +49,17 @@ class VehicleRecord:
     """Hash of that file."""
     items: int
     """Items of the mission."""
+    parameters: int
+    """Parameters that were written and read back."""
     holds: bool
-    """Whether the vehicle read back exactly what was sent."""
+    """Whether it read back exactly what was sent, parameters and mission."""
     reason: str
     """Why not."""
 
 
 @dataclass(frozen=True, slots=True)
 class UploadReport:
-    """Who has which file."""
+    """Which vehicle has which file."""
 
     fleet: str
     """The compile that the missions belong to."""
@@ -79,18 +83,36 @@ class UploadReport:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class UploadOptions:
+    """How missions are loaded."""
+
+    timeout: float = 30.0
+    """Time in which a vehicle must show up [s]."""
+    systems: Mapping[int, int] | None = None
+    """MAVLink system id of a drone (counting from 1) where it is not its number."""
+    parameters: bool = True
+    """Whether the parameters beside the missions are written and read back too."""
+    missing: bool = False
+    """Only vehicles that do not hold their mission by the record."""
+    key: bytes | None = None
+    """Signing key of 32 bytes; None: messages are not signed."""
+
+
 def upload_missions(
     folder: Path,
     *,
     connections: Sequence[str],
     drones: Sequence[int] | None = None,
-    systems: Mapping[int, int] | None = None,
     audit: Path | None = None,
-    timeout: float = 30.0,
+    options: UploadOptions | None = None,
     progress: Progress = SILENT,
-    clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    clock: Clock | None = None,
 ) -> UploadReport:
-    """Upload the missions in ``folder``, read them back and compare.
+    """Load missions and parameters in ``folder``, read them back and compare.
+
+    A vehicle is the address at which its system id is first heard. An id that is heard
+    from two addresses is refused.
 
     Parameters
     ----------
@@ -100,16 +122,14 @@ def upload_missions(
         Links to the vehicles, see :class:`showc.vehicle_link.network.Network`.
     drones
         Which drones, counting from 1; None: all.
-    systems
-        MAVLink system id of a drone where it is not the drone's number.
     audit
         File that keeps the record of this and all former uploads; None: no record.
-    timeout
-        Time in which a vehicle must show up first [s].
+    options
+        Patience, system ids, signing key.
     progress
-        Told of every item.
+        Notified of every answer of a vehicle.
     clock
-        UTC for the record.
+        The wall's, if None.
 
     Raises
     ------
@@ -118,26 +138,45 @@ def upload_missions(
         be opened, or the record cannot be written. Vehicles that fail are in the
         report, not raised.
     """
+    options = options or UploadOptions()
     fleet = read_fleet(folder)
-    chosen = _chosen(fleet, drones)
-    vehicles = _systems(chosen, systems or {})
     former = [] if audit is None else _former(audit)
+    chosen = _chosen(fleet, drones)
+    if options.missing:
+        holding = _holding(fleet, former)
+        chosen = [mission for mission in chosen if mission.drone not in holding]
+    vehicles = _systems(chosen, options.systems or {})
     transfers = {
         mission: Transfer(
-            Address(system, AUTOPILOT_COMPONENT), mission.items, fleet.autopilot
+            Address(system, AUTOPILOT_COMPONENT),
+            mission.items,
+            fleet.autopilot,
+            fleet.parameters if options.parameters else {},
         )
         for mission, system in zip(chosen, vehicles, strict=True)
     }
-    with Network(connections) as network:
-        _run(network, list(transfers.values()), timeout, progress)
+    with Network(
+        connections, vehicles, key=options.key, clock=clock or WallClock()
+    ) as network:
+        _run(network, list(transfers.values()), options.timeout, progress)
     report = UploadReport(
         fleet.token,
-        clock().astimezone(UTC).isoformat(timespec="seconds"),
+        datetime.now(UTC).isoformat(timespec="seconds"),
         tuple(_record(mission, transfer) for mission, transfer in transfers.items()),
     )
     if audit is not None:
         _write(audit, {"uploads": [*former, report.to_json()]})
     return report
+
+
+def _holding(fleet: FleetFolder, former: Sequence[Any]) -> set[int]:
+    """Drones that hold their mission of this compile by the record's last word."""
+    holds: dict[int, bool] = {}
+    for upload in former:
+        for vehicle in upload["vehicles"]:
+            same = upload["fleet"] == fleet.token
+            holds[int(vehicle["drone"])] = bool(same and vehicle["holds"])
+    return {drone for drone, held in holds.items() if held}
 
 
 def _chosen(fleet: FleetFolder, drones: Sequence[int] | None) -> list[FleetMission]:
@@ -171,30 +210,48 @@ def _run(
     network: Network, transfers: list[Transfer], timeout: float, progress: Progress
 ) -> None:
     """Pump messages until every transfer is over."""
-    progress.stage("upload", 2 * sum(len(transfer.items) for transfer in transfers))
+    progress.stage("upload", sum(transfer.steps for transfer in transfers))
     by_system = {transfer.vehicle.system: transfer for transfer in transfers}
-    begun = time.monotonic()
-    done = 0
+    heard: dict[int, float] = {}
+    begun = network.clock.now()
+    shown = 0
     while not all(transfer.over for transfer in transfers):
-        now = time.monotonic()
-        for received in network.poll(now, 0.02):
-            transfer = by_system.get(received.sender.system)
-            if transfer is None or received.sender.component != AUTOPILOT_COMPONENT:
-                continue
-            if transfer.state is not State.WAITING:
-                transfer.handle(received.message, now)
-            elif sum(other.busy for other in transfers) < AT_ONCE:
-                transfer.start(now)
-        if now - begun > timeout and not any(other.busy for other in transfers):
-            for transfer in transfers:
-                transfer.give_up(f"not heard within {timeout:g} s")
+        received = network.poll(0.02)
+        now = network.clock.now()
+        for item in received:
+            if item.sender.component == AUTOPILOT_COMPONENT:
+                heard.setdefault(item.sender.system, now)
+                by_system[item.sender.system].handle(item.message, now)
         for transfer in transfers:
+            system = transfer.vehicle.system
+            if network.claim(system):
+                transfer.refuse(network.claim(system))
+            elif system not in heard and now - begun > timeout:
+                transfer.refuse(_unheard(network, system, timeout))
+            elif (
+                transfer.state is State.WAITING
+                and now - heard.get(system, now) > LISTENING
+                and sum(other.busy for other in transfers) < AT_ONCE
+            ):
+                transfer.start(now)
+            runs = transfer.runs
             transfer.tick(now)
+            if transfer.runs > max(runs, 1):
+                progress.note(f"system {system}: run {transfer.runs} of {RUNS}")
             for message in transfer.take_outbox():
-                network.send(message, transfer.vehicle.system)
+                network.send(message, system)
         count = sum(transfer.progress for transfer in transfers)
-        progress.advance(count - done)
-        done = count
+        progress.advance(max(count - shown, 0))
+        shown = max(count, shown)
+
+
+def _unheard(network: Network, system: int, timeout: float) -> str:
+    if system in network.untrusted:
+        return (
+            "sends no right signature for this key; load the key onto the vehicle, or "
+            "leave --signing-key out"
+        )
+    return f"not heard within {timeout:g} s"
 
 
 def _record(mission: FleetMission, transfer: Transfer) -> VehicleRecord:
@@ -204,6 +261,7 @@ def _record(mission: FleetMission, transfer: Transfer) -> VehicleRecord:
         mission.name,
         mission.digest,
         len(mission.items),
+        len(transfer.parameters),
         transfer.state is State.DONE,
         transfer.reason,
     )

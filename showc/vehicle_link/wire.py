@@ -85,6 +85,30 @@ def _parse_row(line: str, number: int, where: str) -> WireItem:
     )
 
 
+def parse_parameters(content: bytes, path: str) -> dict[str, float]:
+    """Read a ``.parm`` file: value by name.
+
+    Raises
+    ------
+    UsageError
+        If a line is neither a comment nor ``NAME,VALUE``; names the line.
+    """
+    found: dict[str, float] = {}
+    lines = content.decode("ascii", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
+        fields = line.partition("#")[0].replace(",", " ").split()
+        if not fields:
+            continue
+        try:
+            name, value = fields
+            found[name] = float(value)
+        except ValueError:
+            raise UsageError(
+                f"{path}:{number}: is not a parameter; wanted NAME,VALUE"
+            ) from None
+    return found
+
+
 def difference(sent: WireItem, held: WireItem, autopilot: str) -> str:
     """Say what a vehicle holds differently from what was sent; empty: nothing.
 

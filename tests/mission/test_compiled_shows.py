@@ -6,9 +6,7 @@ decimal, to its last digit.
 """
 
 import json
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from mission.conftest import free_port
 from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from repository import SHOWS
-from vehicle_link.vehicle import Vehicle
+from vehicle_link.vehicle import Vehicle, World
 
 from showc.script import load_show
 from showc.vehicle_link.upload import upload_missions
@@ -28,7 +26,6 @@ pytestmark = pytest.mark.slow
 KEEPS_EVERYTHING = dialect.MAV_AUTOPILOT_PX4
 """As the tests' own vehicle plays it."""
 
-NOW = datetime(2026, 6, 1, 19, 30, tzinfo=UTC)
 HEADER = "QGC WPL 110"
 FENCE_CORNER, RALLY_POINT = 5001, 5100
 DEGREE = Decimal(10_000_000)
@@ -185,22 +182,16 @@ def test_fences_and_rally_points_come_back_from_mavsdks_vehicle(fleet, link):
 
 def test_all_missions_go_to_a_whole_fleet_at_once(fleet):
     """Our own uploader, to as many vehicles as there are drones."""
-    vehicles = [
-        Vehicle(0, drone, autopilot=KEEPS_EVERYTHING)
-        for drone in range(1, fleet.drones + 1)
-    ]
-    # Bound first, so that none of a hundred takes the port that is then found free.
-    for vehicle in vehicles:
-        vehicle.socket.bind(("127.0.0.1", 0))
     port = free_port()
-    with ExitStack() as stack:
-        for vehicle in vehicles:
-            vehicle.station = ("127.0.0.1", port)
-            stack.enter_context(vehicle)
+    with World() as world:
+        vehicles = [
+            world.add(Vehicle(port, drone, autopilot=KEEPS_EVERYTHING))
+            for drone in range(1, fleet.drones + 1)
+        ]
         report = upload_missions(
             fleet.waypoints[0].parents[1],
             connections=[f"udpin:127.0.0.1:{port}"],
-            clock=lambda: NOW,
+            clock=world,
         )
     assert report.complete, [vehicle.reason for vehicle in report.vehicles]
     for vehicle, path in zip(vehicles, fleet.waypoints, strict=True):

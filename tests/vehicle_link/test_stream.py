@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mission.flights import hop_flight
-from vehicle_link.vehicle import Faults, Vehicle
+from vehicle_link.threaded_vehicle import Faults, Vehicle
 
 from showc.errors import DamagedFileError, UsageError
 from showc.log.writer import write_log
