@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, current_thread, main_thread
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -39,6 +39,53 @@ def undisturbed() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class OutOfTimeError(BaseException):
+    """Work takes more processor time than it was given.
+
+    No ``Exception``, for libraries that take every exception for a damaged file would
+    go on with what takes so long.
+    """
+
+
+@contextmanager
+def processor_time(most: float) -> Iterator[None]:
+    """Do work for a limited time.
+
+    Only the main thread of a process can be held to it, on systems with timers of
+    processor time; elsewhere, and inside another such limit, the work goes on.
+
+    Parameters
+    ----------
+    most
+        Processor time of the whole process from here on [s].
+
+    Raises
+    ------
+    OutOfTimeError
+        In the middle of the work, when its time is over.
+    """
+    limited = (
+        hasattr(signal, "setitimer")
+        and current_thread() is main_thread()
+        and signal.getitimer(signal.ITIMER_PROF)[0] == 0.0
+    )
+    if not limited:
+        yield
+        return
+
+    def end(number: int, frame: object) -> None:
+        del number, frame
+        raise OutOfTimeError
+
+    before = signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, most)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 class _Guard:

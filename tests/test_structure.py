@@ -10,10 +10,11 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "showc"
 
 # What each part may import, besides itself and third-party libraries.
-FOUNDATION = {"errors", "_version", "processes", "progress", "trajectory"}
+FOUNDATION = {"errors", "_version", "files", "processes", "progress", "trajectory"}
 MAY_IMPORT = {
     "_version": set(),
     "errors": set(),
+    "files": {"errors"},
     "processes": set(),
     "progress": set(),
     "trajectory": set(),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from showc.cli.console import outside_option
+
 FORMATS = ("text", "json", "sarif", "github", "junit")
 
 
@@ -30,6 +32,7 @@ FORMATS = ("text", "json", "sarif", "github", "junit")
     "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
 )
 @click.option("--ignore", multiple=True, metavar="CODE", help="Not these codes.")
+@outside_option
 @click.option("--exit-zero", is_flag=True, help="End with 0 whatever is found.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing when all is well.")
 def command(
@@ -39,6 +42,7 @@ def command(
     strict: bool,
     select: tuple[str, ...],
     ignore: tuple[str, ...],
+    allow_outside: bool,
     exit_zero: bool,
     quiet: bool,
 ) -> int:
@@ -60,7 +64,7 @@ def command(
     from showc.script.diagnostic import select_diagnostics
     from showc.script.render import render
 
-    results = [load_show(script) for script in scripts]
+    results = [load_show(script, allow_outside=allow_outside) for script in scripts]
     found = select_diagnostics(
         [diagnostic for result in results for diagnostic in result.diagnostics],
         select=select,

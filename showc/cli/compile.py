@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from showc.cli.console import outside_option
+
 if TYPE_CHECKING:
     from showc.pipeline.compile import Compiled
     from showc.script import LoadResult
@@ -83,6 +85,7 @@ class UtcTime(click.ParamType[datetime]):
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of solved transitions.  [default: showc in the user's cache folder]",
 )
+@outside_option
 @click.option(
     "--no-missions",
     is_flag=True,
@@ -100,6 +103,7 @@ def command(
     cluster: str | None,
     no_cache: bool,
     cache_dir: Path | None,
+    allow_outside: bool,
     no_missions: bool,
     strict: bool,
     as_json: bool,
@@ -139,6 +143,7 @@ def command(
         autopilot="px4" if autopilot == "px4" else "ardupilot",
         missions=not no_missions,
         strict=strict,
+        allow_outside=allow_outside,
     )
 
     def warn(result: LoadResult) -> None:

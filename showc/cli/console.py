@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from showc.progress import Progress
 
 
+outside_option = click.option(
+    "--allow-outside",
+    is_flag=True,
+    help="Read files outside the script's folder too, links followed.",
+)
+
+
 def colour_wanted(stream: Any) -> bool:  # noqa: ANN401 - any text stream
     """Whether ``stream`` should be written in colour.
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from showc.cli.console import outside_option
+
 
 @click.command(name="plan")
 @click.argument("script", metavar="SHOW.yaml")
@@ -16,13 +18,18 @@ import click
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of solved transitions, as for compile.",
 )
+@outside_option
 @click.option(
     "--detailed-exitcode",
     is_flag=True,
     help="End with 3 if compile would solve anything.",
 )
 def command(
-    script: str, as_json: bool, cache_dir: Path | None, detailed_exitcode: bool
+    script: str,
+    as_json: bool,
+    cache_dir: Path | None,
+    allow_outside: bool,
+    detailed_exitcode: bool,
 ) -> int:
     """Say what compile would solve and why, and bounds on each transition's time.
 
@@ -37,7 +44,7 @@ def command(
     from showc.script import load_show
     from showc.solve.options import SolveOptions
 
-    result = load_show(script)
+    result = load_show(script, allow_outside=allow_outside)
     if result.show is None:
         report(result, as_json=as_json)
         return result.exit_code(strict=False) or 1

@@ -50,6 +50,8 @@ class CompileOptions:
     """Whether to make mission files; without them the log alone can be streamed."""
     strict: bool = False
     """Whether warnings about the script forbid compiling it."""
+    allow_outside: bool = False
+    """Whether the script's files may lie outside its folder."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +101,7 @@ def compile_script(
     options = options or CompileOptions()
     watcher = progress or Silent()
     folder = folder_of(log)
-    result = load_show(script)
+    result = load_show(script, allow_outside=options.allow_outside)
     if result.show is None or result.exit_code(strict=options.strict):
         raise RejectedScriptError(result)
     if accepted is not None:

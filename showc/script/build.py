@@ -179,7 +179,9 @@ class Builder:
         groups = groups_of(settings, drones, self.reader)
         formations: dict[str, Formation] = {}
         if drones is not None:
-            gallery.counts |= needed_counts(settings, gallery, drones, groups)
+            gallery.counts |= needed_counts(
+                settings, gallery, drones, groups, self.parking
+            )
             formations = self._formations(gallery, drones, separation)
         pads = self.pads or "pads"
         sketch = Sketch(

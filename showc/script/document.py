@@ -18,12 +18,15 @@ from showc.script.show import Mark
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-MAX_BYTES = 16_000_000
+MAX_BYTES = 4_000_000
 """Largest script that is read [bytes]."""
-MAX_NODES = 1_000_000
-"""Most values a script may have once its aliases are written out."""
+MAX_NODES = 200_000
+"""Most values a script may have once its aliases are written out: at some 500 bytes
+each, they are a third of the memory that a check may take."""
 MAX_DEPTH = 40
 """Deepest nesting."""
+MAX_FOUND = 100
+"""Findings after which reading ends: more of them help to mend the first."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -63,16 +66,17 @@ class Entry:
 class Mapping:
     """Keys and values, in the order written, each key once."""
 
-    entries: tuple[Entry, ...]
+    entries: dict[str, Entry]
+    """By their keys."""
     mark: Mark
     size: int = 1
 
     def get(self, key: str) -> Entry | None:
         """Return the entry of a key, if it is there."""
-        return next((entry for entry in self.entries if entry.key == key), None)
+        return self.entries.get(key)
 
     def __iter__(self) -> Iterator[Entry]:
-        return iter(self.entries)
+        return iter(self.entries.values())
 
 
 Node = Scalar | Sequence | Mapping
@@ -157,10 +161,12 @@ def _decode(content: bytes, path: str) -> tuple[str, list[Diagnostic]]:
 def _tabs(text: str, path: str) -> list[Diagnostic]:
     if "\t" not in text:
         return []
-    found = []
+    found: list[Diagnostic] = []
     for number, line in enumerate(text.split("\n"), start=1):
         indent = line[: len(line) - len(line.lstrip())]
         if "\t" in indent and line.strip():
+            if len(found) == MAX_FOUND:
+                break
             column = indent.index("\t") + 1
             found.append(
                 _error(
@@ -190,6 +196,8 @@ class _Builder:
         try:
             for event in yaml.parse(text, Loader=_LOADER):
                 self._take(event)
+                if len(self.found) >= MAX_FOUND:
+                    return None
         except _RefusedError:
             return None
         except yaml.MarkedYAMLError as fault:
@@ -360,7 +368,7 @@ class _Builder:
         )
         node: Node
         if frame.mapping:
-            node = Mapping(tuple(frame.entries.values()), span, frame.size)
+            node = Mapping(frame.entries, span, frame.size)
         else:
             node = Sequence(tuple(frame.items), span, frame.size)
         self._place(node, frame.anchor)

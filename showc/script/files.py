@@ -2,22 +2,52 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from showc.files import OutsideFolderError, UnreadableFileError, inside, read_file
 from showc.script.formations.shape import FormationError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-MAX_INPUT_BYTES = 64_000_000
-"""Largest input file that is read [bytes]."""
+_MEGABYTE = 1_000_000
+MOST_BYTES = {
+    ".csv": 4 * _MEGABYTE,
+    ".tsv": 4 * _MEGABYTE,
+    ".txt": 4 * _MEGABYTE,
+    ".svg": 2 * _MEGABYTE,
+    ".png": 32 * _MEGABYTE,
+    ".jpg": 32 * _MEGABYTE,
+    ".jpeg": 32 * _MEGABYTE,
+    ".webp": 32 * _MEGABYTE,
+    ".gif": 32 * _MEGABYTE,
+    ".bmp": 32 * _MEGABYTE,
+    ".ttf": 32 * _MEGABYTE,
+    ".otf": 32 * _MEGABYTE,
+}
+"""Largest file that is read, by its ending [bytes]: what the largest fleet can use, and
+what can be decoded in 300 MB of memory."""
+MESH_BYTES = 6 * _MEGABYTE
+"""Largest file with any other ending, which is a model's [bytes]."""
+TOTAL_BYTES = 64 * _MEGABYTE
+"""All files of one script together [bytes]."""
 
 
 class InputFiles:
-    """Reads input files relative to the script's folder."""
+    """Reads input files relative to the script's folder.
 
-    def __init__(self, folder: Path) -> None:
+    Parameters
+    ----------
+    folder
+        Of the script.
+    outside
+        Whether files elsewhere are read too.
+    """
+
+    def __init__(self, folder: Path, *, outside: bool = False) -> None:
         self._folder = folder
+        self._outside = outside
         self.contents: dict[str, bytes] = {}
         """What was read, by the name in the script."""
 
@@ -34,27 +64,33 @@ class InputFiles:
         Raises
         ------
         FormationError
-            If it cannot be read or is too large.
+            If it cannot be read, is too large, or lies outside the script's folder.
         """
         if name in self.contents:
             return self.contents[name]
         path = self._folder / name
+        most = MOST_BYTES.get(PurePath(name).suffix.lower(), MESH_BYTES)
         try:
-            size = path.stat().st_size
-            if size > MAX_INPUT_BYTES:
-                raise FormationError(
-                    "SHW109",
-                    f"`{name}` has {size} bytes, at most {MAX_INPUT_BYTES} are read",
-                    key,
-                )
-            content = path.read_bytes()
-        except (OSError, ValueError) as fault:
-            reason = getattr(fault, "strerror", None) or str(fault)
+            if not self._outside:
+                path = inside(path, self._folder)
+            content = read_file(path, most)
+        except UnreadableFileError as fault:
             raise FormationError(
                 "SHW109",
-                f"`{name}` cannot be read: {reason}",
+                f"`{name}` cannot be read: {fault.reason}",
                 key,
-                help_text="names are relative to the script's folder",
+                help_text="put it beside the script, or give the option "
+                "--allow-outside if it may lie elsewhere"
+                if isinstance(fault, OutsideFolderError)
+                else "names are relative to the script's folder",
             ) from None
+        total = sum(map(len, self.contents.values())) + len(content)
+        if total > TOTAL_BYTES:
+            raise FormationError(
+                "SHW119",
+                f"`{name}` brings the script's files to {total} bytes, at most "
+                f"{TOTAL_BYTES} are read",
+                key,
+            )
         self.contents[name] = content
         return content

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Label
+from showc.script.gallery import MAX_PLACES
 from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
@@ -36,6 +37,15 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
             counts.append(own)
     for members, _mark in _members(settings).values():
         counts += members
+    if counts and max(counts) > MAX_PLACES:
+        reader.say(
+            "SHW119",
+            f"a formation or a group asks for {max(counts)} drones, at most "
+            f"{MAX_PLACES} fly",
+            settings.mark,
+            help_text="use fewer places",
+        )
+        return None
     if counts:
         return max(counts)
     if not settings.broken and all(gallery.settings(name) for name in names):
@@ -57,23 +67,28 @@ def _members(settings: Settings) -> dict[str, tuple[list[int], Mark]]:
     groups: dict[str, tuple[list[int], Mark]] = {}
     if "groups" not in settings:
         return groups
+    # A drone belongs to one group: who has more members than drones is at fault by
+    # what has been read up to there.
+    left = MAX_PLACES + 1
     for name, setting in settings.section("groups").values.items():
         value = setting.value
         entries = value if isinstance(value, list) else [setting]
         members = []
         for entry in entries:
             if isinstance(entry, Setting) and isinstance(entry.value, str):
-                members += _range(entry.value)
+                named = _range(entry.value, left)
+                members += named
+                left = max(left - len(named), 1)
         groups[name] = (members, setting.mark)
     return groups
 
 
-def _range(text: str) -> list[int]:
+def _range(text: str, most: int) -> list[int]:
     low, _, high = text.partition("-")
     first = int(low)
     last = int(high) if high else first
     # A range backwards is empty, and reported as a group without drones.
-    return list(range(first, min(last, first + 20_000) + 1))
+    return list(range(first, min(last, first + most - 1) + 1))
 
 
 def groups_of(
@@ -143,17 +158,23 @@ def needed_counts(
     gallery: Gallery,
     drones: int,
     groups: Mapping[str, tuple[int, ...]],
+    parking: str | None,
 ) -> dict[str, int]:
     """Return how many drones fly to each formation that leaves its size open.
 
-    The largest number that flies there at one time; the whole fleet, if none does.
+    The largest number that flies there at one time. For a parking where none flies by
+    a transition it is the largest number that waits; for others, the whole fleet.
     """
     needed: dict[str, int] = {}
+    waiting = 1
     for item in _transitions(settings):
         group = item.text("group") if "group" in item else None
         size = len(groups.get(group, ())) if group is not None else drones
         name = item.text("to")
         needed[name] = max(needed.get(name, 0), size)
+        waiting = max(waiting, size - (gallery.own_count(name) or size))
+    if parking is not None and gallery.own_count(parking) is None:
+        needed.setdefault(parking, waiting)
     for name in settings.section("formations").values if _has(settings) else ():
         if gallery.own_count(name) is None:
             needed.setdefault(name, drones)

@@ -18,7 +18,7 @@ from showc.script.spreading import spread_apart
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -73,6 +73,16 @@ def effect_of(settings: Settings) -> Effect:
     )
 
 
+MAX_PLACES = 10_000
+"""Places of one formation: the largest fleet."""
+MAX_DRAWN = 1_000_000
+"""Places of all formations and their parts together."""
+MAX_CHAIN = 50
+"""How many times a formation may be like one that is like another."""
+FARTHEST = 1e6
+"""Farthest a place may be from the origin along an axis, while it is drawn [m]."""
+
+
 class Gallery:
     """Draws formations; each at most once, faults reported once."""
 
@@ -82,6 +92,9 @@ class Gallery:
         self._reader = reader
         self._drawn: dict[str, Picture | None] = {}
         self._open: list[str] = []
+        self._deep = _deep(table)
+        self._own: dict[int, int | None] = {}
+        self._spent = 0
         self.counts: dict[str, int] = {}
         """Number of places wanted of formations that do not fix one themselves."""
 
@@ -102,15 +115,21 @@ class Gallery:
         settings = self.settings(name)
         if settings is None or name in self._open:
             return None
+        if name in self._deep:
+            return None  # said when it is drawn
         self._open.append(name)
         try:
-            return self._count(settings)
-        except FormationError:
-            return None  # said when it is drawn
+            return self.own_count_inside(settings)
         finally:
             self._open.pop()
 
     def _count(self, settings: Settings) -> int | None:
+        # Counting looks into files and at all that a formation is like: once.
+        if id(settings) not in self._own:
+            self._own[id(settings)] = self._counted(settings)
+        return self._own[id(settings)]
+
+    def _counted(self, settings: Settings) -> int | None:
         if "count" in settings:
             return settings.integer("count")
         if "like" in settings:
@@ -127,9 +146,17 @@ class Gallery:
         if name in self._drawn:
             return self._drawn[name]
         settings = self.settings(name)
-        if settings is None:
+        if settings is None or name in self._open:
             return None
-        if name in self._open:
+        if name in self._deep:
+            self._reader.say(
+                "SHW119",
+                f"`{name}` is like another formation, that one like the next, and so "
+                f"on, more than {MAX_CHAIN} times",
+                self.mark(name),
+                help_text="let it be like the first one",
+            )
+            self._drawn[name] = None
             return None
         self._open.append(name)
         own = self.own_count_inside(settings)
@@ -172,7 +199,7 @@ class Gallery:
         self, settings: Settings, count: int, floor: float | None
     ) -> Picture | None:
         """Draw, change, place, spread and colour."""
-        effect = None
+        self._spend(count)
         if "like" in settings:
             base = self._like(settings)
         elif "parts" in settings:
@@ -188,6 +215,8 @@ class Gallery:
         changes = settings.items("transform") if "transform" in settings else []
         points, unshifted = transform(base.points - base.origin, changes)
         shift, _ = transform(np.zeros((1, 3)), changes)
+        _demand_near(points, "transform")
+        _demand_near(unshifted, "transform")
         spread = self._spaced(settings, points)
         # Spreading may reach lower than the shape as drawn.
         deeper = float(spread[:, 2].min() - points[:, 2].min())
@@ -198,6 +227,7 @@ class Gallery:
             lowest = float(unshifted[:, 2].min()) + deeper
             origin = np.array([0.0, 0.0, floor - lowest])
         points = spread + origin
+        _demand_near(points, "")
         colours = base.colours
         if "colour" in settings:
             colours = paint(settings.section("colour"), points)
@@ -207,6 +237,21 @@ class Gallery:
             else base.effect
         )
         return Picture(points, colours, origin + shift[0], effect)
+
+    def _spend(self, count: int) -> None:
+        """Take places from what the script may ask for."""
+        if count > MAX_PLACES:
+            raise FormationError(
+                "SHW119",
+                f"a formation of {count} places, at most {MAX_PLACES} are drawn",
+            )
+        self._spent += count
+        if self._spent > MAX_DRAWN:
+            raise FormationError(
+                "SHW119",
+                f"the formations up to here, parts included, have {self._spent} "
+                f"places, at most {MAX_DRAWN} are drawn",
+            )
 
     def _lifts(self, settings: Settings) -> bool:
         """Tell whether a formation is put above the floor when it names no place."""
@@ -222,6 +267,7 @@ class Gallery:
         roomy = settings.optional("spacing") or 1.5 * self._bench.separation.distance
         request = Request(count, roomy, self._bench.seed, self._bench.read)
         drawing = shape.draw(settings, request)
+        _demand_near(drawing.points, "")
         colours = drawing.colours
         if colours is None:
             colours = np.ones((len(drawing.points), 3))
@@ -312,6 +358,66 @@ class Gallery:
                     help_text="make the shape larger, or add `spread: true`",
                 )
         return points
+
+
+def bases_of(settings: Settings) -> Iterator[str]:
+    """Yield the formations that a formation is like, parts included."""
+    if "like" in settings:
+        yield settings.text("like")
+    for part in settings.items("parts") if "parts" in settings else ():
+        if isinstance(part.value, Settings):
+            yield from bases_of(part.value)
+
+
+def _deep(table: dict[str, Setting]) -> set[str]:
+    """Return the formations at the end of too long a chain, without recursion.
+
+    Where more formations than a chain may have hang on rings, all of those count too.
+    """
+    bases = {
+        name: set(bases_of(setting.value)) & table.keys()
+        for name, setting in table.items()
+        if isinstance(setting.value, Settings)
+    }
+    users: dict[str, list[str]] = {}
+    for name, those in bases.items():
+        for base in those:
+            users.setdefault(base, []).append(name)
+    depth = dict.fromkeys(table, 0)
+    waiting = {name: len(those) for name, those in bases.items()}
+    ready = [name for name in table if not waiting.get(name)]
+    while ready:
+        base = ready.pop()
+        for name in users.get(base, ()):
+            depth[name] = max(depth[name], depth[base] + 1)
+            waiting[name] -= 1
+            if not waiting[name]:
+                ready.append(name)
+    ringed = {name for name, left in waiting.items() if left}
+    long = len(ringed) > MAX_CHAIN
+    return {
+        name for name in table if depth[name] > MAX_CHAIN or (long and name in ringed)
+    }
+
+
+def _demand_near(points: FloatArray, key: str) -> None:
+    """Refuse places that are no numbers, or farther away than any show.
+
+    Raises
+    ------
+    FormationError
+        Naming the first such place.
+    """
+    # A comparison with what is no number is false.
+    near = np.all(np.abs(points) <= FARTHEST, axis=1)
+    if not near.all():
+        place = int(np.argmin(near))
+        raise FormationError(
+            "SHW104",
+            f"place {place + 1} lies at {points[place].tolist()} m, at most "
+            f"{number_text(FARTHEST)} m along each axis are allowed",
+            key,
+        )
 
 
 def _parts(settings: Settings) -> list[Settings]:

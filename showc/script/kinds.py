@@ -62,6 +62,11 @@ class Flag:
 class Moment:
     """A date and time of day, ISO 8601; without an offset it is UTC."""
 
+    earliest: int = 1970
+    """First year: a log counts from its beginning."""
+    latest: int = 2200
+    """Last year: 64 bits of nanoseconds end in 2262."""
+
 
 @dataclass(frozen=True, slots=True)
 class Paint:
@@ -124,6 +129,8 @@ class Table:
     item: Kind
     what: str
     """What the keys name."""
+    most: int = 2000
+    """Entries at most: twice as many as there are transitions to fly to them."""
 
 
 @dataclass(frozen=True, slots=True)

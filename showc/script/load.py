@@ -6,16 +6,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from showc.files import OutsideFolderError, UnreadableFileError, inside, read_file
+from showc.processes import OutOfTimeError, processor_time
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
-from showc.script.document import Mapping, Node, Scalar, parse_document
+from showc.script.document import (
+    MAX_BYTES,
+    MAX_FOUND,
+    Mapping,
+    Node,
+    Scalar,
+    parse_document,
+)
 from showc.script.fields import FORMAT_VERSION, SHOW
 from showc.script.files import InputFiles
 from showc.script.reader import Reader
 from showc.script.show import Mark, Source
 from showc.script.suppression import apply_suppressions
+from showc.script.wording import shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.script.show import Show
+
+MAX_SECONDS = 120.0
+"""Processor time that reading a script may take [s]: a hundred times what a thousand
+drones in pictures from meshes need."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,37 +76,53 @@ class LoadResult:
         return 1 if self.errors or (strict and self.warnings) else 0
 
 
-def load_show(path: str | Path) -> LoadResult:
+def load_show(path: str | Path, *, allow_outside: bool = False) -> LoadResult:
     """Read a script and every file it names.
 
     Parameters
     ----------
     path
-        Of the script.
+        Of the script. A link in it must not lead out of the folder that the path
+        itself names; for a relative path without ``..`` that is the working folder.
+    allow_outside
+        Whether links may lead elsewhere, and files lie elsewhere than in the script's
+        folder.
 
     Returns
     -------
     LoadResult
         Never raises for a fault of the script or of its files.
     """
-    name = str(path)
+    name, place = str(path), Path(path)
     try:
-        content = Path(path).read_bytes()
-    except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or str(fault)
+        if not allow_outside:
+            near = not place.is_absolute() and ".." not in place.parts
+            inside(place, Path() if near else place.parent)
+        content = read_file(place, MAX_BYTES)
+    except UnreadableFileError as fault:
+        linked = isinstance(fault, OutsideFolderError)
+        reason = "a link leads out of its folder" if linked else fault.reason
         found = Diagnostic(
             "SHW010",
             Severity.ERROR,
             f"`{name}` cannot be read: {reason}",
             None,
-            help="give the path of a show script",
+            help="give the option --allow-outside if the script may lie elsewhere"
+            if linked
+            else "give the path of a show script",
         )
         return LoadResult(None, (found,), (), "", name, unreadable=True)
-    return read_show(content, path=name, folder=Path(path).parent)
+    return read_show(
+        content, path=name, folder=place.parent, allow_outside=allow_outside
+    )
 
 
 def read_show(
-    content: bytes, *, path: str = "<stdin>", folder: Path | None = None
+    content: bytes,
+    *,
+    path: str = "<stdin>",
+    folder: Path | None = None,
+    allow_outside: bool = False,
 ) -> LoadResult:
     """Read a script from its bytes.
 
@@ -102,25 +134,64 @@ def read_show(
         What to call it.
     folder
         Where the files are that it names; None: the working folder.
+    allow_outside
+        Whether files may lie elsewhere.
 
     Returns
     -------
     LoadResult
         Never raises for a fault of the script or of its files.
     """
+    try:
+        with processor_time(MAX_SECONDS):
+            return _read(
+                content, path, InputFiles(folder or Path(), outside=allow_outside)
+            )
+    except OutOfTimeError:
+        mark = Mark(path, 1, 1, 1, 2)
+        found = Diagnostic(
+            "SHW119",
+            Severity.ERROR,
+            f"reading the script takes more than {MAX_SECONDS:g} s of processor time",
+            mark,
+            help="use fewer places, formations or smaller files",
+        )
+        return LoadResult(None, (found,), (), "", path, unreadable=False)
+
+
+def _read(content: bytes, path: str, files: InputFiles) -> LoadResult:
     root, text, found = parse_document(content, path)
     if root is None or _syntax(found) or not isinstance(root, Mapping):
         if not found:
             found = [_no_script(path, root)]
-        found.sort(key=position)
-        return LoadResult(None, tuple(found), (), text, path, unreadable=True)
+        return LoadResult(None, _bounded(found, path), (), text, path, unreadable=True)
     start = Mark(path, 1, 1, 1, 1 + len(text.split("\n", 1)[0].rstrip("\r")))
-    show, more = _build(root, start, Source(path, content), folder or Path())
+    show, more = _build(root, start, Source(path, content), files)
     found += more
     kept, suppressed = apply_suppressions(text, path, found)
+    kept = _bounded(kept, path)
     if any(item.severity is Severity.ERROR for item in kept):
         show = None
     return LoadResult(show, kept, suppressed, text, path, unreadable=False)
+
+
+def _bounded(found: Sequence[Diagnostic], path: str) -> tuple[Diagnostic, ...]:
+    """Return findings in order of place: the first ones, errors before warnings.
+
+    The last says so if there may be more.
+    """
+    if len(found) < MAX_FOUND:
+        return tuple(sorted(found, key=position))
+    chosen = sorted(found, key=lambda item: item.severity is not Severity.ERROR)
+    chosen = chosen[:MAX_FOUND]
+    more = Diagnostic(
+        "SHW119",
+        chosen[0].severity,
+        f"there are {MAX_FOUND} findings or more; the rest is left out",
+        Mark(path, 1, 1, 1, 2),
+        help="mend the first ones and check again",
+    )
+    return (*sorted(chosen, key=position), more)
 
 
 def _syntax(found: list[Diagnostic]) -> bool:
@@ -141,18 +212,18 @@ def _no_script(path: str, root: Node | None) -> Diagnostic:
 
 
 def _build(
-    root: Mapping, start: Mark, source: Source, folder: Path
+    root: Mapping, start: Mark, source: Source, files: InputFiles
 ) -> tuple[Show | None, list[Diagnostic]]:
     reader = Reader()
     version = root.get("showc")
     if version is not None and isinstance(version.value, Scalar):
         number = version.value.text
-        if number.isdecimal() and int(number) != FORMAT_VERSION:
+        if number.isdecimal() and number != str(FORMAT_VERSION):
             # Nothing is known of the keys of another version.
             reader.say(
                 "SHW108",
-                f"the script has format version {number}, this showc reads version "
-                f"{FORMAT_VERSION}",
+                f"the script has format version {shortened(number)}, this showc reads "
+                f"version {FORMAT_VERSION}",
                 version.value.mark,
                 help_text="use the showc that belongs to the script",
             )
@@ -164,7 +235,7 @@ def _build(
     from showc.script.rules import geometry_findings  # noqa: PLC0415
     from showc.script.timing import limit_findings, timing_findings  # noqa: PLC0415
 
-    sketch = Builder(settings, InputFiles(folder), reader).sketch(source)
+    sketch = Builder(settings, files, reader).sketch(source)
     found = list(reader.found)
     found += geometry_findings(sketch)
     found += timing_findings(sketch)

@@ -100,6 +100,10 @@ _AMBIGUOUS = re.compile(
 )
 
 
+_LONGEST = 100
+"""Longest text that is looked at [characters]: a number of 64 bits has 24."""
+
+
 class QuantityError(ValueError):
     """A text is not the quantity that was wanted."""
 
@@ -137,6 +141,12 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
         dimension or an unknown one.
     """
     stripped = text.strip()
+    if len(stripped) > _LONGEST:
+        raise QuantityError(
+            "SHW103",
+            f"{len(stripped)} characters are no number",
+            f"give a number in {unit}" if unit else "give a number",
+        )
     if _NOT_FINITE.fullmatch(stripped):
         raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
     if plain and _AMBIGUOUS.fullmatch(stripped):

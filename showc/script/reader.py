@@ -11,7 +11,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
-from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
+from showc.script.document import (
+    MAX_FOUND,
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+)
 from showc.script.formation_fields import resolve
 from showc.script.kinds import (
     Choice,
@@ -26,7 +33,7 @@ from showc.script.kinds import (
 )
 from showc.script.scalars import ScalarError, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
-from showc.script.wording import form_of, wanted_text
+from showc.script.wording import form_of, shortened, wanted_text
 
 if TYPE_CHECKING:
     from showc.script.show import Mark
@@ -39,9 +46,9 @@ class _BadValueError(Exception):
 def as_node(value: Plain, mark: Mark) -> Node:
     """Return a default of the field table as the node a script would give."""
     if isinstance(value, dict):
-        entries = tuple(
-            Entry(key, mark, as_node(item, mark)) for key, item in value.items()
-        )
+        entries = {
+            key: Entry(key, mark, as_node(item, mark)) for key, item in value.items()
+        }
         return Mapping(entries, mark)
     if isinstance(value, list):
         return Sequence(tuple(as_node(item, mark) for item in value), mark)
@@ -51,11 +58,16 @@ def as_node(value: Plain, mark: Mark) -> Node:
 
 
 class Reader:
-    """Reads nodes by kinds and collects what is wrong."""
+    """Reads nodes by kinds and collects what is wrong, up to :data:`MAX_FOUND`."""
 
     def __init__(self) -> None:
         self.found: list[Diagnostic] = []
         """What is wrong, in the order it was met."""
+
+    @property
+    def full(self) -> bool:
+        """Whether nothing more is collected, so that advice need not be sought."""
+        return len(self.found) >= MAX_FOUND
 
     def say(
         self,
@@ -70,16 +82,18 @@ class Reader:
         fix: str = "",
     ) -> None:
         """Add an error."""
+        if self.full:
+            return
         self.found.append(
             Diagnostic(
                 code,
                 Severity.ERROR,
-                message,
+                shortened(message),
                 span,
                 label=label,
                 secondary=secondary,
                 notes=notes,
-                help=help_text,
+                help=shortened(help_text),
                 fix=fix,
             )
         )
@@ -113,7 +127,8 @@ class Reader:
         if not isinstance(node, Mapping):
             if section.short:
                 name = section.name
-                node = Mapping((Entry(section.short, node.mark, node),), node.mark)
+                given = Entry(section.short, node.mark, node)
+                node = Mapping({given.key: given}, node.mark)
             else:
                 self.say(
                     "SHW103",
@@ -179,6 +194,8 @@ class Reader:
         entry: Entry,
         node: Mapping,
     ) -> None:
+        if self.full:
+            return
         absent = [key for key in known if node.get(key) is None]
         near = suggestion(entry.key, absent)
         tag = node.get(section.tag) if section.tag else None
@@ -318,6 +335,13 @@ class Reader:
             raise self._bad(
                 "SHW103",
                 f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+            )
+        if len(node.entries) > kind.most:
+            raise self._bad(
+                "SHW119",
+                f"`{key}` has {len(node.entries)} entries, at most {kind.most} are "
+                "read",
                 _near(node.mark, span),
             )
         for entry in node:

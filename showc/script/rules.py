@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.gallery import bases_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, closest_between
 from showc.script.wording import number_text
@@ -336,7 +337,7 @@ def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
     table = sketch.settings.section("formations").values
     for setting in table.values():
         if isinstance(setting.value, Settings):
-            used |= set(_bases(setting.value))
+            used |= set(bases_of(setting.value))
     for name, setting in table.items():
         broken = not isinstance(setting.value, Settings) or setting.value.broken
         if name not in used and not broken:
@@ -347,15 +348,6 @@ def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
                 setting.key_mark,
                 help="fly to it in a transition, or remove it",
             )
-
-
-def _bases(settings: Settings) -> Iterator[str]:
-    """Yield the formations that a formation is like, parts included."""
-    if "like" in settings:
-        yield settings.text("like")
-    for part in settings.items("parts") if "parts" in settings else ():
-        if isinstance(part.value, Settings):
-            yield from _bases(part.value)
 
 
 def _point(point: FloatArray) -> str:

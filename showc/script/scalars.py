@@ -32,6 +32,12 @@ _YES_NO = {"yes", "no", "on", "off", "y", "n"}
 _TRUTH = {"true": True, "false": False}
 
 
+_LONGEST_WORD = 60
+"""Longest name there is [characters]."""
+_MOST_NAMES = 300
+"""Names compared with a word."""
+
+
 class ScalarError(ValueError):
     """A single value is not what its kind wants."""
 
@@ -49,7 +55,10 @@ class ScalarError(ValueError):
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return the known word that was probably meant, or an empty text."""
-    names = list(known)
+    # Comparing takes long; what is longer than any name is none of them.
+    names = list(known)[:_MOST_NAMES]
+    if len(word) > _LONGEST_WORD:
+        return ""
     lower = {name.lower(): name for name in names}
     if word.lower() in lower:
         return lower[word.lower()]
@@ -88,7 +97,7 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
         case Choice():
             value = _choice(kind, node, key)
         case Moment():
-            value = _moment(node, key)
+            value = _moment(kind, node, key)
         case Paint():
             value = _paint(node)
         case Flag():
@@ -181,18 +190,25 @@ def _choice(kind: Choice, node: Scalar, key: str) -> str:
     )
 
 
-def _moment(node: Scalar, key: str) -> datetime:
+def _moment(kind: Moment, node: Scalar, key: str) -> datetime:
     try:
         moment = datetime.fromisoformat(node.text.strip())
         if moment.tzinfo is None:
             moment = moment.replace(tzinfo=UTC)
-        return moment.astimezone(UTC)
+        moment = moment.astimezone(UTC)
     except (ValueError, OverflowError):
         raise ScalarError(
             "SHW103",
             f"`{key}` is `{node.text}`, a date and time is wanted",
             "write it like 2025-06-01T21:30:00Z",
         ) from None
+    if not kind.earliest <= moment.year <= kind.latest:
+        raise ScalarError(
+            "SHW104",
+            f"`{key}` is in the year {moment.year}, a log holds the years "
+            f"{kind.earliest} to {kind.latest}",
+        )
+    return moment
 
 
 def _paint(node: Scalar) -> tuple[float, float, float]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
 
 _TOLERANCE = 1e-9
+_BLOCK = 200_000
+"""Pairs looked at together: some ten megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,15 +108,21 @@ def closest_between(
     """Return the closest pair of one place of each of two sets, below a threshold."""
     if not len(points) or not len(others):
         return None
-    difference = points[:, None, :] - others[None, :, :]
-    distance = pair_distance(difference, separation)
-    near = distance < threshold * (1.0 - _TOLERANCE)
-    if not near.any():
+    best: Closeness | None = None
+    total = 0
+    # All pairs at once would not fit into memory.
+    rows = max(_BLOCK // len(others), 1)
+    for start in range(0, len(points), rows):
+        difference = points[start : start + rows, None, :] - others[None, :, :]
+        distance = pair_distance(difference, separation)
+        total += int(np.sum(distance < threshold * (1.0 - _TOLERANCE)))
+        first, second = np.unravel_index(int(np.argmin(distance)), distance.shape)
+        least = float(distance[first, second])
+        if best is None or least < best.distance:
+            best = Closeness(start + int(first), int(second), least, 0)
+    if best is None or not total:
         return None
-    first, second = np.unravel_index(int(np.argmin(distance)), distance.shape)
-    return Closeness(
-        int(first), int(second), float(distance[first, second]), int(near.sum())
-    )
+    return Closeness(best.first, best.second, best.distance, total)
 
 
 def _key(pair: Closeness) -> tuple[float, int, int]:

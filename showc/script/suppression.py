@@ -16,6 +16,8 @@ from showc.script.show import Mark
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+_MOST = 1000
+"""Comments that are looked at."""
 _COMMENT = re.compile(r"#\s*showc:\s*ignore\b(?:\[([^\]]*)\])?[ \t]*(.*)")
 
 
@@ -43,35 +45,29 @@ def apply_suppressions(
         What is left, in order of place, and what was taken out.
     """
     requests, kept = _requests(text, path)
+    wanted: dict[tuple[str, int], _Request] = {}
+    for request in requests:
+        wanted.setdefault((request.code, request.line), request)
     used: set[_Request] = set()
     suppressed = []
     for diagnostic in found:
-        request = _match(diagnostic, requests)
-        if request is None:
+        line = diagnostic.span.line if diagnostic.span is not None else 0
+        found_by = wanted.get((diagnostic.code, line))
+        if found_by is None:
             kept.append(diagnostic)
         elif diagnostic.severity is Severity.ERROR:
-            used.add(request)
-            kept += (diagnostic, _faulty(f"{request.code} is an error here and "
-                     "cannot be passed over", request.mark))  # fmt: skip
+            used.add(found_by)
+            kept += (diagnostic, _faulty(f"{found_by.code} is an error here and "
+                     "cannot be passed over", found_by.mark))  # fmt: skip
         else:
-            used.add(request)
-            suppressed.append(Suppressed(diagnostic, request.reason))
+            used.add(found_by)
+            suppressed.append(Suppressed(diagnostic, found_by.reason))
     kept += [
         _faulty(f"there is no {request.code} to pass over on this line", request.mark)
         for request in requests
         if request not in used
     ]
     return tuple(sorted(kept, key=position)), tuple(suppressed)
-
-
-def _match(diagnostic: Diagnostic, requests: list[_Request]) -> _Request | None:
-    span = diagnostic.span
-    if span is None:
-        return None
-    for request in requests:
-        if request.code == diagnostic.code and request.line == span.line:
-            return request
-    return None
 
 
 def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
@@ -85,6 +81,14 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
         match = _COMMENT.search(line)
         if match is None:
             continue
+        if len(requests) + len(faults) > _MOST:
+            faults.append(
+                _faulty(
+                    f"comments after the first {_MOST} pass over nothing",
+                    Mark(path, number, 1, number, 2),
+                )
+            )
+            break
         mark = Mark(path, number, match.start() + 1, number, len(line.rstrip()) + 1)
         target = number + 1 if not line[: match.start()].strip() else number
         codes = [code.strip() for code in (match.group(1) or "").split(",")]

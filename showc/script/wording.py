@@ -27,11 +27,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+_LONGEST = 600
+"""Longest message [characters]: longer ones repeat what the script says there."""
+
+
 def number_text(value: float) -> str:
     """Return a number as people write it: six significant digits, no dangling zeros."""
     if value == round(value) and abs(value) < 1e10:
         return str(int(value))
     return f"{value:.6g}"
+
+
+def shortened(text: str) -> str:
+    """Return a message with its middle left out if it is longer than anyone reads."""
+    if len(text) <= _LONGEST:
+        return text
+    half = _LONGEST // 2
+    return f"{text[:half]} … {text[-half:]}"
 
 
 def words(items: Iterable[str], joint: str = "or") -> str:

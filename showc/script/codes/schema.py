@@ -65,9 +65,10 @@ CODES = (
     Code(
         "SHW109",
         "file cannot be read",
-        "A file that a formation names does not exist, may not be read, or is larger "
-        "than 64 MB.",
-        "Names of files are relative to the script's folder.",
+        "A file that a formation names does not exist, may not be read, is too large, "
+        "is no regular file, or lies outside the script's folder.",
+        "Names of files are relative to the script's folder. A file elsewhere, links "
+        "followed, is read with the option `--allow-outside` only.",
         "dragon: {type: csv, file: dargon.csv}",
     ),
     Code(
@@ -137,6 +138,15 @@ CODES = (
         "Remove it, or fly to it.",
         "formations: {ring: {type: circle}, spare: {type: line}}",
         Severity.WARNING,
+    ),
+    Code(
+        "SHW119",
+        "more than is read",
+        "The script asks for more than any show needs: places, formations, links of "
+        "formations that are each like the next, bytes of its files, processor time; "
+        "or it has more findings than are shown.",
+        "The message says what is too much, and the limit.",
+        "formations: {swarm: {type: grid, rows: 1000, columns: 1000}}",
     ),
     Code(
         "SHW120",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import math
+import re
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 _NAMES = {"r": "red", "g": "green", "b": "blue"}
 _LARGEST = 10_000.0
+_AROUND = ' \t\r"'
+MAX_LINES = 20_000
+"""Lines of a table: the largest fleet, and as many comments."""
+MAX_COLUMNS = 100
+"""Columns of a table that are looked at."""
 
 SECTION = Section(
     "csv",
@@ -28,6 +34,7 @@ SECTION = Section(
 )
 
 
+@lru_cache(maxsize=4)
 def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     """Return places, shape (n, 3) [m], and sRGB colours 0 to 1, (n, 3) or None.
 
@@ -36,18 +43,23 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     FormationError
         Naming the first faulty line, and how many there are.
     """
+    lines_there = content.count(b"\n") + 1
+    if lines_there > MAX_LINES:
+        raise FormationError(
+            "SHW119",
+            f"`{name}` has {lines_there} lines, at most {MAX_LINES} are read",
+            "file",
+        )
     try:
-        lines = content.decode("utf-8-sig").splitlines()
+        lines = content.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError:
         raise FormationError("SHW110", f"`{name}` is not UTF-8", "file") from None
     kept = (line for line in lines if line.strip() and not line.startswith("#"))
     first = next(kept, "")
     separator = max(";\t,", key=first.count)
+    # Cells are numbers and names: quotes may stand around them, nothing else in them.
     table = [
-        (
-            number,
-            [cell.strip() for cell in next(csv.reader([line], delimiter=separator))],
-        )
+        (number, [cell.strip(_AROUND) for cell in line.split(separator, MAX_COLUMNS)])
         for number, line in enumerate(lines, start=1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
@@ -72,6 +84,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     if not values:
         raise FormationError("SHW110", f"`{name}` has no places", "file")
     rows = np.array(values, dtype=np.float64)
+    rows.setflags(write=False)
     colours = rows[:, 3:6] / 255.0 if rows.shape[1] >= 6 else None
     return rows[:, :3], colours
 
@@ -99,18 +112,27 @@ def _values(
             try:
                 value = float(cell)
             except ValueError:
-                faults.append((number, f"{name} is `{cell}`, a number is wanted"))
+                faults.append((number, f"{name} is {_form(cell)}, a number is wanted"))
                 break
             largest = 255.0 if name in {"red", "green", "blue"} else _LARGEST
             least = 0.0 if name in {"red", "green", "blue"} else -_LARGEST
             if not math.isfinite(value) or not least <= value <= largest:
-                text = f"{name} is {cell}, {least:g} to {largest:g} is wanted"
+                text = f"{name} is {value:g}, {least:g} to {largest:g} is wanted"
                 faults.append((number, text))
                 break
             row.append(value)
         else:
             values.append(row)
     return values, faults
+
+
+def _form(cell: str) -> str:
+    """Say what a cell that is no number looks like, and nothing of what it holds."""
+    if not cell:
+        return "empty"
+    if re.fullmatch(r"[-+]?\d+,\d+", cell):
+        return "written with a decimal comma"
+    return "text"
 
 
 def own_count(settings: Settings, read: Callable[[str, str], bytes]) -> int | None:

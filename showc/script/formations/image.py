@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -22,13 +23,19 @@ from showc.script.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from PIL.Image import Image
 
     from showc.script.settings import Settings
 
     FloatArray = NDArray[np.float64]
 
-MAX_PIXELS = 40_000_000
-"""Largest picture that is read [pixels]."""
+MAX_PIXELS = 25_000_000
+"""Largest picture that is decoded [pixels]: four bytes each, and a copy at times."""
+_LARGEST_SIDE = 3000
+"""Side of the raster that places are chosen from [pixels], however little of it
+counts."""
+_OPAQUE = {"RGB", "L", "1", "CMYK", "YCbCr"}
+_FORMATS = ("PNG", "JPEG", "WEBP", "GIF", "BMP")
 
 SECTION = Section(
     "image",
@@ -65,47 +72,73 @@ SECTION = Section(
 )
 
 
-def pixels_of(content: bytes, name: str, side: int) -> FloatArray:
-    """Return a picture's pixels, red, green, blue, alpha from 0 to 1, (h, w, 4).
+def picture_of(content: bytes, name: str) -> Image:
+    """Decode a picture, judged by its head first.
+
+    Returns
+    -------
+    Image
+        Its first frame, red, green and blue, or red, green, blue and alpha.
 
     Raises
     ------
     FormationError
-        If it is no picture, or too large.
+        If it is no picture, damaged or too large.
     """
-    from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - takes time
+    from PIL import Image  # noqa: PLC0415 - takes time
 
     try:
-        with Image.open(BytesIO(content)) as picture:
-            if picture.width * picture.height > MAX_PIXELS:
-                raise FormationError(
-                    "SHW110",
-                    f"`{name}` has {picture.width} x {picture.height} pixels, at most "
-                    f"{MAX_PIXELS} are read",
-                    "file",
-                )
-            scale = side / max(picture.width, picture.height)
-            size = (
-                max(round(picture.width * scale), 1),
-                max(round(picture.height * scale), 1),
-            )
-            method = Image.Resampling.BOX if scale < 1.0 else Image.Resampling.NEAREST
-            small = picture.convert("RGBA").resize(size, method)
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as fault:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            opened = Image.open(BytesIO(content), formats=_FORMATS)
+        with opened as picture:
+            pixels = picture.width * picture.height
+            if pixels <= MAX_PIXELS:
+                return picture.convert("RGB" if picture.mode in _OPAQUE else "RGBA")
+    except Image.DecompressionBombError:
+        pixels = 0
+    except Exception:  # noqa: BLE001 - decoders of pictures raise anything
         raise FormationError(
-            "SHW110", f"`{name}` is not a picture showc reads: {fault}", "file"
+            "SHW110",
+            f"`{name}` is not a picture showc reads, or it is damaged",
+            "file",
+            help_text=f"formats: {', '.join(_FORMATS)}",
         ) from None
+    size = f"{pixels} pixels" if pixels else "hundreds of millions of pixels"
+    raise FormationError(
+        "SHW119", f"`{name}` has {size}, at most {MAX_PIXELS} are read", "file"
+    )
+
+
+def pixels_of(picture: Image, side: int) -> FloatArray:
+    """Return a picture's pixels, red, green, blue, alpha from 0 to 1, (h, w, 4).
+
+    Parameters
+    ----------
+    picture
+        What :func:`picture_of` returned.
+    side
+        Pixels along the longer side.
+    """
+    scale = side / max(picture.width, picture.height)
+    size = (
+        max(round(picture.width * scale), 1),
+        max(round(picture.height * scale), 1),
+    )
+    # Values of Pillow's Resampling.BOX and NEAREST.
+    small = picture.resize(size, 4 if scale < 1.0 else 0).convert("RGBA")
     return np.asarray(small, dtype=np.float64) / 255.0
 
 
 def draw(settings: Settings, request: Request) -> Drawing:
     """Draw the picture's part that counts, centred, in its plane."""
     name = settings.text("file")
-    content = request.read(name, "file")
+    picture = picture_of(request.read(name, "file"), name)
     wanted = candidates_for(request.count)
     side = int(np.ceil(np.sqrt(wanted)))
     for _ in range(4):
-        pixels = pixels_of(content, name, side)
+        side = min(side, _LARGEST_SIDE)
+        pixels = pixels_of(picture, side)
         counts = _mask(pixels, settings)
         found = int(counts.sum())
         if found >= wanted or found == 0:

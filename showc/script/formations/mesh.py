@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
+import struct
 import sys
+import warnings
 from io import BytesIO
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -27,6 +31,12 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+MAX_TRIANGLES = 400_000
+"""Triangles or corners of a model, copies written out: what fits into its file."""
+_FARTHEST = 1e9
+"""Farthest coordinate of a corner, in the model's units; others count as damaged."""
+_HEAD = 10_000
+"""Part of a file in which its head ends [bytes]."""
 _SUFFIXES = (".obj", ".stl", ".gltf", ".glb", ".ply", ".off")
 
 SECTION = Section(
@@ -84,23 +94,99 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
             "file",
             help_text=f"endings: {', '.join(_SUFFIXES)}",
         )
+    judge(content, name, suffix)
     trimesh = _trimesh()
     try:
-        loaded = trimesh.load(
-            BytesIO(content), file_type=suffix[1:], process=False, maintain_order=True
-        )
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            loaded = trimesh.load(
+                BytesIO(content),
+                file_type=suffix[1:],
+                process=False,
+                maintain_order=True,
+            )
         mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
         corners = np.asarray(mesh.triangles, dtype=np.float64)
-    except Exception as fault:  # noqa: BLE001 - readers of models raise anything
-        raise FormationError(
-            "SHW110",
-            f"`{name}` cannot be read as {suffix[1:].upper()}: {fault}",
-            "file",
-        ) from None
-    corners = corners[np.all(np.isfinite(corners), axis=(1, 2))]
-    if not len(corners) or float(_areas(corners).sum()) <= 0.0:
+    except Exception:  # noqa: BLE001 - readers of models raise anything
+        raise _unreadable(name, suffix) from None
+    if len(corners) > MAX_TRIANGLES:
+        raise _too_much(name, len(corners))
+    corners = corners[np.all(np.abs(corners) <= _FARTHEST, axis=(1, 2))]
+    if not len(corners) or not float(_areas(corners).sum()) > 0.0:
         raise FormationError("SHW110", f"`{name}` has no surface", "file")
     return corners
+
+
+def judge(content: bytes, name: str, suffix: str) -> None:
+    """Refuse a model whose file promises more than it can hold, before it is decoded.
+
+    Raises
+    ------
+    FormationError
+        If it is too large once decoded, or counts what is not there.
+    """
+    match suffix:
+        case ".ply":
+            numbers = [
+                int(word)
+                for word in re.findall(
+                    rb"^element\s+\S+\s+(\d{1,18})", content[:_HEAD], re.MULTILINE
+                )
+            ]
+        case ".off":
+            words = content[:_HEAD].split(maxsplit=4)[1:4]
+            numbers = [int(word) for word in words if word.isdigit()]
+        case ".gltf" | ".glb":
+            numbers = [_gltf_size(content, name, suffix)]
+        case _:
+            # A line, or fifty bytes, for each triangle: the size is the judge.
+            return
+    for number in numbers:
+        if number > MAX_TRIANGLES:
+            raise _too_much(name, number)
+
+
+def _gltf_size(content: bytes, name: str, suffix: str) -> int:
+    """Return how many corners a glTF scene has, all its copies written out."""
+    try:
+        if suffix == ".glb":
+            (length,) = struct.unpack_from("<I", content, 12)
+            content = content[20 : 20 + length]
+        scene = json.loads(content)
+        counts = [int(item["count"]) for item in scene.get("accessors", [])]
+        meshes = [
+            sum(
+                counts[primitive.get("indices", primitive["attributes"]["POSITION"])]
+                for primitive in mesh["primitives"]
+            )
+            for mesh in scene.get("meshes", [])
+        ]
+        nodes = scene.get("nodes", [])
+        children = [child for node in nodes for child in node.get("children", [])]
+        copies = sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
+        once = len(children) == len(set(children))
+    except Exception:  # noqa: BLE001 - whatever a damaged scene holds
+        raise _unreadable(name, suffix) from None
+    if not once:
+        # Two parents each would copy it, and their parents would copy those.
+        raise _unreadable(name, suffix)
+    return max([copies, len(nodes), *counts], default=0)
+
+
+def _unreadable(name: str, suffix: str) -> FormationError:
+    return FormationError(
+        "SHW110",
+        f"`{name}` cannot be read as {suffix[1:].upper()}, or it is damaged",
+        "file",
+    )
+
+
+def _too_much(name: str, number: int) -> FormationError:
+    return FormationError(
+        "SHW119",
+        f"`{name}` has {number} corners or triangles, at most {MAX_TRIANGLES} are read",
+        "file",
+    )
 
 
 def _areas(triangles: FloatArray) -> FloatArray:

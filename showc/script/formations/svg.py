@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,16 @@ if TYPE_CHECKING:
 
 _CURVE_PIECES = 24
 _DARK = 0.05
+_FARTHEST = 1e9
+"""Farthest coordinate of a point, in the drawing's units."""
+MAX_ELEMENTS = 20_000
+"""Elements of a drawing, copies by ``use`` written out."""
+MAX_DEPTH = 60
+"""Deepest nesting of elements, copies by ``use`` written out."""
+MAX_COPIES = 3000
+"""Copies by ``use``."""
+MAX_CHANGES = 4_000_000
+"""Characters of ``transform``, those of all elements around an element included."""
 
 SECTION = Section(
     "svg",
@@ -58,16 +68,32 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
     FormationError
         If it is not SVG, or has no curves.
     """
-    from xml.etree.ElementTree import ParseError  # noqa: PLC0415 - takes time
-
     import svgelements  # noqa: PLC0415 - takes time
 
+    judge(content, name)
     try:
         drawing = svgelements.SVG.parse(BytesIO(content), reify=True)
-    except (ParseError, ValueError, TypeError, KeyError, AttributeError) as fault:
+        contours = _contours(drawing)
+    except FormationError:
+        raise
+    except Exception:  # noqa: BLE001 - damaged drawings end in anything
         raise FormationError(
-            "SHW110", f"`{name}` is not SVG: {fault}", "file"
+            "SHW110", f"`{name}` is not SVG, or it is damaged", "file"
         ) from None
+    if not contours:
+        raise FormationError(
+            "SHW110",
+            f"`{name}` has no curves",
+            "file",
+            help_text="texts and bitmaps in a drawing must be made into paths first",
+        )
+    return contours
+
+
+def _contours(drawing: Any) -> list[Contour]:  # noqa: ANN401 - a library without types
+    """Return the curves of a drawing that was read."""
+    import svgelements  # noqa: PLC0415 - takes time
+
     contours = []
     for element in drawing.elements():
         if not isinstance(element, svgelements.Shape):
@@ -77,16 +103,145 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
         colour = _colour(element)
         for part in svgelements.Path(element).as_subpaths():
             points = _flatten(svgelements.Path(part))
+            if not np.all(np.abs(points) <= _FARTHEST):
+                raise FormationError(
+                    "SHW110",
+                    "the drawing has a point that is no number, or too far away",
+                    "file",
+                )
             if len(points) > 1 and float(np.ptp(points, axis=0).max()) > 0.0:
                 contours.append(Contour(points * [1.0, -1.0], colour))
-    if not contours:
-        raise FormationError(
-            "SHW110",
-            f"`{name}` has no curves",
-            "file",
-            help_text="texts and bitmaps in a drawing must be made into paths first",
-        )
     return contours
+
+
+def judge(content: bytes, name: str) -> None:
+    """Refuse a drawing that is small in the file and large once it is read.
+
+    Elements are counted without building anything, and those that ``use`` copies as
+    often as they are copied.
+
+    Raises
+    ------
+    FormationError
+        If it is no XML, nested too deep, has too many elements, or copies itself.
+    """
+    from xml.etree.ElementTree import ParseError  # noqa: PLC0415 - takes time
+
+    try:
+        outline = _Outline.of(content)
+    except (ParseError, ValueError, LookupError) as fault:
+        line = getattr(fault, "position", (0, 0))[0]
+        where = f", line {line}" if line else ""
+        raise FormationError(
+            "SHW110", f"`{name}`{where}: it is not XML", "file"
+        ) from None
+    size, depth = outline.measured()
+    if depth >= _ENDLESS:
+        found = "has a `use` that copies itself"
+    elif depth > MAX_DEPTH:
+        found = f"is nested more than {MAX_DEPTH} deep"
+    elif size > MAX_ELEMENTS:
+        found = f"has more than {MAX_ELEMENTS} elements"
+    elif outline.copies > MAX_COPIES:
+        found = f"has {outline.copies} copies by `use`, at most {MAX_COPIES} are read"
+    elif outline.changes > MAX_CHANGES:
+        found = f"has more than {MAX_CHANGES} characters of `transform`"
+    else:
+        return
+    raise FormationError(
+        "SHW119",
+        f"`{name}` {found}, copies and what is inherited counted",
+        "file",
+        help_text="convert the drawing to plain paths",
+    )
+
+
+_ENDLESS = 10**9
+"""Depth of what copies itself."""
+
+
+class _Outline:
+    """What a drawing consists of: elements, nested, some of them copies of others."""
+
+    def __init__(self) -> None:
+        self.children: list[list[int]] = []
+        """Elements directly within each element, by number."""
+        self.copied: dict[int, str] = {}
+        """Name of what an element copies."""
+        self.names: dict[str, int] = {}
+        """The first element of a name."""
+        self.copies = 0
+        """Number of elements that copy others."""
+        self.changes = 0
+        """Characters of changes of place that must be read, inherited ones too."""
+
+    @classmethod
+    def of(cls, content: bytes) -> _Outline:
+        """Read the elements; ends early where there are too many of them."""
+        from xml.etree.ElementTree import iterparse  # noqa: PLC0415 - takes time
+
+        outline = cls()
+        open_: list[int] = []
+        changes: list[int] = [0]
+        for event, element in iterparse(BytesIO(content), events=("start", "end")):  # noqa: S314 - expat bounds how much entities may grow
+            if event == "end":
+                open_.pop()
+                changes.pop()
+                element.clear()
+                continue
+            number = len(outline.children)
+            outline.children.append([])
+            if open_:
+                outline.children[open_[-1]].append(number)
+            open_.append(number)
+            attributes = element.attrib
+            changes.append(changes[-1] + len(attributes.get("transform", "")))
+            outline.changes += changes[-1]
+            if "id" in attributes:
+                outline.names.setdefault(attributes["id"], number)
+            if element.tag.rpartition("}")[2] == "use":
+                target = attributes.get("href") or attributes.get(_LINK, "")
+                outline.copied[number] = target.lstrip("#")
+                outline.copies += 1
+            if (
+                number > MAX_ELEMENTS
+                or len(open_) > MAX_DEPTH
+                or outline.changes > MAX_CHANGES
+            ):
+                break
+        return outline
+
+    def measured(self) -> tuple[int, int]:
+        """Return how many elements there are, written out, and how deep they nest."""
+        known: dict[int, tuple[int, int]] = {}
+        begun: set[int] = set()
+        stack = [0]
+        while stack:
+            number = stack[-1]
+            if number in known:
+                stack.pop()
+                continue
+            within = list(self.children[number])
+            target = self.names.get(self.copied.get(number, ""))
+            if target is not None:
+                within.append(target)
+            missing = [other for other in within if other not in known]
+            if missing and number in begun:
+                return len(self.children), _ENDLESS
+            if missing:
+                begun.add(number)
+                stack += missing
+                continue
+            sizes = [known[other] for other in within]
+            known[number] = (
+                1 + sum(size for size, _ in sizes),
+                1 + max((depth for _, depth in sizes), default=0),
+            )
+            stack.pop()
+        return known[0]
+
+
+_LINK = "{http://www.w3.org/1999/xlink}href"
 
 
 def _flatten(path: object) -> NDArray[np.float64]:

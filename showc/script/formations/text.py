@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 BUNDLED = {"regular": "Vera.ttf", "bold": "VeraBd.ttf"}
 """Fonts that come with showc (Bitstream Vera)."""
 _CURVE_PIECES = 8
+_COMPOSED = 10
+"""How deep a letter may be composed of others that are composed themselves."""
+_LARGEST_LETTER = 1000
+"""Letters that one letter may be composed of."""
+_FARTHEST = 1e6
+"""Farthest point of a letter, in the font's units, of which a letter has thousands."""
 
 SECTION = Section(
     "text",
@@ -66,7 +72,7 @@ SECTION = Section(
 
 
 def _font(settings: Settings, request: Request) -> TTFont:
-    from fontTools.ttLib import TTFont, TTLibError  # noqa: PLC0415 - takes time
+    from fontTools.ttLib import TTFont  # noqa: PLC0415 - takes time
 
     name = settings.text("font")
     if name in BUNDLED:
@@ -79,11 +85,61 @@ def _font(settings: Settings, request: Request) -> TTFont:
     try:
         font = TTFont(BytesIO(content), fontNumber=0, lazy=True)
         font.getGlyphSet()
-    except (TTLibError, KeyError, AssertionError, ValueError, EOFError) as fault:
-        raise FormationError(
-            "SHW110", f"`{name}` is not a font: {fault}", "font"
-        ) from None
+    except Exception:  # noqa: BLE001 - damaged fonts end in anything
+        raise _damaged(name) from None
     return font
+
+
+def _damaged(name: str) -> FormationError:
+    return FormationError(
+        "SHW110", f"`{name}` is not a font showc reads, or it is damaged", "font"
+    )
+
+
+def outlines(font: TTFont, text: str, name: str) -> list[Contour]:
+    """Return the outlines of a text, as :func:`letters` does, from any font.
+
+    Raises
+    ------
+    FormationError
+        If the font lacks a letter, is damaged, or its letters are too large.
+    """
+    try:
+        _judge(font, text)
+        contours = letters(font, text)
+    except FormationError:
+        raise
+    except Exception:  # noqa: BLE001 - damaged fonts end in anything
+        raise _damaged(name) from None
+    if not all(np.all(np.abs(item.points) <= _FARTHEST) for item in contours):
+        raise _damaged(name)
+    return contours
+
+
+def _judge(font: TTFont, text: str) -> None:
+    """Refuse letters composed of so many others that drawing them never ends."""
+    if "glyf" not in font:
+        return
+    glyphs, names = font["glyf"], font.getBestCmap()
+    known: dict[str, int] = {}
+
+    def size(glyph: str, depth: int) -> int:
+        if depth > _COMPOSED:
+            return _LARGEST_LETTER + 1
+        if glyph not in known:
+            item = glyphs[glyph]
+            parts = item.components if item.isComposite() else []
+            known[glyph] = 1 + sum(size(part.glyphName, depth + 1) for part in parts)
+        return known[glyph]
+
+    for sign in set(text) - {"\n"}:
+        if ord(sign) in names and size(names[ord(sign)], 0) > _LARGEST_LETTER:
+            raise FormationError(
+                "SHW119",
+                f"a letter of the font is composed of more than {_LARGEST_LETTER} "
+                f"others, or more than {_COMPOSED} deep",
+                "font",
+            )
 
 
 def letters(font: TTFont, text: str) -> list[Contour]:
@@ -182,7 +238,8 @@ def _bend(chain: list[np.ndarray], points: list[np.ndarray]) -> None:
 
 def draw(settings: Settings, request: Request) -> Drawing:
     """Draw the text, centred, in its plane."""
-    contours = letters(_font(settings, request), settings.text("text"))
+    name = settings.text("font")
+    contours = outlines(_font(settings, request), settings.text("text"), name)
     if not contours:
         raise FormationError("SHW104", "the text has no visible letters", "text")
     drawn = fitted(contours, settings.number("height"), axis=1)
