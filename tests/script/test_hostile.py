@@ -149,8 +149,10 @@ FILES = {
     "PLY with a trillion vertices": (
         "mesh",
         "a.ply",
-        b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\n"
-        b"property float x\nend_header\n",
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 1%s\n"
+            b"property float x\nend_header\n" % (b"0" * 12)
+        ),
         "SHW119",
     ),
     "STL without a solid": ("mesh", "a.stl", b"facet normal 0 0 1\n", "SHW110"),
@@ -282,7 +284,7 @@ def test_a_hostile_script_is_a_finding(name, tmp_path):
     (tmp_path / "show.yaml").write_text(script)
     found, ended, printed = checked(tmp_path, "show.yaml")
     assert codes(found) >= wanted
-    assert ended in {1, 2}
+    assert bool(ended) == any(item["severity"] == "error" for item in found)
     assert len(found) <= 150
     assert len(printed) < 400_000
 
