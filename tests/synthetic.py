@@ -55,6 +55,8 @@ LIMITS = Limits(
     position_min=(-200.0, -200.0, -0.5),
     position_max=(200.0, 200.0, 120.0),
 )
+HELD = {"approach": "reaching the pads"}
+"""What a hold follows, where it is not named after its move."""
 # Of (s^5, s^4, s^3, ...) the minimum-jerk move: greatest speed and acceleration
 # of a unit move in unit time.
 PEAK_SPEED = 1.875
@@ -270,10 +272,10 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
         speed = 4.0
         if kind == "launch":
             speed = show.launch.climb_speed
-            limits = limits.with_vertical_speed(speed, 5.0)
+            limits = limits.with_vertical_speed(speed, speed)
         if kind == "land":
             speed = show.landing.descent_speed
-            limits = limits.with_vertical_speed(5.0, speed)
+            limits = limits.with_vertical_speed(speed, speed)
         title = names[kind] if transition is None else show.transitions[transition].name
         hold = holds.get(kind, 0.0)
         if transition is not None:
@@ -286,7 +288,7 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
             time = hold if holding else move_time(place, goal, speed)
             leg = Leg(
                 index=len(legs),
-                name=f"hold after {title}" if holding else title,
+                name=f"hold after {HELD.get(kind, title)}" if holding else title,
                 kind="hold" if holding else kind,
                 drones=drones,
                 start=frozen(place),
@@ -343,18 +345,18 @@ def closest_sampled(parts, time: float) -> ClosestEncounter | None:
     return best
 
 
-def vertical_flight(drones: int = 4, *, heading: float = 0.0) -> Flight:
-    """Up, higher, and down again; exact physics, all rules kept."""
-    pads = grid(drones)
+def vertical_flight(
+    drones: int = 4, *, heading: float = 0.0, show: Show | None = None
+) -> Flight:
+    """Up, higher, and down again; exact physics, all rules kept.
+
+    ``show``, if given, has the formations of :func:`vertical_formations` and launches
+    and lands at 6 m.
+    """
+    formations = vertical_formations(drones)
+    pads = formations[0].points
     level = raised(pads, 6.0)
-    steps = raised(pads, 10.0)
-    steps[:, 2] += 0.5 * np.arange(drones)
-    formations = [
-        formation("pads", pads, [0.0, 0.0, 0.0]),
-        formation("steps", steps, [1.0, 0.25, 0.0]),
-        formation("level", raised(pads, 12.0), [0.0, 0.5, 1.0]),
-    ]
-    show = make_show(
+    show = show or make_show(
         formations, drones, holds=[1.5, 1.0], altitude=6.0, heading=heading
     )
     stops = [
@@ -366,6 +368,18 @@ def vertical_flight(drones: int = 4, *, heading: float = 0.0) -> Flight:
         ("land", "pads", pads, None),
     ]
     return fly(show, stops, vertical_trajectory)
+
+
+def vertical_formations(drones: int) -> list[Formation]:
+    """Pads, and two formations above them."""
+    pads = grid(drones)
+    steps = raised(pads, 10.0)
+    steps[:, 2] += 0.5 * np.arange(drones)
+    return [
+        formation("pads", pads, [0.0, 0.0, 0.0]),
+        formation("steps", steps, [1.0, 0.25, 0.0]),
+        formation("level", raised(pads, 12.0), [0.0, 0.5, 1.0]),
+    ]
 
 
 def gliding_flight(drones: int = 16, *, moves: int = 3, hold: float = 2.0) -> Flight:
@@ -412,4 +426,4 @@ def gliding_flight(drones: int = 16, *, moves: int = 3, hold: float = 2.0) -> Fl
     return fly(show, stops, gliding_trajectory)
 
 
-__all__ = ["gliding_flight", "vertical_flight"]
+__all__ = ["gliding_flight", "vertical_flight", "vertical_formations"]

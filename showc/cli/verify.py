@@ -20,6 +20,12 @@ import click
     type=click.IntRange(min=1),
     help="Processes to prove in.  [default: one for each core]",
 )
+@click.option(
+    "--script",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="SHOW.yaml",
+    help="Trust this script, and not the one in the log, which must equal it.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option(
     "--no-missions",
@@ -28,7 +34,12 @@ import click
 )
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
 def command(
-    log: Path, jobs: int | None, as_json: bool, no_missions: bool, quiet: bool
+    log: Path,
+    jobs: int | None,
+    script: Path | None,
+    as_json: bool,
+    no_missions: bool,
+    quiet: bool,
 ) -> int:
     """Prove a compiled show again, from its bytes alone.
 
@@ -51,7 +62,11 @@ def command(
 
     with progress(quiet=quiet or as_json) as watcher:
         verification = verify_log(
-            log, missions=not no_missions, jobs=jobs, progress=watcher
+            log,
+            missions=not no_missions,
+            jobs=jobs,
+            progress=watcher,
+            script=script,
         )
     if as_json:
         click.echo(json.dumps(verification.to_json(), indent=1))

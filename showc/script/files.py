@@ -9,6 +9,7 @@ from showc.files import OutsideFolderError, UnreadableFileError, inside, read_fi
 from showc.script.formations.shape import FormationError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
 _MEGABYTE = 1_000_000
@@ -43,11 +44,21 @@ class InputFiles:
         Of the script.
     outside
         Whether files elsewhere are read too.
+    attached
+        All files there are, by the name in the script: then none is read from the
+        disk. None: they are read from ``folder``.
     """
 
-    def __init__(self, folder: Path, *, outside: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        outside: bool = False,
+        attached: Mapping[str, bytes] | None = None,
+    ) -> None:
         self._folder = folder
         self._outside = outside
+        self._attached = attached
         self.contents: dict[str, bytes] = {}
         """What was read, by the name in the script."""
 
@@ -71,9 +82,12 @@ class InputFiles:
         path = self._folder / name
         most = MOST_BYTES.get(PurePath(name).suffix.lower(), MESH_BYTES)
         try:
-            if not self._outside:
-                path = inside(path, self._folder)
-            content = read_file(path, most)
+            if self._attached is not None:
+                content = self._given(name, most)
+            else:
+                if not self._outside:
+                    path = inside(path, self._folder)
+                content = read_file(path, most)
         except UnreadableFileError as fault:
             raise FormationError(
                 "SHW109",
@@ -93,4 +107,13 @@ class InputFiles:
                 key,
             )
         self.contents[name] = content
+        return content
+
+    def _given(self, name: str, most: int) -> bytes:
+        """Return the bytes of an attached file."""
+        content = (self._attached or {}).get(name)
+        if content is None:
+            raise UnreadableFileError(name, "it is not attached")
+        if len(content) > most:
+            raise UnreadableFileError(name, f"it has more than {most} bytes")
         return content

@@ -25,6 +25,7 @@ from showc.script.suppression import apply_suppressions
 from showc.script.wording import shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping as TypingMapping
     from collections.abc import Sequence
 
     from showc.script.show import Show
@@ -123,6 +124,7 @@ def read_show(
     path: str = "<stdin>",
     folder: Path | None = None,
     allow_outside: bool = False,
+    attached: TypingMapping[str, bytes] | None = None,
 ) -> LoadResult:
     """Read a script from its bytes.
 
@@ -136,6 +138,8 @@ def read_show(
         Where the files are that it names; None: the working folder.
     allow_outside
         Whether files may lie elsewhere.
+    attached
+        All files that it may name, by name: then none is read from the disk.
 
     Returns
     -------
@@ -144,9 +148,10 @@ def read_show(
     """
     try:
         with processor_time(MAX_SECONDS):
-            return _read(
-                content, path, InputFiles(folder or Path(), outside=allow_outside)
+            files = InputFiles(
+                folder or Path(), outside=allow_outside, attached=attached
             )
+            return _read(content, path, files)
     except OutOfTimeError:
         mark = Mark(path, 1, 1, 1, 2)
         found = Diagnostic(

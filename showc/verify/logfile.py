@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from showc.verify.records import Channel, Schema
+    from showc.verify.records import Attachment, Channel, Schema
     from showc.verify.summary import Contents
 
 
@@ -63,6 +63,16 @@ class LogFile:
         return self.contents.schemas
 
     @property
+    def attachments(self) -> list[Attachment]:
+        """All attachments without their content, in the file's order."""
+        return [entry for entry, _ in self.contents.attachments]
+
+    @property
+    def library(self) -> str:
+        """What the header names as the writer."""
+        return self.contents.library
+
+    @property
     def metadata(self) -> list[tuple[str, dict[str, str]]]:
         """All metadata records: name and content."""
         return self.contents.metadata
@@ -99,7 +109,7 @@ class LogFile:
         Parameters
         ----------
         channels
-            Numbers of the channels.
+            Numbers of the channels; a negative one is none.
         share, shares
             Which of so many equal shares of the chunks, in the file's order.
 
@@ -113,7 +123,7 @@ class LogFile:
             Where the chunk's data begin in the file [bytes].
         """
         wanted = np.zeros(1 << 16, dtype=bool)
-        wanted[list(channels)] = True
+        wanted[[number for number in channels if number >= 0]] = True
         kept = [
             (chunk, keep)
             for chunk in self._chunks

@@ -134,6 +134,7 @@ class _Walk:
                 f"this is an MCAP file of {library!r} with profile {profile!r}, "
                 "not a log of showc's",
             )
+        self.contents.library = library
         return cursor.stop
 
     def _data_section(self, position: int, jobs: int | None) -> int:

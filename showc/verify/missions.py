@@ -59,47 +59,6 @@ _MISSION = re.compile(r"missions/drone_(\d+)\.waypoints")
 _LARGEST_FILE = 1 << 26
 
 
-def check_attachments(log: LogFile, metadata: dict[str, str]) -> list[Check]:
-    """Hold the script and the manifest inside the log against their hashes."""
-    manifest = _manifest(log)
-    wanted = {
-        metadata.get("script", ""): [metadata.get("script_sha256")],
-        MANIFEST: [metadata.get("manifest_sha256")],
-    }
-    show = manifest.get("show") if isinstance(manifest, dict) else None
-    if isinstance(show, dict):
-        wanted[metadata.get("script", "")].append(show.get("sha256"))
-        inputs = show.get("inputs")
-        for name, digest in (inputs if isinstance(inputs, dict) else {}).items():
-            wanted.setdefault(str(name), []).append(digest)
-    checks = []
-    for name, digests in wanted.items():
-        content = log.attachment(name)
-        found = None if content is None else hashlib.sha256(content).hexdigest()
-        good = found is not None and all(found == digest for digest in digests)
-        note = "the attachment is missing" if found is None else "the hash differs"
-        checks.append(
-            Check(
-                "VRF106",
-                "integrity",
-                f"attachment {name!r} has its hash",
-                "pass" if good else "fail",
-                notes=() if good else (note,),
-            )
-        )
-    if manifest is None:
-        checks.append(
-            Check(
-                "VRF107",
-                "integrity",
-                "manifest readable",
-                "fail",
-                notes=("manifest.json inside the log is no JSON object",),
-            )
-        )
-    return checks
-
-
 def _manifest(log: LogFile) -> dict[str, Any] | None:
     content = log.attachment(MANIFEST)
     try:

@@ -7,23 +7,17 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from showc.verify.certificates import check_certificates
 from showc.verify.choreography import check_choreography
 from showc.verify.crew import run_all
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
 from showc.verify.limits import TOLERANCE, Extreme, extremes
-from showc.verify.missions import check_attachments, mission_parts
+from showc.verify.missions import mission_parts
 from showc.verify.physics import Deviation, Replay, replay
 from showc.verify.report import Check, Place, Verification
-from showc.verify.samples import (
-    GRIDS,
-    check_other_samples,
-    fleet_parts,
-    join_samples,
-)
+from showc.verify.samples import Samples
+from showc.verify.samples import join as join_samples
 from showc.verify.schemas import check_schemas
 from showc.verify.separation import (
     RESOLUTION,
@@ -31,11 +25,13 @@ from showc.verify.separation import (
     closest_of,
     encounter_parts,
 )
+from showc.verify.specification.cover import check_cover
+from showc.verify.specification.demands import hold_against
+from showc.verify.specification.script import read_anchor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
+    from pathlib import Path
 
     from showc.log import showc_pb2 as pb
     from showc.verify.kernel.show import LoggedShow, Segment
@@ -52,7 +48,7 @@ SEPARATION_TOLERANCE = 1e-6
 """How far the separation may be missed: rounding, not flight [m]."""
 
 BEGUN = (
-    *("missions", "others", "segments", "separation"),
+    *("missions", "segments", "separation"),
     *("certificates", "choreography", "samples"),
 )
 """Kinds of work, those with the longest parts first."""
@@ -65,6 +61,7 @@ def prove(
     *,
     missions: bool,
     jobs: int | None,
+    script: Path | None,
 ) -> Verification:
     """Prove what a log says, and its files beside it.
 
@@ -80,6 +77,8 @@ def prove(
         Whether to check the files beside the log.
     jobs
         Processes to share the work; None: one for each core.
+    script
+        The script to hold the log against; None: the one attached.
 
     Raises
     ------
@@ -88,20 +87,21 @@ def prove(
     """
     show = read_show(log)
     metadata = _metadata(log)
-    checks = [
-        *_integrity(log),
-        *check_schemas(log),
-        _agreement(show, metadata),
-        *check_attachments(log, metadata),
-    ]
-    grids = _grids(metadata)
+    anchor = read_anchor(log, metadata, script)
+    checks = [*anchor.checks, *_integrity(log), *check_schemas(log)]
+    lights = None
+    if anchor.show is not None:
+        demands = hold_against(anchor.show, show)
+        checks[len(anchor.checks) : len(anchor.checks)] = demands.checks()
+        lights = demands.lights
+    checks += check_cover(log, metadata, show, anchor)
+    samples = Samples(log, show, lights, anchor.show)
     # In the order in which damage is reported if there is more than one.
     work: dict[str, Sequence[Callable[[], Any]]] = {
         "segments": [partial(_examined, one, show.rules) for one in show.segments],
         "separation": encounter_parts(show),
         "choreography": [partial(check_choreography, show)],
-        "samples": fleet_parts(log, show, grids),
-        "others": [partial(check_other_samples, log, show, grids)],
+        "samples": samples.parts(),
         "certificates": [partial(check_certificates, show)],
         "missions": mission_parts(log, show, flight) if missions else [],
     }
@@ -109,7 +109,7 @@ def prove(
     checks += _segments(show, found["segments"])
     checks.append(_separation(show, closest_of(found["separation"])))
     checks += found["choreography"][0]
-    checks += join_samples(log, show, found["samples"], found["others"][0])
+    checks += join_samples(found["samples"])
     checks += found["certificates"][0]
     if missions:
         checks += [check for part in found["missions"] for check in part]
@@ -118,7 +118,12 @@ def prove(
             Check("VRF400", "missions", "mission files", "skipped", notes=("as asked",))
         )
     return Verification(
-        str(log.path), show.rules.name, show.drones, show.duration, tuple(checks)
+        str(log.path),
+        show.rules.name,
+        show.drones,
+        show.duration,
+        str(anchor),
+        tuple(checks),
     )
 
 
@@ -138,22 +143,9 @@ def _done(
 
 def _metadata(log: LogFile) -> dict[str, str]:
     found = [content for name, content in log.metadata if name == "showc"]
-    if len(found) != 1:
+    if not found:
         raise Damage(0, "the metadata record 'showc' is missing")
     return found[0]
-
-
-def _grids(metadata: dict[str, str]) -> NDArray[np.float64]:
-    try:
-        grids = np.array([float(metadata[f"grid_{name}"]) for name in GRIDS])
-    except (KeyError, ValueError) as error:
-        raise Damage(
-            0, f"the metadata do not declare the rounding ({error})"
-        ) from error
-    # A coarse grid would make the comparison of samples say nothing.
-    if not np.all((grids > 0.0) & (grids <= 2.0**-8)):
-        raise Damage(0, "the metadata declare a rounding that no log of showc's has")
-    return grids
 
 
 def _integrity(log: LogFile) -> list[Check]:
@@ -186,36 +178,6 @@ def _integrity(log: LogFile) -> list[Check]:
         for offset, text in log.warnings
     ]
     return checks
-
-
-def _agreement(show: LoggedShow, metadata: dict[str, str]) -> Check:
-    """Whether the metadata say the same of the show as its rules."""
-    site = show.rules.site
-    wanted = {
-        "drones": show.drones,
-        "rate_hz": show.rules.log_rate,
-        "duration_s": show.duration,
-        "epoch_ns": show.epoch,
-        "origin_latitude": site.latitude,
-        "origin_longitude": site.longitude,
-        "origin_altitude": site.altitude,
-        "heading": site.heading,
-    }
-    bad = []
-    for key, value in wanted.items():
-        try:
-            same = abs(float(metadata[key]) - value) <= 1e-9 * max(1.0, abs(value))
-        except (KeyError, ValueError):
-            same = False
-        if not same:
-            bad.append(f"{key}: {metadata.get(key)!r}, the rules say {value!r}")
-    return Check(
-        "VRF105",
-        "integrity",
-        "metadata, rules and segments agree",
-        "fail" if bad else "pass",
-        notes=tuple(bad),
-    )
 
 
 def _at(segment: Segment, deviation: Deviation | Extreme) -> Place:

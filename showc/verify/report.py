@@ -119,6 +119,8 @@ class Verification:
     """Size of the fleet."""
     duration: float
     """Time of the show [s]."""
+    anchor: str
+    """What is trusted: the script with its hash, and where it came from."""
     checks: tuple[Check, ...]
     """In the order in which they were made."""
 
@@ -151,6 +153,7 @@ class Verification:
             "show": self.title,
             "drones": self.drones,
             "duration": self.duration,
+            "anchor": self.anchor,
             "passed": self.passed,
             "exit_code": self.exit_code,
             "checks": [check.to_json() for check in self.checks],
@@ -171,7 +174,7 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
         Whether to mark verdicts with ANSI colours.
     """
     head = f"{verification.path}: “{verification.title}”, {verification.drones} drones"
-    lines = [f"{head}, {verification.duration:.3f} s"]
+    lines = [f"{head}, {verification.duration:.3f} s", verification.anchor]
     names = max((len(check.name) for check in verification.checks), default=0)
     found = [_found(check) for check in verification.checks]
     middle = max((len(value) for value, _ in found), default=0)

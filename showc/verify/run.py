@@ -26,6 +26,7 @@ def verify_log(
     missions: bool = True,
     jobs: int | None = 1,
     progress: Progress | None = None,
+    script: Path | None = None,
 ) -> Verification:
     """Prove a compiled show again, from its bytes alone.
 
@@ -41,6 +42,8 @@ def verify_log(
         found does not depend on it.
     progress
         Is told of the course of the work.
+    script
+        The script to hold the log against; None: the one attached to the log.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def verify_log(
     try:
         # What overflows is infinite or undefined, and no check passes with that.
         with np.errstate(all="ignore"):
-            return _verify(log, watch, missions=missions, jobs=jobs)
+            return _verify(log, watch, missions=missions, jobs=jobs, script=script)
     except Damage as damage:
         raise DamagedLogError(
             str(path), damage.text, damage.offset, log.good_until(damage.offset)
@@ -69,7 +72,12 @@ def verify_log(
 
 
 def _verify(
-    log: LogFile, watch: Progress, *, missions: bool, jobs: int | None
+    log: LogFile,
+    watch: Progress,
+    *,
+    missions: bool,
+    jobs: int | None,
+    script: Path | None,
 ) -> Verification:
     # What the missions fly needs little of the log, and takes longest of all: it is
     # begun before anything else is read, or even loaded.
@@ -78,4 +86,4 @@ def _verify(
     with ahead as begun:
         from showc.verify.proofs import prove  # noqa: PLC0415 - heavy
 
-        return prove(log, watch, begun, missions=missions, jobs=jobs)
+        return prove(log, watch, begun, missions=missions, jobs=jobs, script=script)

@@ -43,6 +43,7 @@ _READERS = {
 class Contents:
     """What the data section holds, collected record by record."""
 
+    library: str = ""
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)

@@ -217,7 +217,7 @@ def test_a_tighter_limit_is_kept_by_nobody(data, tmp_path):
         rules.limits[0].velocity_max.z = 2.7
 
     verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
-    assert failures(verification) == {"VRF312"}
+    assert failures(verification) == {"VRF203", "VRF312"}
     check = verification.check("VRF312")
     assert check.value == pytest.approx(2.70303, abs=1e-5)
     assert check.limit == 2.7

@@ -178,7 +178,7 @@ def mended(data):
     [
         ("statistics", lambda d: find(d, 0x0B)[0] + HEAD.size, "statistics"),
         ("chunk index", lambda d: find(d, 0x08, 1)[0] + HEAD.size + 16, "index of the"),
-        ("attachment", lambda d: find(d, 0x09)[1] - 6, "hash"),
+        ("attachment", lambda d: find(d, 0x09)[1] - 6, "sha256"),
         ("metadata index", lambda d: find(d, 0x0D)[0] + HEAD.size, "metadata"),
         ("summary offset", lambda d: find(d, 0x0E)[0] + HEAD.size + 1, "offsets"),
         ("chunk time", lambda d: find(d, 0x06)[0] + HEAD.size + 8, "times"),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from verified import loaded, proved_flight, written
+from verified import loaded, manifest_of, proved_flight, written
 
 from showc.log import showc_pb2 as pb
 from showc.mission import mission_files
 from showc.verify import verify_log
 from showc.verify.geodesy import east_north_up, to_east_north_up
-from showc.verify.missions import check_attachments, check_missions
+from showc.verify.missions import check_missions
 from showc.verify.waypoints import MissionFormatError, parse
 
 SAME = "VRF402"
@@ -32,21 +32,8 @@ def compiled_folder(tmp_path_factory):
     """A compiled show: log, manifest and missions."""
     flight = proved_flight()
     missions = mission_files(flight).files
-    show = flight.itinerary.show
-    manifest = json.dumps(
-        {
-            "show": {
-                "sha256": digest(show.source.content),
-                "inputs": {
-                    name: digest(content)
-                    for name, content in show.source.inputs.items()
-                },
-            },
-            "missions": {
-                "files": {name: digest(content) for name, content in missions.items()}
-            },
-        }
-    ).encode()
+    nothing = {"autopilot": "px4", "start": None, "warnings": [], "prediction": None}
+    manifest = manifest_of(flight, nothing, missions)
     folder = tmp_path_factory.mktemp("compiled")
     write_folder(folder, missions, manifest)
     written(flight, folder / "output.mcap", manifest)
@@ -299,4 +286,3 @@ def test_whatever_stands_in_a_manifest_raises_nothing(folder, manifest):
     found = {c.code for c in check_missions(other, show) if c.verdict == "fail"}
     assert HASHES in found
     assert SAME not in found
-    check_attachments(other, {"script": "synthetic.yaml"})

@@ -5,18 +5,57 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from synthetic import vertical_flight
+from synthetic import vertical_flight, vertical_formations
 
 from showc.log import showc_pb2 as pb
 from showc.log.writer import write_log
+from showc.pipeline.manifest import build_manifest
+from showc.script import read_show as read_script
 from showc.verify.decode import read_show
 from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 from showc.verify.mcap import open_log
 
+SCRIPT = """\
+showc: 1
+name: Proved
+site:
+  origin: {{latitude: 48.1374, longitude: 11.5755, altitude: 520}}
+  heading: 30
+  volume: {{min: [-40, -40, -0.5], max: [40, 40, 60]}}
+  fence: [[-40, -40], [40, -40], [45, 0], [40, 40], [-40, 40]]
+vehicle: formation-625g
+separation: 1
+pads: {{type: points, points: {pads}}}
+drones: {drones}
+launch: {{altitude: 6, climb_speed: 3, hold: 1}}
+formations:
+  steps:
+    type: points
+    points: {steps}
+    colour: "#ff8800"
+    effect: {{kind: pulse, period: 1}}
+  level: {{type: points, points: {level}, colour: {{each: [white, dodgerblue]}}}}
+transitions:
+  - {{to: steps, hold: 1.5, assignment: fixed, fade: end}}
+  - {{to: level, hold: 1, assignment: fixed}}
+landing: {{altitude: 6, descent_speed: 3, hold: 1, assignment: fixed}}
+"""
+
+
+def script_of(drones=4):
+    """Script of a show that only climbs and descends."""
+    pads, steps, level = (
+        [[float(x) for x in point] for point in formation.points]
+        for formation in vertical_formations(drones)
+    )
+    return SCRIPT.format(pads=pads, steps=steps, level=level, drones=drones).encode()
+
 
 def proved_flight(drones=4):
-    """Flight that is exact and claims nothing it cannot prove."""
-    flight = vertical_flight(drones=drones)
+    """Flight that is exact, of a script, and claims nothing it cannot prove."""
+    result = read_script(script_of(drones), path="proved.yaml")
+    assert result.show is not None, result.diagnostics
+    flight = vertical_flight(drones, show=result.show)
     legs = tuple(
         replace(
             leg,
@@ -29,7 +68,16 @@ def proved_flight(drones=4):
     return replace(flight, legs=legs)
 
 
-def written(flight, path, manifest=b"{}"):
+def manifest_of(flight, missions=None, files=None):
+    """The manifest that a compile of the flight writes."""
+    nothing = {"autopilot": None, "start": None, "warnings": [], "prediction": None}
+    return build_manifest(
+        flight, token="0" * 64, missions=missions or nothing, files=files or {}
+    )
+
+
+def written(flight, path, manifest=None):
+    manifest = manifest_of(flight) if manifest is None else manifest
     write_log(flight, path, manifest=manifest)
     return path
 

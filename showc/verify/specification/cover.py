@@ -1,0 +1,302 @@
+"""What a log says around its flight: metadata, attachments, and its manifest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from fractions import Fraction
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from showc.log import showc_pb2 as pb
+from showc.log.layout import layout_json
+from showc.verify.kernel.show import LARGEST
+from showc.verify.report import Check, Place
+from showc.verify.samples import GRIDS
+from showc.verify.specification.compare import same
+from showc.verify.specification.script import LAYOUT, MANIFEST
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from showc.verify.kernel.show import LoggedShow, Segment
+    from showc.verify.logfile import LogFile
+    from showc.verify.specification.script import Anchor
+
+GROUP = "integrity"
+
+FREE = ("fleet", "versions", "missions")
+"""Parts of the manifest that the flight does not fix; missions are checked by
+themselves."""
+
+_MEDIA = {
+    ".yaml": "application/yaml",
+    ".yml": "application/yaml",
+    ".json": "application/json",
+    ".csv": "text/csv",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+}
+
+
+def check_cover(
+    log: LogFile, metadata: Mapping[str, str], show: LoggedShow, anchor: Anchor
+) -> list[Check]:
+    """Derive metadata, attachments and manifest from script and flight, and compare.
+
+    Parameters
+    ----------
+    log
+        The file.
+    metadata
+        Its metadata record.
+    show
+        The flight.
+    anchor
+        The script.
+    """
+    manifest = read_manifest(log)
+    found = (
+        (
+            "VRF105",
+            "metadata are those of the show",
+            _metadata(log, metadata, show, anchor),
+        ),
+        (
+            "VRF106",
+            "attachments are those of the show",
+            _attachments(log, metadata, show, anchor),
+        ),
+        ("VRF107", "manifest is that of the show", _manifest(manifest, show, anchor)),
+    )
+    return [
+        Check(
+            code,
+            GROUP,
+            name,
+            "fail" if notes else "pass",
+            where=Place(),
+            notes=tuple(notes[:5]),
+        )
+        for code, name, lines in found
+        for notes in [list(lines)]
+    ]
+
+
+def read_manifest(log: LogFile) -> dict[str, Any] | None:
+    """Return the manifest inside the log; None if it is no JSON object."""
+    try:
+        manifest = json.loads(
+            log.attachment(MANIFEST) or b"", parse_constant=_no_number
+        )
+    except (ValueError, RecursionError):
+        return None
+    return manifest if isinstance(manifest, dict) else None
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _sha256(content: bytes | None) -> str:
+    return "" if content is None else hashlib.sha256(content).hexdigest()
+
+
+def _metadata(
+    log: LogFile, found: Mapping[str, str], show: LoggedShow, anchor: Anchor
+) -> Iterator[str]:
+    if len(log.metadata) != 1:
+        yield f"there are {len(log.metadata)} metadata records, not one"
+    epoch = _epoch(anchor, show)
+    if show.epoch != epoch:
+        yield f"the log begins at {show.epoch} ns, the script at {epoch} ns"
+    script = found.get("script", "")
+    site = show.rules.site
+    wanted: dict[str, str | float] = {
+        "format_version": "1",
+        "showc_version": log.library.removeprefix("showc "),
+        "name": show.rules.name,
+        "drones": str(show.drones),
+        "rate_hz": show.rules.log_rate,
+        "duration_s": show.duration,
+        "epoch_ns": str(epoch),
+        "frame": "map: origin at the site's origin, z up, +y along the heading",
+        "body_frame": "forward, left, up; quaternion from body to map, x y z w",
+        "origin_latitude": site.latitude,
+        "origin_longitude": site.longitude,
+        "origin_altitude": site.altitude,
+        "heading": site.heading,
+        "colours": "sRGB bytes on /fleet/state, linear on /drone/NNNN/state",
+        "script": anchor.name,
+        "script_sha256": _sha256(log.attachment(script)),
+        "manifest_sha256": _sha256(log.attachment(MANIFEST)),
+        **{f"grid_{name}": step for name, step in GRIDS.items()},
+    }
+    for key in sorted(wanted.keys() | found.keys()):
+        if key not in found:
+            yield f"{key} is missing"
+        elif key not in wanted:
+            yield f"{key!r} is no metadata of showc's"
+        elif not _says(found[key], wanted[key]):
+            yield f"{key}: the log says {found[key]!r}, it must be {wanted[key]!r}"
+
+
+def _says(found: str, wanted: str | float) -> bool:
+    if isinstance(wanted, str):
+        return found == wanted
+    try:
+        return found == repr(float(found)) and same(float(found), wanted)
+    except ValueError:
+        return False
+
+
+def _epoch(anchor: Anchor, show: LoggedShow) -> int:
+    """Time stamp of show time zero that the script asks for [ns]."""
+    if anchor.show is None:
+        return show.epoch
+    return round(Fraction(anchor.show.epoch.timestamp()) * 1_000_000_000)
+
+
+def _attachments(
+    log: LogFile, metadata: Mapping[str, str], show: LoggedShow, anchor: Anchor
+) -> Iterator[str]:
+    if anchor.show is None:
+        yield "not looked at: the script cannot be read"
+        return
+    script = metadata.get("script", "")
+    names = [script, *sorted(anchor.show.source.inputs), MANIFEST, LAYOUT]
+    found = log.attachments
+    if [entry.name for entry in found] != names:
+        yield (
+            f"the log carries {_list(entry.name for entry in found)}, the show has "
+            f"{_list(names)}"
+        )
+    for entry in found:
+        media = _MEDIA.get(
+            PurePath(entry.name).suffix.lower(), "application/octet-stream"
+        )
+        if entry.media_type != media:
+            yield f"{entry.name!r} has the type {entry.media_type!r}, not {media!r}"
+        if not entry.log_time == entry.create_time == show.epoch:
+            yield f"{entry.name!r} is not from the time of the show"
+    plots = any(
+        channel.topic == "/drone/0001/state" for channel in log.channels.values()
+    )
+    if log.attachment(LAYOUT) != layout_json(anchor.show, plots=plots):
+        yield "the layout for viewers is not the one of the show"
+
+
+def _list(names: Iterator[str] | list[str]) -> str:
+    return ", ".join(repr(name) for name in names)
+
+
+def _manifest(
+    manifest: dict[str, Any] | None, show: LoggedShow, anchor: Anchor
+) -> Iterator[str]:
+    if manifest is None:
+        yield f"{MANIFEST} inside the log is no JSON object"
+        return
+    if anchor.show is None:
+        yield "not looked at: the script cannot be read"
+        return
+    source = anchor.show.source
+    height = max(
+        float(table.state[:, :, 2].max())
+        for segment in show.segments
+        for table in segment.tables
+    )
+    wanted = {
+        "format_version": 1,
+        "show": {
+            "name": anchor.show.name,
+            "script": anchor.name,
+            "sha256": anchor.sha256,
+            "inputs": {name: _sha256(data) for name, data in source.inputs.items()},
+            "epoch": anchor.show.epoch.isoformat(),
+        },
+        "drones": show.drones,
+        "duration": round(show.duration, 3),
+        "greatest_height": round(height, 3),
+        "segments": [_leg(segment) for segment in show.segments],
+    }
+    # How the places were given out is said in words, and fixed by nothing.
+    found = dict(manifest)
+    if isinstance(found.get("segments"), list):
+        found["segments"] = [
+            {key: value for key, value in leg.items() if key != "assignment"}
+            if isinstance(leg, dict)
+            else leg
+            for leg in found["segments"]
+        ]
+    for key in sorted(found.keys() | wanted.keys() | set(FREE)):
+        if key not in found:
+            yield f"{key} is missing"
+        elif key in wanted:
+            yield from _unlike(found[key], wanted[key], key)
+        elif key not in FREE:
+            yield f"{key!r} is no part of a manifest"
+
+
+def _unlike(found: Any, wanted: Any, path: str) -> Iterator[str]:  # noqa: ANN401 - JSON
+    """Yield where two JSON values differ."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key in sorted(wanted.keys() | found.keys()):
+            if key not in found or key not in wanted:
+                yield f"{path}.{key} is {'missing' if key not in found else 'unknown'}"
+            else:
+                yield from _unlike(found[key], wanted[key], f"{path}.{key}")
+    elif isinstance(wanted, list) and isinstance(found, list):
+        if len(found) != len(wanted):
+            yield f"{path} has {len(found)} entries, not {len(wanted)}"
+        for at, pair in enumerate(zip(found, wanted, strict=False)):
+            yield from _unlike(*pair, f"{path}[{at}]")
+    elif isinstance(wanted, float) and isinstance(found, (int, float)):
+        # A whole number can be too large for a float.
+        if abs(found) > LARGEST or not same(float(found), wanted):
+            yield f"{path} is {found!r}, not {wanted!r}"
+    elif type(found) is not type(wanted) or found != wanted:
+        yield f"{path} is {found!r}, not {wanted!r}"
+
+
+def _leg(segment: Segment) -> dict[str, Any]:
+    """Return what the manifest says of a leg, from what the log says of it."""
+    message = segment.message
+    certificate = message.certificate
+    single = certificate.single_drone_minimum
+    witness, closest = certificate.witness, certificate.closest
+    flat = list(witness.multipliers)
+    beta = witness.beta
+    return {
+        "index": message.index,
+        "name": message.name,
+        "kind": pb.Segment.Kind.Name(message.kind).lower(),
+        "start": round(message.start, 3),
+        "duration": message.duration,
+        "from": message.from_formation,
+        "to": message.to_formation,
+        "certificate": {
+            "single_drone_minimum": single,
+            "gap": message.duration / single - 1.0 if single > 0.0 else 0.0,
+            "dual_bound": certificate.dual_bound,
+            "witness": {
+                "drone": witness.drone + 1,
+                "time": witness.time,
+                "beta": [beta.x, beta.y, beta.z],
+                "knots": list(witness.knots),
+                "multipliers": [flat[at : at + 3] for at in range(0, len(flat), 3)],
+            }
+            if certificate.HasField("witness")
+            else None,
+            "closest": {
+                "drones": [closest.drone_a + 1, closest.drone_b + 1],
+                "time": closest.time,
+                "distance": closest.distance,
+            }
+            if certificate.HasField("closest")
+            else None,
+            "method": certificate.method,
+            "statistics": dict(certificate.statistics),
+        },
+    }
