@@ -1,22 +1,37 @@
-"""The one place that opens files which others may have made.
+"""The one place that opens files which others may have made, and that makes new ones.
 
 A file is read only if it is a regular one, so that a pipe cannot keep showc waiting and
 a device cannot feed it for ever; only up to a limit; and, where a folder is given, only
 if it lies inside, links followed. What is wrong is said without a byte of its content.
+
+A file is written into a stage first, a folder with a name of chance in the same place.
+A process holds its stages locked. Who finds one that no process holds knows that its
+process was killed, and clears it away.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import stat
+import tempfile
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from showc.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from typing import BinaryIO
 
+try:
+    import fcntl
+except ImportError:  # where there are no such locks, nothing is known of the others
+    fcntl = None  # type: ignore[assignment]
+
+_SUFFIX = ".showc-part"
 _WITHOUT_WAITING = (
     getattr(os, "O_NONBLOCK", 0)
     | getattr(os, "O_CLOEXEC", 0)
@@ -127,3 +142,138 @@ def _demand_regular(path: Path | str, mode: int) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
         raise UnreadableFileError(path, f"it is {kind}, a regular file is wanted")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write one file, whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be written, or is no regular file.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise UsageError(f"cannot write {str(path)!r}: it is no regular file")
+        with stage_for(path) as stage:
+            write_through(stage / path.name, content)
+            (stage / path.name).replace(path)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Write a new file, down to the disk."""
+    with path.open("wb") as stream:
+        stream.write(content)
+        flush(stream)
+
+
+def flush(stream: BinaryIO) -> None:
+    """Wait until what was written is on the disk."""
+    stream.flush()
+    os.fsync(stream.fileno())
+
+
+def unwritable(path: Path, error: OSError) -> UsageError:
+    """Return what to raise where a file cannot be written."""
+    return UsageError(
+        f"cannot write {str(path)!r}: {reason_of(error)}; former files are whole"
+    )
+
+
+@contextmanager
+def stage_for(
+    target: Path, finish: Callable[[Path], None] | None = None
+) -> Iterator[Path]:
+    """Make a folder beside a file to be, held as long as this goes on, then removed.
+
+    Parameters
+    ----------
+    target
+        The file that will take its content from there.
+    finish
+        See :func:`clear`, which is called first.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be made.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with alone(target.parent):
+        _clear(target, finish)
+        stage = Path(
+            tempfile.mkdtemp(
+                prefix=f".{target.name}.", suffix=_SUFFIX, dir=target.parent
+            )
+        )
+        held = _held(stage)
+    try:
+        yield stage
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        if held is not None:
+            os.close(held)
+
+
+def clear(target: Path, finish: Callable[[Path], None] | None = None) -> None:
+    """Remove the stages that killed processes left beside a file, if that can be.
+
+    Parameters
+    ----------
+    target
+        The file that they were for; its folder exists.
+    finish
+        Given each stage before it is removed: completes what had begun.
+    """
+    with suppress(OSError), alone(target.parent):
+        _clear(target, finish)
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other processes of showc from changing a folder meanwhile."""
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        # Some file systems have no locks: what is done there is as quick as it was.
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _held(stage: Path) -> int | None:
+    """Lock a stage for this process; None if another one holds it."""
+    if fcntl is None:
+        return None
+    descriptor = os.open(stage, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _clear(target: Path, finish: Callable[[Path], None] | None) -> None:
+    pattern = re.compile(
+        rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}{re.escape(_SUFFIX)}"
+    )
+    for stage in target.parent.iterdir():
+        if not pattern.fullmatch(stage.name) or stage.is_symlink():
+            continue
+        with suppress(OSError):
+            held = _held(stage)
+            if held is None:
+                continue
+            try:
+                if finish is not None:
+                    finish(stage)
+                shutil.rmtree(stage)
+            finally:
+                os.close(held)

@@ -75,7 +75,7 @@ def command(
     colour = style == "text" and output is None and colour_wanted(sys.stdout)
     text = render(found, sources, style, colour=colour)
     if output is not None:
-        from showc.pipeline.artifact import write_file
+        from showc.files import write_file
 
         write_file(output, text.encode())
     elif style != "text":

@@ -23,7 +23,7 @@ def command(script: Path, name: str, force: bool) -> int:
       showc init my-show.yaml
     """
     from showc.errors import UsageError
-    from showc.pipeline.artifact import write_file
+    from showc.files import write_file
     from showc.script.template import template_text
 
     if script.exists() and not force:

@@ -40,8 +40,8 @@ def command(
     """
     from showc.cli.console import progress
     from showc.errors import UsageError
+    from showc.files import write_file
     from showc.log.reader import read_log
-    from showc.pipeline.artifact import write_file
     from showc.verify import verify_log
     from showc.view import render_leg, render_report
 

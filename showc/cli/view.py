@@ -30,8 +30,8 @@ def command(log: Path, output: Path | None, show: bool) -> int:
     \b
       showc view output.mcap          writes output.html
     """
+    from showc.files import write_file
     from showc.log.reader import read_log
-    from showc.pipeline.artifact import write_file
     from showc.view import render_page
 
     page = output or log.with_suffix(".html")

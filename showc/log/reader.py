@@ -24,6 +24,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_
 from zstandard import ZstdError
 
 from showc.errors import DamagedFileError, UsageError
+from showc.files import UnreadableFileError, open_file
 from showc.flight import Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
@@ -196,8 +197,13 @@ def read_log(source: Path | bytes) -> LoggedShow:
     if isinstance(source, bytes):
         return _Reading("log", BytesIO(source), len(source)).read()
     try:
-        with source.open("rb") as stream:
+        with open_file(source) as stream:
             return _Reading(str(source), stream, source.stat().st_size).read()
+    except UnreadableFileError as error:
+        raise UsageError(
+            f"{source}: cannot be read ({error.reason}); wanted a log that "
+            "'showc compile' has written"
+        ) from None
     except OSError as error:
         raise UsageError(
             f"{source}: cannot be read ({error.strerror}); wanted a log that "

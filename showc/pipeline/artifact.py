@@ -1,29 +1,42 @@
 """Put the compiler's results in place: all of them, or none.
 
 An artifact is the log ``STEM.mcap`` and, beside it, the folder ``STEM/`` with the
-manifest and the missions. Both are written under temporary names in the same folder
-first; only when every byte is on disk do they take the places of the former ones.
+manifest and the missions. Both are written into a stage first (:mod:`showc.files`);
+only when every byte is on disk do they take the places of the former ones.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
+import json
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from showc.errors import UsageError
+from showc.files import (
+    UnreadableFileError,
+    alone,
+    clear,
+    flush,
+    read_file,
+    stage_for,
+    unwritable,
+    write_through,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
     from typing import BinaryIO
 
 
 WRITERS = 4
 """Threads that write the small files: the disk makes several at once durable."""
+_FORMER, _READY = "former", "ready"
+_MANIFEST_BYTES = 100_000_000
+"""Largest manifest that is read [bytes]: some hundred for each of 10,000 drones and
+each of their legs."""
+_DROPPINGS = {".DS_Store", "Thumbs.db"}
+"""What systems put into any folder that is looked at."""
 
 
 def folder_of(log: Path) -> Path:
@@ -62,111 +75,131 @@ def place(
         If the place cannot be written. Former results are whole then.
     """
     folder = folder_of(log)
-    _refuse_foreign(folder)
     try:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=f".{log.stem}.", dir=log.parent))
+        with stage_for(log, _finish(log)) as stage:
+            new_log, new_folder = stage / log.name, stage / folder.name
+            paths = {new_folder / name: content for name, content in files.items()}
+            for parent in {path.parent for path in paths}:
+                parent.mkdir(parents=True, exist_ok=True)
+            # Thousands of small files wait for the disk while the log is worked out.
+            with ThreadPoolExecutor(WRITERS) as writers:
+                written = [
+                    writers.submit(write_through, *pair) for pair in paths.items()
+                ]
+                try:
+                    with new_log.open("wb") as stream:
+                        write_log(stream)
+                        flush(stream)
+                    for file in written:
+                        file.result()
+                except BaseException:
+                    writers.shutdown(wait=False, cancel_futures=True)
+                    raise
+            with alone(log.parent):
+                _refuse_foreign(folder)
+                _exchange(log, folder, stage)
     except OSError as error:
-        raise _unwritable(log, error) from error
-    try:
-        new_log, new_folder = stage / log.name, stage / folder.name
-        paths = {new_folder / name: content for name, content in files.items()}
-        for parent in {path.parent for path in paths}:
-            parent.mkdir(parents=True, exist_ok=True)
-        # Thousands of small files wait for the disk while the log is worked out.
-        with ThreadPoolExecutor(WRITERS) as writers:
-            written = [writers.submit(_write, *pair) for pair in paths.items()]
-            try:
-                with new_log.open("wb") as stream:
-                    write_log(stream)
-                    _flush(stream)
-                for file in written:
-                    file.result()
-            except BaseException:
-                writers.shutdown(wait=False, cancel_futures=True)
-                raise
-        _exchange(log, new_log, folder, new_folder, stage / "former")
-    except OSError as error:
-        raise _unwritable(log, error) from error
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
+        raise unwritable(log, error) from error
 
 
-def write_file(path: Path, content: bytes) -> None:
-    """Write one file, whole or not at all.
+def prepare(log: Path) -> None:
+    """See that a log can be placed, and clear away what killed processes left there.
 
     Raises
     ------
     UsageError
-        If it cannot be written.
+        If the folder beside the log is not one that showc wrote, or the log's name is
+        none.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-                _flush(stream)
-            Path(name).chmod(0o666 & ~_umask())
-            Path(name).replace(path)
-        except BaseException:
-            with suppress(OSError):
-                Path(name).unlink()
-            raise
-    except OSError as error:
-        raise _unwritable(path, error) from error
+    _refuse_foreign(folder_of(log))
+    if log.parent.is_dir():
+        clear(log, _finish(log))
 
 
-def _exchange(
-    log: Path, new_log: Path, folder: Path, new_folder: Path, former: Path
-) -> None:
-    """Swap old for new; whatever interrupts it, the old comes back."""
-    had_folder = folder.exists()
-    if had_folder:
-        folder.rename(former)
+def _finish(log: Path) -> Callable[[Path], None]:
+    """Return what finishes the exchange that a stage of a killed process began."""
+
+    def finish(stage: Path) -> None:
+        if (stage / _READY).exists():
+            _refuse_foreign(folder_of(log))
+            _exchange(log, folder_of(log), stage)
+
+    return finish
+
+
+def _exchange(log: Path, folder: Path, stage: Path) -> None:
+    """Swap old for new; whatever interrupts it, the old comes back.
+
+    A kill cannot be answered at once: the mark says that all is ready, and calling this
+    again finishes what is left to do.
+    """
+    new_log, new_folder = stage / log.name, stage / folder.name
+    former = stage / _FORMER
+    (stage / _READY).touch()
+    moved_away = moved_in = False
     try:
-        new_folder.rename(folder)
-        try:
+        if new_folder.exists():
+            if folder.exists():
+                folder.rename(former)
+                moved_away = True
+            new_folder.rename(folder)
+            moved_in = True
+        if new_log.exists():
             new_log.replace(log)
-        except BaseException:
-            folder.rename(new_folder)
-            raise
     except BaseException:
-        if had_folder:
+        (stage / _READY).unlink()
+        if moved_in:
+            folder.rename(new_folder)
+        if moved_away:
             former.rename(folder)
         raise
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Never replace a folder that showc did not write."""
+    """Never replace a folder that holds anything that showc did not write.
+
+    Raises
+    ------
+    UsageError
+        Naming what is in the way.
+    """
     if not folder.exists():
         return
-    if not folder.is_dir() or (
-        any(folder.iterdir()) and not (folder / "manifest.json").is_file()
-    ):
-        raise UsageError(
-            f"{str(folder)!r} exists and is not a folder that showc wrote (it has no "
-            "manifest.json); move it away or choose another output with -o"
-        )
+    if not folder.is_dir():
+        raise _foreign(folder, "is a file")
+    there = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if (path.is_symlink() or not path.is_dir()) and path.name not in _DROPPINGS
+    }
+    if not there:
+        return
+    if "manifest.json" not in there:
+        raise _foreign(folder, "has no manifest.json")
+    written = _listed(folder / "manifest.json")
+    if written is None:
+        raise _foreign(folder, "has a manifest.json of something else")
+    others = sorted(there - written)
+    if others:
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise _foreign(folder, f"has {others[0]!r}{more}")
 
 
-def _write(path: Path, content: bytes) -> None:
-    with path.open("wb") as stream:
-        stream.write(content)
-        _flush(stream)
+def _listed(manifest: Path) -> set[str] | None:
+    """Return the files that a manifest of showc's lists; None if it is none."""
+    try:
+        content = json.loads(read_file(manifest, _MANIFEST_BYTES))
+        if not isinstance(content["versions"]["showc"], str):
+            return None
+        if not isinstance(content["fleet"], str):
+            return None
+        return {"manifest.json", *map(str, content["missions"]["files"])}
+    except (UnreadableFileError, ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
-def _flush(stream: BinaryIO) -> None:
-    stream.flush()
-    os.fsync(stream.fileno())
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def _unwritable(path: Path, error: OSError) -> UsageError:
-    reason = error.strerror or str(error)
-    return UsageError(f"cannot write {str(path)!r}: {reason}; former files are whole")
+def _foreign(folder: Path, why: str) -> UsageError:
+    return UsageError(
+        f"{str(folder)!r} is not a folder that showc wrote: it {why}; move it away or "
+        "choose another output with -o"
+    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from showc.errors import ShowError
-from showc.pipeline.artifact import folder_of, place
+from showc.pipeline.artifact import folder_of, place, prepare
 from showc.pipeline.manifest import build_manifest, log_token
 from showc.progress import Silent
 from showc.solve.options import SolveOptions
@@ -101,6 +101,7 @@ def compile_script(
     options = options or CompileOptions()
     watcher = progress or Silent()
     folder = folder_of(log)
+    prepare(log)
     result = load_show(script, allow_outside=options.allow_outside)
     if result.show is None or result.exit_code(strict=options.strict):
         raise RejectedScriptError(result)

@@ -13,6 +13,7 @@ from mcap.writer import Writer
 
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
+from showc.files import open_file
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,7 +133,7 @@ def read_flown(path: Path) -> dict[int, Track]:
     """
     rows: dict[int, list[list[float]]] = {}
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             for _, channel, message in make_reader(
                 stream, validate_crcs=True
             ).iter_messages():

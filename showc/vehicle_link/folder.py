@@ -8,11 +8,17 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
+from showc.files import UnreadableFileError, inside, read_file
 from showc.mission.fleet import fleet_token
 from showc.vehicle_link.wire import WireItem, parse_parameters, parse_waypoints
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+_MANIFEST_BYTES = 100_000_000
+"""Largest manifest that is read [bytes]."""
+_MISSION_BYTES = 10_000_000
+"""Largest file of the folder that is read [bytes]: a hundred thousand items."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +105,14 @@ def read_fleet(folder: Path) -> FleetFolder:
 def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
     try:
-        content = json.loads(path.read_bytes())
-    except OSError as error:
+        content = json.loads(read_file(path, _MANIFEST_BYTES))
+    except UnreadableFileError as error:
         raise UsageError(
-            f"{path}: cannot be read ({error.strerror}); give the folder that "
+            f"{path}: cannot be read ({error.reason}); give the folder that "
             "`showc compile` wrote"
         ) from None
-    except ValueError as error:
-        raise UsageError(f"{path}: is not JSON ({error})") from None
+    except (ValueError, RecursionError):
+        raise UsageError(f"{path}: is not JSON") from None
     if not isinstance(content, dict):
         raise UsageError(f"{path}: is not a manifest; compile the show again")
     return content
@@ -116,10 +122,10 @@ def _checked(folder: Path, name: str, digest: str) -> bytes:
     """Content of a file whose hash the manifest names."""
     path = folder / name
     try:
-        content = path.read_bytes()
-    except OSError as error:
+        content = read_file(inside(path, folder), _MISSION_BYTES)
+    except UnreadableFileError as error:
         raise UsageError(
-            f"{path}: is in the manifest and cannot be read ({error.strerror}); "
+            f"{path}: is in the manifest and cannot be read ({error.reason}); "
             "compile the show again"
         ) from None
     found = sha256(content).hexdigest()

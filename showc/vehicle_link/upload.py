@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
+from showc.files import UnreadableFileError, read_file, write_file
 from showc.progress import Silent
 from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.folder import read_fleet
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from showc.vehicle_link.folder import FleetFolder, FleetMission
 
 SILENT = Silent()
+_RECORD_BYTES = 100_000_000
+"""Largest record of uploads that is read [bytes]."""
 
 LAST_SYSTEM = 250
 """Greatest system id of a vehicle; the rest is for ground stations."""
@@ -272,8 +275,8 @@ def _former(audit: Path) -> list[Any]:
     if not audit.exists():
         return []
     try:
-        return list(json.loads(audit.read_bytes())["uploads"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return list(json.loads(read_file(audit, _RECORD_BYTES))["uploads"])
+    except (UnreadableFileError, ValueError, KeyError, TypeError, RecursionError):
         raise UsageError(
             f"{audit}: is not a record of uploads; move it away, or give another file"
         ) from None
@@ -281,9 +284,4 @@ def _former(audit: Path) -> list[Any]:
 
 def _write(audit: Path, record: dict[str, Any]) -> None:
     """Replace the record as a whole."""
-    partial = audit.with_name(audit.name + ".part")
-    try:
-        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-        partial.replace(audit)
-    except OSError as error:
-        raise UsageError(f"{audit}: cannot be written ({error.strerror})") from None
+    write_file(audit, (json.dumps(record, indent=1) + "\n").encode())

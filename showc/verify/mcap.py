@@ -11,12 +11,12 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import UsageError
+from showc.files import UnreadableFileError, open_file, reason_of
 from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.indexes import MessageIndexes
 from showc.verify.logfile import Chunk, LogFile, release
@@ -36,6 +36,8 @@ from showc.verify.summary import Contents, check_summary
 from showc.verify.unpack import unpack
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from showc.verify.outline import Record
     from showc.verify.unpack import Unpacked
 
@@ -65,15 +67,19 @@ def open_log(path: Path, jobs: int | None = 1) -> LogFile:
         If anything in it is not as its writer must have left it.
     """
     try:
-        with Path(path).open("rb") as stream:
+        with open_file(path) as stream:
             size = stream.seek(0, 2)
             mapped = (
                 mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
             )
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
+    except UnreadableFileError as error:
         raise UsageError(
-            f"{path}: cannot be read ({reason}); name a log that showc compiled"
+            f"{path}: cannot be read ({error.reason}); name a log that showc compiled"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            f"{path}: cannot be read ({reason_of(error)}); name a log that showc "
+            "compiled"
         ) from error
     view = memoryview(mapped)
     walk = _Walk(path, view)
