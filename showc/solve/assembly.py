@@ -7,29 +7,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.flight import Trajectory
+from showc.solve.audit import half_space_excess, state_bounds
 from showc.solve.model import POSITION
 from showc.trajectory import (
     PiecewisePolynomial,
     bernstein_basis,
     bernstein_basis_inverse,
 )
-from showc.vehicle.motion import torques_for
+from showc.vehicle.motion import thrust_direction, torques_for
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from showc.ocp.staged.transcription import StagedSolution
     from showc.solve.model import Aircraft
+    from showc.solve.result import HalfSpace
 
     FloatArray = NDArray[np.float64]
 
 CONTROL_DEGREE = 4
 """Rates have degree 2, so gyroscopic torques 4."""
 
+FLOWN_DEGREE = 7
+"""Of velocities as the controls fly them. On the intervals of a solution the thrust's
+direction is a polynomial of degree 6 to 1e-6 of itself."""
+
 _STATES = (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
 _NODES = tuple(float(s) for s in np.linspace(0.0, 1.0, CONTROL_DEGREE + 1))
+_FLOWN_NODES = tuple(
+    float(s)
+    for s in 0.5 - 0.5 * np.cos(np.pi * np.arange(FLOWN_DEGREE) / (FLOWN_DEGREE - 1))
+)
 
 
 def _raised(breaks: FloatArray, coefficients: FloatArray, degree: int) -> FloatArray:
@@ -45,6 +55,7 @@ def trajectory_of(
     duration: float,
     *,
     tag: str = "",
+    half_spaces: Sequence[HalfSpace] = (),
 ) -> Trajectory:
     """Assemble the trajectory of one drone.
 
@@ -60,6 +71,8 @@ def trajectory_of(
         Time of the last break [s]; equals the sum of the widths up to rounding.
     tag
         What the drone's names end in when the solution has several.
+    half_spaces
+        What the flight must keep besides its limits.
     """
     widths = solution.widths
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
@@ -99,6 +112,62 @@ def trajectory_of(
         ],
         axis=2,
     )
-    return Trajectory(
+    trajectory = Trajectory(
         PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
     )
+    return _matched(aircraft, trajectory, half_spaces)
+
+
+def _matched(
+    aircraft: Aircraft, trajectory: Trajectory, half_spaces: Sequence[HalfSpace]
+) -> Trajectory:
+    """Write positions and velocities as the controls fly them between the breaks.
+
+    Inside an interval a solution's velocity is off from what its thrust gives by up to
+    1 mm/s; at the breaks it is exact to the order of its quadrature. An axis on which
+    what is flown leaves a limit, or all if a half-space is left, stays as it was.
+    """
+    state, control = trajectory.state, trajectory.control
+    vehicle = aircraft.vehicle
+    nodes = np.array(_FLOWN_NODES)
+    angles = state.select([6, 7, 8]).coefficients
+    roll, pitch, yaw = np.moveaxis(bernstein_basis(state.degree, nodes) @ angles, -1, 0)
+    push = control.coefficients[:, :, 0] @ bernstein_basis(control.degree, nodes).T
+    push /= vehicle.mass
+    acceleration = np.stack(
+        [push * part for part in thrust_direction(roll, pitch, yaw)], axis=-1
+    )
+    acceleration[..., 2] -= vehicle.gravity
+    inverse = bernstein_basis_inverse(FLOWN_DEGREE - 1, _FLOWN_NODES)
+    width = np.diff(state.breaks)[:, None, None]
+    ends = state.coefficients[:, [0, -1]]
+    velocity = _between(ends[:, :, 3:6], inverse @ acceleration, width)
+    position = _between(ends[:, :, :3], velocity, width)
+    raised = state.elevated(FLOWN_DEGREE + 1).coefficients.copy()
+    if aircraft.yaw == "held":
+        raised[:, :, 8] = aircraft.heading
+    low, high = state_bounds(aircraft)
+    for axis in range(3):
+        new = (axis, position[..., axis]), (3 + axis, velocity[..., axis])
+        if all(np.all((low[k] <= c) & (c <= high[k])) for k, c in new):
+            raised[..., axis] = position[..., axis]
+            raised[..., 3 + axis] = _raised(
+                state.breaks, velocity[..., axis], FLOWN_DEGREE + 1
+            )
+    flown = Trajectory(PiecewisePolynomial(state.breaks, raised), control)
+    crossed = half_space_excess(flown, half_spaces)
+    return flown if crossed is None or crossed.amount <= 0.0 else trajectory
+
+
+def _between(ends: FloatArray, slope: FloatArray, width: FloatArray) -> FloatArray:
+    """Integrate slopes (K, degree + 1, 3) from the first of the ends (K, 2, 3).
+
+    What is missed at the second of them is spread evenly over the interval.
+    """
+    size = slope.shape[1]
+    result = np.zeros((slope.shape[0], size + 1, 3))
+    result[:, 1:] = np.cumsum(slope, axis=1) * (width / size)
+    missed = ends[:, 1:] - ends[:, :1] - result[:, -1:]
+    result += ends[:, :1] + np.linspace(0.0, 1.0, size + 1)[:, None] * missed
+    result[:, -1] = ends[:, 1]
+    return result

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
 
 STATE_DEGREE = 7
-CONTROL_DEGREE = 5
+CONTROL_DEGREE = 12
+"""Rates have degree 6, so the torque that balances their product is exact."""
 SLACK = 1e-9
 _HERMITE_NODES: FloatArray = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 
@@ -119,8 +120,9 @@ def fly(
 
     Positions and velocities stay the exact polynomials. Roll and pitch are Hermite
     interpolants (value, rate and acceleration at the ends, two values between), rates
-    and torques their exact derivatives: flown open-loop, the torques do not drift away
-    from the attitude. Thrust is interpolated at Chebyshev-Lobatto nodes.
+    and torques their exact derivatives, the gyroscopic torque included: flown
+    open-loop, the torques do not drift away from the attitude. Thrust is interpolated
+    at Chebyshev-Lobatto nodes.
 
     Parameters
     ----------
@@ -163,13 +165,19 @@ def fly(
     to_control = bernstein_basis_inverse(CONTROL_DEGREE, tuple(nodes)).T
     wanted = _attitude_at(vehicle, heading, curves, nodes)
     ix, iy, _ = vehicle.inertia
+    turning = np.einsum(
+        "jk,nikc->nijc", bernstein_basis(STATE_DEGREE - 1, nodes), rates
+    )
+    raised = PiecewisePolynomial(flat.breaks, torques.reshape(-1, STATE_DEGREE - 1, 2))
+    shape = (drones, pieces, CONTROL_DEGREE + 1, 2)
+    about = raised.elevated(CONTROL_DEGREE).coefficients.reshape(shape)
     control = np.stack(
         [
             vehicle.mass * wanted.acceleration @ to_control,
-            ix / vehicle.torque_factor * torques[..., 0],
-            iy / vehicle.torque_factor * torques[..., 1],
+            ix / vehicle.torque_factor * about[..., 0],
+            iy / vehicle.torque_factor * about[..., 1],
             # The gyroscopic torque about z is balanced, so that yaw stays still.
-            (iy - ix) * (wanted.roll[1] * wanted.pitch[1]) @ to_control,
+            (iy - ix) * (turning[..., 0] * turning[..., 1]) @ to_control,
         ],
         axis=-1,
     )

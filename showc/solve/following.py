@@ -122,7 +122,9 @@ def follow(
         if not solution.result.usable:
             verdict = Verdict("infeasible", solution.message)
             continue
-        trajectory = trajectory_of(aircraft, solution, start, goal, duration)
+        trajectory = trajectory_of(
+            aircraft, solution, start, goal, duration, half_spaces=half_spaces
+        )
         verdict = judge(aircraft, trajectory, half_spaces, accuracy)
         if verdict.status == "solved":
             return verdict.result(programs, duration, trajectory)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.bernstein import halves
-from showc.verify.physics import allocation
+from showc.verify.kernel.dynamics import allocation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

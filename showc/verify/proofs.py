@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -12,9 +11,9 @@ from showc.verify.choreography import check_choreography
 from showc.verify.crew import run_all
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
+from showc.verify.kernel.dynamics import Tube, ties, tube
 from showc.verify.limits import TOLERANCE, Extreme, extremes
 from showc.verify.missions import mission_parts
-from showc.verify.physics import Deviation, Replay, replay
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
@@ -35,14 +34,9 @@ if TYPE_CHECKING:
 
     from showc.log import showc_pb2 as pb
     from showc.verify.kernel.show import LoggedShow, Segment
+    from showc.verify.kernel.statement import Statement
     from showc.verify.logfile import LogFile
     from showc.verify.progress import Progress
-
-POSITION_ERROR = 1e-3
-"""Greatest deviation of the flown controls from the logged positions [m]."""
-
-ATTITUDE_ERROR = math.radians(0.01)
-"""Greatest deviation of the flown controls from the logged attitude [rad]."""
 
 SEPARATION_TOLERANCE = 1e-6
 """How far the separation may be missed: rounding, not flight [m]."""
@@ -180,66 +174,53 @@ def _integrity(log: LogFile) -> list[Check]:
     return checks
 
 
-def _at(segment: Segment, deviation: Deviation | Extreme) -> Place:
+def _at(segment: Segment, found: Extreme) -> Place:
     return Place(
-        deviation.drone + 1,
-        segment=segment.message.name,
-        time=segment.start + deviation.time,
+        found.drone + 1, segment=segment.message.name, time=segment.start + found.time
     )
 
 
-def _examined(segment: Segment, rules: pb.Rules) -> tuple[Replay, list[Extreme]]:
+def _check(group: str, statement: Statement) -> Check:
+    """Turn what the kernel proves into a check."""
+    holds, drones = statement.holds, tuple(drone + 1 for drone in statement.drones)
+    return Check(
+        statement.code,
+        group,
+        statement.title,
+        "skipped" if holds is None else "pass" if holds else "fail",
+        statement.value,
+        statement.limit,
+        statement.unit,
+        Place(
+            drones[0] if len(drones) == 1 else None,
+            (drones[0], drones[1]) if len(drones) == 2 else None,
+            statement.segment,
+            statement.time,
+        ),
+        statement.notes,
+    )
+
+
+def _examined(segment: Segment, rules: pb.Rules) -> tuple[Tube, list[Extreme]]:
     """Physics and limits of one segment."""
-    return replay(segment, rules.vehicle), extremes(segment, rules)
+    return tube(segment, rules.vehicle), extremes(segment, rules)
 
 
 def _segments(
-    show: LoggedShow, found: Sequence[tuple[Replay, list[Extreme]]]
+    show: LoggedShow, found: Sequence[tuple[Tube, list[Extreme]]]
 ) -> list[Check]:
     """Physics and limits: the worst of all segments."""
-    position: tuple[float, Place] = (-1.0, Place())
-    attitude: tuple[float, Place] = (-1.0, Place())
-    error, clipped = 0.0, 0.0
     tightest: dict[str, tuple[Extreme, Segment]] = {}
-    for segment, (flown, tight) in zip(show.segments, found, strict=True):
-        if flown.position.value > position[0]:
-            position = flown.position.value, _at(segment, flown.position)
-        if flown.attitude.value > attitude[0]:
-            attitude = flown.attitude.value, _at(segment, flown.attitude)
-        error = max(error, flown.integration_error)
-        clipped = max(clipped, flown.clipped)
+    for segment, (_, tight) in zip(show.segments, found, strict=True):
         for extreme in tight:
             key = extreme.bound.quantity
             if key not in tightest or extreme.margin < tightest[key][0].margin:
                 tightest[key] = extreme, segment
-    notes = [f"flown again with an integration error of {error:.1e} m"]
-    if clipped > 0.0:
-        notes.append(f"controls exceed the rotors by {clipped:.1e} and were cut")
-    checks = [
-        Check(
-            "VRF301",
-            "physics",
-            "controls fly the logged positions",
-            "pass" if position[0] < POSITION_ERROR else "fail",
-            position[0],
-            POSITION_ERROR,
-            "m",
-            position[1],
-            tuple(notes),
-        ),
-        Check(
-            "VRF302",
-            "physics",
-            "controls fly the logged attitude",
-            "pass" if attitude[0] < ATTITUDE_ERROR else "fail",
-            math.degrees(attitude[0]),
-            math.degrees(ATTITUDE_ERROR),
-            "deg",
-            attitude[1],
-        ),
+    physics = ties(show, [flown for flown, _ in found])
+    return [
+        *(_check("physics", statement) for statement in physics),
+        *(_limit(*found) for found in tightest.values()),
     ]
-    checks += [_limit(*found) for found in tightest.values()]
-    return checks
 
 
 _LIMITS = {

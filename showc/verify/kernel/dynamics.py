@@ -1,0 +1,572 @@
+"""All twelve states are tied to the four controls: an enclosure of what is flown.
+
+State x, y, z, vx, vy, vz (show frame, z up), roll phi, pitch theta, yaw psi, p, q, r;
+control thrust U1 and torques U2, U3, U4. With f the torque factor of the vehicle:
+
+    position' = velocity
+    velocity' = U1 / m b - (0, 0, g),  b = (cos phi sin theta cos psi + sin phi sin psi,
+                                            cos phi sin theta sin psi - sin phi cos psi,
+                                            cos phi cos theta)
+    angles'   = (p, q, r)
+    p' = f U2 / Ix + c1 q r,  q' = f U3 / Iy + c2 p r,  r' = U4 / Iz + c3 p q
+    c1 = (Iy - Iz) / Ix,      c2 = (Iz - Ix) / Iy,      c3 = (Ix - Iy) / Iz
+
+The controls that count are those that four rotors can give: the logged ones, turned
+into squared rotor speeds, clipped to [0, greatest squared speed] and turned back.
+
+**Theorem.** Let a drone fly these controls from the first logged state of a segment.
+Then at every instant of the segment each of its twelve states differs from the logged
+polynomials by no more than :class:`Tube` says, jumps of the polynomials included.
+
+Proof. Write ~ for what is logged, e for flown minus logged, T for the segment's time.
+
+1. *Defects.* For a right side f known in time, the flown y1 = y1(0) + integral of f and
+   y2 = y2(0) + integral of y1 are worked out as polynomials on each mesh interval:
+   f is interpolated in N + 1 Chebyshev points. Where f is a polynomial of degree <= N
+   (angular accelerations) that is exact. Else f, an entire function, is bounded by M on
+   the ellipse with foci at the interval's ends and axes of sum rho, and the interpolant
+   is off by at most 4 M rho^-N / (rho - 1) (Trefethen 2013, Approximation Theory and
+   Approximation Practice, theorem 8.2). M follows from the Chebyshev coefficients a_k
+   of thrust and angles: on the ellipse |T_k| <= rho^k, |Im T_k| <= (rho^k - rho^-k) /
+   2, and |sin z|, |cos z| <= cosh(Im z). The difference to the logged y1 and y2 is a
+   polynomial too, and the sum of its absolute Chebyshev coefficients encloses it (|T_k|
+   <= 1). Signs are kept until then: defects that cancel along the flight do cancel.
+2. *Rates.* With Delta = ~w(0) + integral of f(~w) - ~w, the right side taken along
+   the logged rates ~w, e = Delta + integral of (g(~w + e) - g(~w)), g the products.
+   q r - ~q ~r = ~q e_r + ~r e_q + e_q e_r, so with the greatest norm
+   |g(~w + e) - g(~w)| <= l |e|, l = max c_i (|~w_j| + |~w_k| + eta), as long as
+   |e| <= eta. By Gronwall's inequality (Walter 1970, Differential and Integral
+   Inequalities, section 1.III; Hairer, Norsett, Wanner 1993, Solving Ordinary
+   Differential Equations I, theorem I.10.2) |e| <= a exp(L), a = sup |Delta|,
+   L = integral of l. Where that is below eta, e, being continuous but for the jumps in
+   Delta, cannot leave |e| <= eta. So |e_i| <= sup |Delta_i| + G, G = a (exp(L) - 1).
+3. *Angles.* Their defect is worked out in step 1 with y1 the rates; G adds at most T G.
+4. *Velocity and position.* Each component of b has slopes of at most 1 in each angle:
+   the velocity gets at most A = T (U1 / m) (|e_phi| + |e_theta| + |e_psi|) besides its
+   defect, the position T A / 2.
+
+*Clipping.* Where coefficients of a squared rotor speed leave [0, 1] of the greatest, by
+kappa at most, the right sides are off by what kappa of all rotors gives.
+
+*Rounding.* A sum of n products in float64 is off by at most gamma_n = n u / (1 - n u)
+times the sum of its absolute values, u = 2^-53 (Higham 2002, Accuracy and Stability of
+Numerical Algorithms, section 3.1); sines and cosines are taken to be right to 4 u. No
+result here takes more than 1000 such steps, halvings of intervals and the entries of
+matrices included, and all factors of a linear map add up to :attr:`_Scheme.gain`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.kernel.bernstein import basis, halves
+from showc.verify.kernel.show import PieceTable
+from showc.verify.kernel.statement import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Vehicle
+    from showc.verify.kernel.show import LoggedShow, Segment
+
+    FloatArray = NDArray[np.float64]
+    BoolArray = NDArray[np.bool_]
+    IntArray = NDArray[np.int64]
+
+GAMMA = 1000 * 2.0**-53 / (1.0 - 1000 * 2.0**-53)
+"""gamma_1000: relative rounding of anything worked out here, before gains."""
+
+ETA = 1e-3
+"""Deviation of the rates [rad/s] up to which step 2 holds: far above any tolerance."""
+
+_FINE = 1e-8
+"""Interpolation error [m/s²] above which an interval is halved: over 10 s it moves a
+drone by less than 1 um."""
+
+_CLIPPED = 1e-9
+"""Share of the greatest squared rotor speed by which coefficients may leave what rotors
+can do before an interval is halved: coefficients leave it where values do not."""
+
+_HALVINGS = 6
+"""How often an interval is halved at most; what is then left stays in the bound."""
+
+_ELLIPSES = (1.5, 2.0, 3.0, 5.0, 8.0, 13.0, 30.0, 1e3)
+"""Values of rho that are tried; each gives a bound, the least one counts."""
+
+POSITION, VELOCITY = 5e-4, 5e-4
+"""Greatest distance of flown from logged positions [m] and velocities [m/s].
+
+Two logs with the same controls and first states, both proved, differ by no more than
+twice that: nothing can move by more than 1 mm or 1 mm/s and stay proved. A planner
+that writes what its controls fly stays far below (1e-5 on the shows of showc)."""
+
+ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
+"""The same of each angle [rad] and body rate [rad/s]: 0.01 deg and 0.01 deg/s."""
+
+_AT_ONCE = 2_000
+"""Mesh intervals taken together: few enough to stay in the processor's cache."""
+
+
+def allocation(vehicle: Vehicle) -> FloatArray:
+    """Matrix (4, 4) from squared rotor speeds [rad²/s²] to thrust and torques."""
+    lift = vehicle.thrust_coefficient
+    arm = lift * vehicle.arm_length
+    drag = vehicle.torque_coefficient
+    return np.array(
+        [
+            [lift, lift, lift, lift],
+            [0.0, -arm, 0.0, arm],
+            [arm, 0.0, -arm, 0.0],
+            [drag, -drag, drag, -drag],
+        ]
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tube:
+    """How far what is flown can be from what is logged, over one segment."""
+
+    drones: IntArray
+    """Counting from 0, increasing, shape (n,)."""
+    radius: FloatArray
+    """Greatest |flown - logged| of each of the twelve states, shape (n, 12) (SI)."""
+    time: FloatArray
+    """Start of the interval on which that is worst, since the start of the segment,
+    for position, velocity, angles and rates, shape (n, 4) [s]."""
+
+
+def ties(show: LoggedShow, tubes: Sequence[Tube]) -> list[Statement]:
+    """State how near the flown states stay to the logged ones, over the whole show.
+
+    Parameters
+    ----------
+    tubes
+        One for each segment of the show.
+    """
+    kinds = (
+        ("VRF301", "positions", POSITION, "m"),
+        ("VRF303", "velocities", VELOCITY, "m/s"),
+        ("VRF302", "angles", ANGLE, "deg"),
+        ("VRF304", "body rates", RATE, "deg/s"),
+    )
+    found = []
+    for kind, (code, name, limit, unit) in enumerate(kinds):
+        worst, where = -1.0, (0, 0)
+        for number, one in enumerate(tubes):
+            part = one.radius[:, 3 * kind : 3 * kind + 3]
+            # Positions and velocities as lengths, angles and rates each for itself.
+            size = np.sqrt(np.sum(part**2, axis=1)) if kind < 2 else part.max(axis=1)
+            row = int(np.argmax(size))
+            if size[row] > worst:
+                worst, where = float(size[row]), (number, row)
+        number, row = where
+        segment, one = show.segments[number], tubes[number]
+        turn = 1.0 if kind < 2 else float(np.degrees(1.0))
+        found.append(
+            Statement(
+                code,
+                f"controls fly the logged {name} at every instant",
+                worst <= limit,
+                worst * turn,
+                limit * turn,
+                unit,
+                (int(one.drones[row]),),
+                segment.message.name,
+                segment.start + float(one.time[row, kind]),
+                ("a bound on every instant, rounding and clipped controls included",),
+            )
+        )
+    return found
+
+
+def tube(segment: Segment, vehicle: Vehicle) -> Tube:
+    """Enclose what the controls of all drones of a segment fly.
+
+    Returns
+    -------
+    Tube
+        Infinite where nothing is proved.
+    """
+    # What overflows is infinite or undefined, and then nothing is proved.
+    with np.errstate(all="ignore"):
+        parts = [_tube_of(table, vehicle) for table in segment.tables]
+    drones = np.concatenate([part.drones for part in parts])
+    order = np.argsort(drones)
+    return Tube(
+        drones[order],
+        np.concatenate([part.radius for part in parts])[order],
+        np.concatenate([part.time for part in parts])[order],
+    )
+
+
+# --- step 1: values in Chebyshev points, and coefficients -----------------------------
+
+
+def _points(degree: int) -> FloatArray:
+    """Chebyshev points on [0, 1], ends included, shape (degree + 1,)."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree))
+
+
+def _transform(degree: int) -> FloatArray:
+    """Matrix from values in the Chebyshev points to Chebyshev coefficients."""
+    order = np.arange(degree + 1)
+    weight = np.where((order == 0) | (order == degree), 0.5, 1.0)
+    matrix = np.cos(np.pi * ((degree - order) * order[:, None] % (2 * degree)) / degree)
+    return np.asarray(2.0 / degree * weight[:, None] * matrix * weight)
+
+
+@lru_cache(maxsize=32)
+def _chebyshev(degree: int) -> FloatArray:
+    """Matrix from Bernstein to Chebyshev coefficients of polynomials of a degree."""
+    if degree == 0:
+        return np.ones((1, 1))
+    return _transform(degree) @ basis(degree, _points(degree))
+
+
+def _integral(degree: int) -> FloatArray:
+    """Matrix from Chebyshev coefficients to those of the integral from 0 to s."""
+    matrix = np.zeros((degree + 2, degree + 1))
+    for k in range(degree + 1):
+        # The integral of T_k(2 s - 1) over s, but for a constant.
+        if k == 1:
+            matrix[2, 1] = 0.125
+        else:
+            matrix[k + 1, k] = 0.25 / (k + 1) * (2.0 if k == 0 else 1.0)
+            if k > 0:
+                matrix[k - 1, k] -= 0.25 / (k - 1)
+    # T_k(-1) = (-1)^k: nothing is integrated at the start.
+    sign = (-1.0) ** np.arange(degree + 2)
+    matrix[0] = 0.0
+    matrix[0] = -sign @ matrix
+    return matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scheme:
+    """Everything of step 1 that depends on degrees alone."""
+
+    degree: int
+    """N."""
+    state: FloatArray
+    """Basis of the states at the nodes, shape (N + 1, state degree + 1)."""
+    control: FloatArray
+    """Basis of the controls at the nodes, shape (N + 1, control degree + 1)."""
+    once: FloatArray
+    """From values to Chebyshev coefficients of the integral, (N + 2, N + 1)."""
+    twice: FloatArray
+    """From values to those of the integral of the integral, (N + 3, N + 1)."""
+    gain: float
+    """Sum of absolute values of all factors that go into either, or into logged
+    coefficients: rounding is multiplied by it at most."""
+
+
+@lru_cache(maxsize=32)
+def _scheme(state_degree: int, control_degree: int) -> _Scheme:
+    # Products of two rates are polynomials of twice their degree.
+    degree = max(2 * state_degree + 2, control_degree, 4)
+    transform = _transform(degree)
+    first, second = _integral(degree), _integral(degree + 1)
+    nodes = _points(degree)
+    size = np.abs(first) @ np.abs(transform)
+    gain = 2.0 * (state_degree + 2.0) + size.sum() + (np.abs(second) @ size).sum()
+    return _Scheme(
+        degree,
+        basis(state_degree, nodes),
+        basis(control_degree, nodes),
+        first @ transform,
+        second @ first @ transform,
+        float(gain),
+    )
+
+
+# --- step 1: right sides on some mesh intervals ---------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Some mesh intervals; coefficients lie as (degree + 1, components, rows)."""
+
+    width: FloatArray
+    """Shape (rows,) [s]."""
+    state: FloatArray
+    control: FloatArray
+
+    def hull(self, components: slice) -> FloatArray:
+        """Greatest absolute coefficients of some states, shape (components, rows)."""
+        return np.asarray(np.abs(self.state[:, components]).max(axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sides:
+    """Right sides of velocity and rates: values at the nodes and how far off."""
+
+    value: FloatArray
+    """Shape (N + 1, 6, rows) (SI)."""
+    error: FloatArray
+    """Interpolation and clipping, at every instant, shape (6, rows) (SI)."""
+    size: FloatArray
+    """Sum of absolute values of what was added up, shape (6, rows) (SI)."""
+
+
+def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
+    """How far coefficients of the squared rotor speeds leave [0, 1], (4, rows)."""
+    share = np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2
+    speeds = np.einsum("ij,njr->nir", share, control)
+    over = np.maximum(speeds.max(axis=0) - 1.0, -speeds.min(axis=0))
+    scale = np.einsum("ij,jr->ir", np.abs(share), np.abs(control).max(axis=0))
+    # What rounding alone brings about is clipped by nothing.
+    return np.asarray(np.where(over > GAMMA * scale, over, 0.0))
+
+
+def _truncation(rows: _Rows, mass: float, degree: int) -> FloatArray:
+    """Bound of what interpolation of U1 / m b leaves out, shape (rows,) [m/s²]."""
+    parts = []
+    for source, columns in ((rows.state, slice(6, 9)), (rows.control, slice(0, 1))):
+        order = source.shape[0] - 1
+        some = np.abs(np.tensordot(_chebyshev(order), source[:, columns], axes=1))
+        # No true coefficient is beyond the computed one and what rounding took.
+        some += GAMMA * np.abs(source[:, columns]).max(axis=0)
+        parts.append(some)
+    angles, thrust = parts
+    best = np.full(rows.width.size, np.inf)
+    for rho in _ELLIPSES:
+        power = rho ** np.arange(max(angles.shape[0], thrust.shape[0]))
+        lean = 0.5 * (power - 1.0 / power)[: angles.shape[0]]
+        imaginary = np.tensordot(lean, angles, axes=1)
+        push = np.tensordot(power[: thrust.shape[0]], thrust[:, 0], axes=1) / mass
+        # Each component of b is a sum of at most two products of three factors.
+        most = 2.0 * push * np.cosh(imaginary).prod(axis=0)
+        best = np.fmin(best, 4.0 * most * rho**-degree / (rho - 1.0))
+    return best
+
+
+def _sides(rows: _Rows, vehicle: Vehicle, scheme: _Scheme) -> _Sides:
+    """Work out step 1's right sides, along the logged angles and rates."""
+    state = np.tensordot(scheme.state, rows.state[:, 6:], axes=1)
+    control = np.tensordot(scheme.control, rows.control, axes=1)
+    ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
+    over = np.array([vehicle.torque_factor / ix, vehicle.torque_factor / iy, 1.0 / iz])
+    coupling = np.array([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
+    value = np.empty((state.shape[0], 6, rows.width.size))
+    thrust = control[:, 0] / vehicle.mass
+    value[:, :3] = thrust[:, None] * _direction(state[:, :3])
+    value[:, 2] -= vehicle.gravity
+    value[:, 3:] = over[:, None] * control[:, 1:]
+    rate = state[:, 3:]
+    for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1))):
+        value[:, 3 + axis] += coupling[axis] * rate[:, one] * rate[:, other]
+
+    most = np.abs(rows.control).max(axis=0)
+    angles, rates = rows.hull(slice(6, 9)), rows.hull(slice(9, 12))
+    size = np.empty((6, rows.width.size))
+    size[:3] = most[0] / vehicle.mass * (1.0 + angles.sum(axis=0)) + vehicle.gravity
+    pairs = np.stack([rates[1] * rates[2], rates[0] * rates[2], rates[0] * rates[1]])
+    size[3:] = over[:, None] * most[1:] + np.abs(coupling)[:, None] * pairs
+
+    off = np.abs(allocation(vehicle)) @ _excess(rows.control, vehicle)
+    off *= vehicle.rotor_speed_max**2
+    error = np.empty((6, rows.width.size))
+    error[:3] = _truncation(rows, vehicle.mass, scheme.degree) + off[0] / vehicle.mass
+    error[3:] = over[:, None] * off[1:]
+    return _Sides(value, error, size)
+
+
+def _direction(angles: FloatArray) -> FloatArray:
+    """Body z axis in the show frame for roll, pitch, yaw (nodes, 3, rows)."""
+    sine, cosine = np.sin(angles), np.cos(angles)
+    s_roll, s_pitch, s_yaw = sine[:, 0], sine[:, 1], sine[:, 2]
+    c_roll, c_pitch, c_yaw = cosine[:, 0], cosine[:, 1], cosine[:, 2]
+    level = c_roll * s_pitch
+    return np.stack(
+        [
+            level * c_yaw + s_roll * s_yaw,
+            level * s_yaw - s_roll * c_yaw,
+            c_roll * c_pitch,
+        ],
+        axis=1,
+    )
+
+
+# --- step 1: defects ------------------------------------------------------------------
+
+_FIRST = [3, 4, 5, 9, 10, 11]
+"""What the right sides are integrated to: velocity and rates."""
+_SECOND = [0, 1, 2, 6, 7, 8]
+"""What these are integrated to: position and angles."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Defects:
+    """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, shape (6, rows)."""
+
+    first: FloatArray
+    second: FloatArray
+
+
+def _defects(table: PieceTable, vehicle: Vehicle) -> _Defects:
+    """Integrate the right sides from each drone's first state; compare."""
+    scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
+    count = table.start.size
+    width = table.end - table.start
+    polynomial = [np.empty((scheme.degree + 2 + k, 6, count)) for k in (0, 1)]
+    step = [np.empty((6, count)) for _ in range(2)]
+    off = [np.empty((6, count)) for _ in range(2)]
+    for begin in range(0, count, _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        rows = _Rows(
+            width[part],
+            np.ascontiguousarray(table.state[part].transpose(1, 2, 0)),
+            np.ascontiguousarray(table.control[part].transpose(1, 2, 0)),
+        )
+        sides = _sides(rows, vehicle, scheme)
+        whole = np.abs(rows.state).max(axis=0)
+        rounding = GAMMA * scheme.gain
+        for k, matrix in enumerate((scheme.once, scheme.twice)):
+            power = rows.width ** (k + 1)
+            found = np.tensordot(matrix, sides.value, axes=1) * power
+            step[k][:, part] = found.sum(axis=0)
+            own = whole[(_FIRST, _SECOND)[k]] + k * rows.width * whole[_FIRST]
+            off[k][:, part] = power * (sides.error + rounding * sides.size)
+            off[k][:, part] += rounding * own
+            logged = rows.state[:, (_FIRST, _SECOND)[k]]
+            found[: logged.shape[0]] -= np.tensordot(
+                _chebyshev(logged.shape[0] - 1), logged, axes=1
+            )
+            polynomial[k][:, :, part] = found
+    start = _marched(table, width, step, off)
+    polynomial[0][0] += start[0]
+    # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
+    polynomial[1][0] += start[1] + 0.5 * width * start[0]
+    polynomial[1][1] += 0.5 * width * start[0]
+    first, second = (np.abs(some).sum(axis=0) for some in polynomial)
+    first += start[2] + off[0]
+    second += start[3] + width * start[2] + off[1]
+    return _Defects(first, second)
+
+
+def _marched(
+    table: PieceTable, width: FloatArray, step: list[FloatArray], off: list[FloatArray]
+) -> list[FloatArray]:
+    """Follow each drone over its intervals.
+
+    Returns
+    -------
+    list of ndarray
+        y1 and y2 at the start of each interval, and how far each may be off, (6, rows).
+    """
+    drone = np.arange(table.drones.size)
+    counts = np.diff(table.first)
+    start = [np.empty((6, width.size)) for _ in range(4)]
+    initial = table.state[table.first[:-1], 0].T
+    now = [initial[_FIRST], initial[_SECOND], *np.zeros((2, 6, drone.size))]
+    for number in range(int(counts.max())):
+        alive = counts > number
+        if not alive.all():
+            drone, counts = drone[alive], counts[alive]
+            now = [one[:, alive] for one in now]
+        row = table.first[drone] + number
+        for one, place in zip(now, start, strict=True):
+            place[:, row] = one
+        # In this order: positions grow by what velocities are before.
+        now[1] = now[1] + width[row] * now[0] + step[1][:, row]
+        now[0] = now[0] + step[0][:, row]
+        now[3] = now[3] + width[row] * now[2] + off[1][:, row]
+        now[2] = now[2] + off[0][:, row]
+    return start
+
+
+# --- steps 2 to 4 ---------------------------------------------------------------------
+
+
+def _tube_of(table: PieceTable, vehicle: Vehicle) -> Tube:
+    fine = _refined(table, vehicle)
+    defects = _defects(fine, vehicle)
+    each = fine.first[:-1]
+    greatest = [
+        np.maximum.reduceat(some, each, axis=1)
+        for some in (defects.first, defects.second)
+    ]
+    width = fine.end - fine.start
+    total = np.add.reduceat(width, each)
+    ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
+    coupling = np.abs([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
+    hull = np.abs(fine.state[:, :, 9:]).max(axis=1)
+    pairs = hull[:, [1, 0, 0]] + hull[:, [2, 2, 1]] + ETA
+    growth = np.add.reduceat(width * (coupling * pairs).max(axis=1), each)
+    sup = greatest[0][3:].max(axis=0)
+    within = sup * np.exp(growth) <= ETA
+    gyroscopic = np.where(within, sup * np.expm1(growth), np.inf)
+    angles = greatest[1][3:] + total * gyroscopic
+    thrust = np.abs(fine.control[:, :, 0]).max(axis=1)
+    push = np.maximum.reduceat(thrust, each) / vehicle.mass
+    lean = total * push * angles.sum(axis=0)
+    radius = np.concatenate(
+        [
+            greatest[1][:3] + 0.5 * total * lean,
+            greatest[0][:3] + lean,
+            angles,
+            greatest[0][3:] + gyroscopic,
+        ]
+    ).T
+    # Sums of positive numbers, each off by rounding alone.
+    radius *= 1.0 + GAMMA
+    kinds = (
+        defects.second[:3],
+        defects.first[:3],
+        defects.second[3:],
+        defects.first[3:],
+    )
+    time = np.stack([_worst(fine, some.max(axis=0)) for some in kinds], axis=1)
+    radius = np.where(np.isfinite(radius), radius, np.inf)
+    return Tube(table.drones, radius, time)
+
+
+def _worst(table: PieceTable, value: FloatArray) -> FloatArray:
+    """Start of the interval on which each drone's value is greatest, (drones,) [s]."""
+    order = np.lexsort((np.nan_to_num(value, nan=np.inf), table.owner))
+    return np.asarray(table.start[order[table.first[1:] - 1]])
+
+
+def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
+    """Halve intervals on which step 1 would be coarse."""
+    scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
+    for _ in range(_HALVINGS):
+        rows = _Rows(
+            table.end - table.start,
+            table.state.transpose(1, 2, 0),
+            table.control.transpose(1, 2, 0),
+        )
+        coarse = ~(_truncation(rows, vehicle.mass, scheme.degree) <= _FINE)
+        coarse |= _excess(rows.control, vehicle).max(axis=0) > _CLIPPED
+        if not coarse.any():
+            break
+        table = _halved(table, coarse)
+    return table
+
+
+def _halved(table: PieceTable, chosen: BoolArray) -> PieceTable:
+    """Write the same polynomials with the chosen intervals in two halves."""
+    times = np.where(chosen, 2, 1)
+    row = np.repeat(np.arange(chosen.size), times)
+    late = np.zeros(row.size, dtype=bool)
+    late[1:] = row[1:] == row[:-1]
+    early = np.zeros(row.size, dtype=bool)
+    early[:-1] = late[1:]
+    middle = 0.5 * (table.start + table.end)
+    state, control = table.state[row], table.control[row]
+    for whole, parts in ((table.state, state), (table.control, control)):
+        parts[early], parts[late] = halves(whole[chosen])
+    return PieceTable(
+        table.drones,
+        np.concatenate([[0], np.cumsum(times)])[table.first].astype(np.int64),
+        np.where(late, middle[row], table.start[row]),
+        np.where(early, middle[row], table.end[row]),
+        state,
+        control,
+    )

@@ -1,0 +1,264 @@
+"""The enclosure of what is flown, against other integrators and spoilt logs."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from verified import with_table
+
+from showc.log import showc_pb2 as pb
+from showc.verify.kernel.bernstein import basis
+from showc.verify.kernel.dynamics import (
+    ANGLE,
+    POSITION,
+    RATE,
+    VELOCITY,
+    allocation,
+    ties,
+    tube,
+)
+from showc.verify.kernel.show import PieceTable, Segment
+
+VEHICLE = pb.Vehicle(
+    mass=0.625,
+    arm_length=0.1275,
+    thrust_coefficient=2.103e-6,
+    torque_coefficient=2.091e-8,
+    inertia=pb.Vector3(x=2.3e-3, y=2.4e-3, z=2.6e-3),
+    rotor_speed_max=1581.0,
+    gravity=9.80665,
+    torque_factor=1.0,
+)
+TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
+
+
+def slope(vehicle, state, control):
+    """Equations of motion as the literature prints them, written out once more."""
+    _, _, _, *velocity, phi, theta, psi, p, q, r = state
+    thrust, u2, u3, u4 = control
+    m, f = vehicle.mass, vehicle.torque_factor
+    ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
+    c, s = np.cos, np.sin
+    return [
+        *velocity,
+        thrust / m * (c(phi) * s(theta) * c(psi) + s(phi) * s(psi)),
+        thrust / m * (c(phi) * s(theta) * s(psi) - s(phi) * c(psi)),
+        thrust / m * c(phi) * c(theta) - vehicle.gravity,
+        *(p, q, r),
+        f * u2 / ix + (iy - iz) / ix * q * r,
+        f * u3 / iy + (iz - ix) / iy * p * r,
+        u4 / iz + (ix - iy) / iz * p * q,
+    ]
+
+
+def clipped(vehicle, control):
+    """What rotors between rest and full speed give."""
+    matrix = allocation(vehicle)
+    top = vehicle.rotor_speed_max**2
+    return matrix @ np.clip(np.linalg.solve(matrix, control), 0.0, top)
+
+
+def flown_elsewhere(vehicle, controls, breaks, nodes, first=None):
+    """States at ``nodes`` of each interval by DOP853; controls (K, degree + 1, 4)."""
+    state, states = np.zeros(12) if first is None else first, []
+    for k, (low, high) in enumerate(pairwise(breaks)):
+
+        def right(time, state, k=k, low=low, high=high):
+            weights = basis(len(controls[k]) - 1, (time - low) / (high - low))
+            return slope(vehicle, state, clipped(vehicle, weights @ controls[k]))
+
+        times = low + (high - low) * nodes
+        times[-1] = high
+        run = solve_ivp(
+            right, (low, high), state, "DOP853", times, rtol=1e-12, atol=1e-13
+        )
+        states.append(run.y.T)
+        state = run.y[:, -1]
+    return states
+
+
+def tumbling(vehicle=VEHICLE, seed=1, intervals=8, degree=13):
+    """Drone with all three rates in play, its true motion fitted by polynomials."""
+    rng = np.random.default_rng(seed)
+    breaks = np.linspace(0.0, 1.2, intervals + 1)
+    weight = vehicle.mass * vehicle.gravity
+    corner = rng.uniform(-1.0, 1.0, (intervals + 1, 4))
+    corner *= np.array([2.0, 0.02, 0.02, 0.01])
+    corner[:, 0] += weight
+    controls = [np.stack(pair) for pair in pairwise(corner)]
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+    states = flown_elsewhere(vehicle, controls, breaks, nodes)
+    fit = np.linalg.inv(basis(degree, nodes))
+    state = np.stack([fit @ values for values in states])
+    table = PieceTable(
+        np.array([0]),
+        np.array([0, intervals]),
+        breaks[:-1],
+        breaks[1:],
+        state,
+        np.stack(controls),
+    )
+    message = pb.Segment(name="tumble", duration=1.2, drones=[0])
+    return Segment(message, (table,), np.array([0]), np.zeros((1, 3)))
+
+
+def with_state(segment, state):
+    table = replace(segment.tables[0], state=state)
+    return replace(segment, tables=(table,))
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.1275])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_solves_the_equations_is_tied_closely(seed, factor):
+    """The polynomials are another integrator's, fitted to 1e-9."""
+    vehicle = pb.Vehicle()
+    vehicle.CopyFrom(VEHICLE)
+    vehicle.torque_factor = factor
+    radius = tube(tumbling(vehicle, seed), vehicle).radius[0]
+    assert np.all(radius < 1e-7)
+    assert np.all(radius < TOLERANCES)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.floats(1e-9, 3e-4),
+    component=st.integers(0, 11),
+)
+def test_the_tube_holds_the_true_flight(seed, size, component):
+    """Logged polynomials are spoilt at random; the truth stays within the tube."""
+    rng = np.random.default_rng(seed)
+    exact = tumbling(seed=seed % 7, intervals=3, degree=9)
+    table = exact.tables[0]
+    state = table.state.copy()
+    state[:, 1:, component] += size * rng.uniform(-1.0, 1.0, state[:, 1:, 0].shape)
+    nodes = np.linspace(0.0, 1.0, 12)
+    breaks = np.append(table.start, table.end[-1])
+    true = flown_elsewhere(VEHICLE, table.control, breaks, nodes, state[0, 0])
+    logged = basis(state.shape[1] - 1, nodes) @ state
+    away = np.abs(np.stack(true) - logged).max(axis=(0, 1))
+    radius = tube(with_state(exact, state), VEHICLE).radius[0]
+    # The other integrator itself is right to 1e-9.
+    assert np.all(away <= radius + 1e-9)
+
+
+@pytest.mark.parametrize("component", range(12))
+@pytest.mark.parametrize("row", [0, 3, 7])
+def test_no_state_moves_by_two_tolerances_on_any_interval(component, row):
+    exact = tumbling()
+    state = exact.tables[0].state.copy()
+    # The middle of one interval alone, raised by just over two tolerances.
+    bump = basis(state.shape[1] - 1, 0.5)
+    state[row, 1:-1, component] += 2.05 * TOLERANCES[component] / bump[1:-1].sum()
+    radius = tube(with_state(exact, state), VEHICLE).radius[0]
+    assert radius[component] > 2.0 * TOLERANCES[component]
+
+
+def test_defects_that_cancel_are_not_added_up():
+    """A wave in the velocity moves the position by far less than its size."""
+    exact = tumbling(degree=7, intervals=12)
+    radius = tube(exact, VEHICLE).radius[0]
+    state = exact.tables[0].state.copy()
+    wave = 1e-4 * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    state[:, :, 3] += wave
+    spoilt = tube(with_state(exact, state), VEHICLE).radius[0]
+    assert spoilt[3] > 1e-5
+    np.testing.assert_allclose(spoilt[:3], radius[:3], rtol=1e-6, atol=1e-12)
+
+
+def test_controls_beyond_the_rotors_are_flown_as_rotors_can(log_and_show):
+    """A log whose polynomials solve the equations, but with impossible thrust."""
+    _, show = log_and_show
+    weak = pb.Vehicle()
+    weak.CopyFrom(show.rules.vehicle)
+    # Rotors that carry the weight, but not the climb.
+    weak.rotor_speed_max = np.sqrt(
+        1.05 * weak.mass * weak.gravity / (4 * weak.thrust_coefficient)
+    )
+    assert tube(show.segments[0], weak).radius[:, 2].max() > 0.1
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_tube_holds_the_flight_of_clipped_controls(seed):
+    weak = pb.Vehicle()
+    weak.CopyFrom(VEHICLE)
+    weak.rotor_speed_max = 870.0
+    exact = tumbling(seed=seed % 5, intervals=3, degree=9)
+    table = exact.tables[0]
+    nodes = np.linspace(0.0, 1.0, 9)
+    breaks = np.append(table.start, table.end[-1])
+    true = flown_elsewhere(weak, table.control, breaks, nodes)
+    logged = basis(table.state.shape[1] - 1, nodes) @ table.state
+    away = np.abs(np.stack(true) - logged).max(axis=(0, 1))
+    radius = tube(exact, weak).radius[0]
+    assert away.max() > 1e-2
+    # Rates that leave their hypothesis leave nothing proved.
+    assert np.all(away <= radius + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("code", "spoil"),
+    [
+        ("VRF303", lambda state: state[:, :, 3:6].fill(0.0)),
+        ("VRF304", lambda state: state[:, 1:, 9:].fill(1e-3)),
+        ("VRF302", lambda state: state[:, 1:, 6].fill(1e-3)),
+        ("VRF301", lambda state: np.add.at(state, (2, slice(2, 4), 2), 6e-3)),
+    ],
+)
+def test_each_lie_about_states_is_named(log_and_show, code, spoil):
+    _, show = log_and_show
+    state = show.segments[0].tables[0].state.copy()
+    spoil(state)
+    spoilt = with_table(show, 0, state=state)
+    tubes = [tube(segment, show.rules.vehicle) for segment in spoilt.segments]
+    failed = {one.code for one in ties(spoilt, tubes) if not one.holds}
+    assert code in failed
+
+
+def test_a_control_between_the_nodes_counts(log_and_show):
+    """A spike in thrust that averages out over an interval still bends the path."""
+    _, show = log_and_show
+    control = show.segments[0].tables[0].control.copy()
+    control[0, 1, 0] += 0.5
+    control[0, 2, 0] -= 0.5
+    spoilt = with_table(show, 0, control=control)
+    assert tube(spoilt.segments[0], show.rules.vehicle).radius[0, 2] > 1e-3
+
+
+@pytest.mark.parametrize(("few", "many"), [(8, 9), (8, 10), (9, 21)])
+def test_meshes_of_different_sizes_fly_together(few, many):
+    first, second = tumbling(seed=4, intervals=few), tumbling(seed=5, intervals=many)
+    a, b = first.tables[0], second.tables[0]
+    table = PieceTable(
+        np.array([0, 1]),
+        np.array([0, few, few + many]),
+        np.concatenate([a.start, b.start]),
+        np.concatenate([a.end, b.end]),
+        np.concatenate([a.state, b.state]),
+        np.concatenate([a.control, b.control]),
+    )
+    both = tube(replace(first, tables=(table,)), VEHICLE)
+    alone = [tube(one, VEHICLE).radius[0] for one in (first, second)]
+    np.testing.assert_allclose(both.radius, alone, rtol=1e-6, atol=1e-12)
+
+
+def test_a_jump_between_intervals_is_part_of_the_deviation():
+    exact = tumbling()
+    state = exact.tables[0].state.copy()
+    state[4:, :, 1] += 2e-3
+    assert tube(with_state(exact, state), VEHICLE).radius[0, 1] >= 2e-3
+
+
+def test_a_flight_to_infinity_is_not_proved(log_and_show):
+    _, show = log_and_show
+    state = show.segments[0].tables[0].state.copy()
+    state[:, :, 9:] = 1e200
+    spoilt = with_table(show, 0, state=state)
+    with np.errstate(all="ignore"):
+        radius = tube(spoilt.segments[0], show.rules.vehicle).radius
+    assert np.all(np.isinf(radius[:, :3]))
