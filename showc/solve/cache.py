@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.solve.options import SolveOptions
 
-FORMAT = "showc-leg-2"
+FORMAT = "showc-leg-3"
 """Changes whenever results or their encoding change."""
 _MAGIC = b"showcleg"
 _DIGEST = 32

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-POSITION_ACCURACY = 1e-3
-"""Default of the greatest replay error [m]."""
+POSITION_ACCURACY = 4e-4
+"""Default of the greatest replay error [m]; a proof allows 5e-4."""
+VELOCITY_ACCURACY = 2e-4
+"""Greatest replay error of the velocity [m/s]; a proof allows 5e-4."""
 ATTITUDE_ACCURACY = float(np.deg2rad(0.01))
 """Greatest replay error of roll, pitch and yaw [rad]."""
 KEPT = 1e-9
@@ -106,6 +108,7 @@ def judge(
     """Fly a trajectory again and audit its limits."""
     flown = replay(aircraft.vehicle, [trajectory])
     missed, turned = float(flown.position[0]), float(flown.attitude[0])
+    slipped = float(flown.velocity[0])
     worst: Excess = greatest_excess(aircraft, trajectory)
     status: Status = "solved"
     message = ""
@@ -122,10 +125,11 @@ def judge(
             f"{crossed.name} is crossed by {crossed.amount:.3g} m near "
             f"{crossed.time:.2f} s"
         )
-    elif missed > accuracy or turned > ATTITUDE_ACCURACY:
+    elif missed > accuracy or slipped > VELOCITY_ACCURACY or turned > ATTITUDE_ACCURACY:
         status = "inaccurate"
         message = (
-            f"the controls miss the trajectory by {1e3 * missed:.3g} mm and "
-            f"{np.rad2deg(turned):.3g} deg; wanted {1e3 * accuracy:.3g} mm"
+            f"the controls miss the trajectory by {1e3 * missed:.3g} mm, "
+            f"{1e3 * slipped:.3g} mm/s and {np.rad2deg(turned):.3g} deg; wanted "
+            f"{1e3 * accuracy:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
         )
     return Verdict(status, message, missed, turned)

@@ -39,6 +39,8 @@ class ReplayErrors:
 
     position: FloatArray
     """Of each drone, shape (n,) [m]."""
+    velocity: FloatArray
+    """Of each drone, shape (n,) [m/s]."""
     attitude: FloatArray
     """Greatest of |roll|, |pitch|, |yaw| differences, shape (n,) [rad]."""
 
@@ -69,9 +71,8 @@ def replay(vehicle: Quadrotor, trajectories: Sequence[Trajectory]) -> ReplayErro
         Flights with states and controls on the same breaks each.
     """
     if not trajectories:
-        return ReplayErrors(np.zeros(0), np.zeros(0))
-    position = np.zeros(len(trajectories))
-    attitude = np.zeros(len(trajectories))
+        return ReplayErrors(np.zeros(0), np.zeros(0), np.zeros(0))
+    errors = np.zeros((3, len(trajectories)))
     shapes: dict[tuple[int, int, int], list[int]] = {}
     for index, trajectory in enumerate(trajectories):
         state, control = trajectory.state, trajectory.control
@@ -79,14 +80,18 @@ def replay(vehicle: Quadrotor, trajectories: Sequence[Trajectory]) -> ReplayErro
         shapes.setdefault(key, []).append(index)
     for indices in shapes.values():
         group = [trajectories[index] for index in indices]
-        position[indices], attitude[indices] = _replay_alike(vehicle, group)
-    return ReplayErrors(position, attitude)
+        errors[:, indices] = _replay_alike(vehicle, group)
+    return ReplayErrors(*errors)
 
 
-def _replay_alike(
-    vehicle: Quadrotor, trajectories: list[Trajectory]
-) -> tuple[FloatArray, FloatArray]:
-    """Replay trajectories of equal shape; arrays are (drones, steps, points, ...)."""
+def _replay_alike(vehicle: Quadrotor, trajectories: list[Trajectory]) -> FloatArray:
+    """Replay trajectories of equal shape; arrays are (drones, steps, points, ...).
+
+    Returns
+    -------
+    ndarray
+        Errors of position, velocity and attitude, shape (3, drones).
+    """
     fractions = ((np.arange(PARTS)[:, None] + _POINTS) / PARTS).ravel()
     breaks = np.stack([item.state.breaks for item in trajectories])
     widths = np.repeat(np.diff(breaks, axis=1), PARTS, axis=1) / PARTS
@@ -128,8 +133,11 @@ def _replay_alike(
     velocity = integrated(acceleration, first[:, 3:6])
     position = integrated(velocity, first[:, 0:3])
     missed = np.linalg.norm(position - state[..., 0:3], axis=-1)
+    slipped = np.linalg.norm(velocity - state[..., 3:6], axis=-1)
     turned = np.abs(angles - state[..., 6:9])
-    return missed.max(axis=(1, 2)), turned.max(axis=(1, 2, 3))
+    return np.stack(
+        [missed.max(axis=(1, 2)), slipped.max(axis=(1, 2)), turned.max(axis=(1, 2, 3))]
+    )
 
 
 def state_at_start(trajectories: Sequence[Trajectory]) -> FloatArray:
