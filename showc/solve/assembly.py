@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.flight import Trajectory
-from showc.solve.audit import half_space_excess, state_bounds
+from showc.solve.audit import greatest_excess, half_space_excess
 from showc.solve.model import POSITION
 from showc.trajectory import (
     PiecewisePolynomial,
@@ -33,6 +33,9 @@ CONTROL_DEGREE = 4
 FLOWN_DEGREE = 7
 """Of velocities as the controls fly them. On the intervals of a solution the thrust's
 direction is a polynomial of degree 6 to 1e-6 of itself."""
+
+ROUNDING = 1e-9
+"""Excess over a limit, relative to its range, that counts as rounding."""
 
 _STATES = (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
 _NODES = tuple(float(s) for s in np.linspace(0.0, 1.0, CONTROL_DEGREE + 1))
@@ -124,8 +127,8 @@ def _matched(
     """Write positions and velocities as the controls fly them between the breaks.
 
     Inside an interval a solution's velocity is off from what its thrust gives by up to
-    1 mm/s; at the breaks it is exact to the order of its quadrature. An axis on which
-    what is flown leaves a limit, or all if a half-space is left, stays as it was.
+    1 mm/s; at the breaks it is exact to the order of its quadrature. Where what is
+    flown leaves a limit, level or vertical motion stays as it was, or both.
     """
     state, control = trajectory.state, trajectory.control
     vehicle = aircraft.vehicle
@@ -143,20 +146,21 @@ def _matched(
     ends = state.coefficients[:, [0, -1]]
     velocity = _between(ends[:, :, 3:6], inverse @ acceleration, width)
     position = _between(ends[:, :, :3], velocity, width)
-    raised = state.elevated(FLOWN_DEGREE + 1).coefficients.copy()
+    kept = state.elevated(FLOWN_DEGREE + 1).coefficients.copy()
     if aircraft.yaw == "held":
-        raised[:, :, 8] = aircraft.heading
-    low, high = state_bounds(aircraft)
-    for axis in range(3):
-        new = (axis, position[..., axis]), (3 + axis, velocity[..., axis])
-        if all(np.all((low[k] <= c) & (c <= high[k])) for k, c in new):
-            raised[..., axis] = position[..., axis]
-            raised[..., 3 + axis] = _raised(
-                state.breaks, velocity[..., axis], FLOWN_DEGREE + 1
-            )
-    flown = Trajectory(PiecewisePolynomial(state.breaks, raised), control)
-    crossed = half_space_excess(flown, half_spaces)
-    return flown if crossed is None or crossed.amount <= 0.0 else trajectory
+        kept[:, :, 8] = aircraft.heading
+    raised = PiecewisePolynomial(state.breaks, velocity).elevated(FLOWN_DEGREE + 1)
+    for axes in ([0, 1, 2], [0, 1], [2]):
+        new = kept.copy()
+        new[..., axes] = position[..., axes]
+        new[..., [3 + axis for axis in axes]] = raised.coefficients[..., axes]
+        flown = Trajectory(PiecewisePolynomial(state.breaks, new), control)
+        crossed = half_space_excess(flown, half_spaces)
+        if greatest_excess(aircraft, flown).relative <= ROUNDING and (
+            crossed is None or crossed.amount <= 0.0
+        ):
+            return flown
+    return trajectory
 
 
 def _between(ends: FloatArray, slope: FloatArray, width: FloatArray) -> FloatArray:
