@@ -14,7 +14,7 @@ import hashlib
 import io
 import json
 import os
-import tempfile
+import zipfile
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc._version import __version__
+from showc.files import UnreadableFileError, read_file, stage_for
 from showc.flight import (
     Certificate,
     ClosestEncounter,
@@ -42,6 +43,8 @@ FORMAT = "showc-leg-3"
 """Changes whenever results or their encoding change."""
 _MAGIC = b"showcleg"
 _DIGEST = 32
+_MOST_BYTES = 2_000_000_000
+"""Largest entry that is read [bytes]: ten times that of a thousand drones."""
 
 
 def digest(*parts: object) -> str:
@@ -146,16 +149,24 @@ class Cache:
             return None
         path = self._path(key)
         try:
-            content = path.read_bytes()
-        except OSError:
+            content = read_file(path, _MOST_BYTES)
+        except UnreadableFileError:
             return None
-        flight = _decoded(content, leg)
+        flight = None
+        # Whatever a strange file provokes: numbers without end, keys that are missing.
+        with contextlib.suppress(Exception):
+            flight = _decoded(content, leg)
+        if flight is None:
+            self.forget(key)
         with contextlib.suppress(OSError):
-            if flight is None:
-                path.unlink()
-            else:
-                os.utime(path)
+            os.utime(path)
         return flight
+
+    def forget(self, key: str) -> None:
+        """Remove an entry that is not what it should be, if that can be."""
+        if self._folder is not None:
+            with contextlib.suppress(OSError):
+                self._path(key).unlink()
 
     def keep(self, key: str, flight: LegFlight) -> None:
         """Store an entry; a full or read-only disk is no reason to fail."""
@@ -163,16 +174,9 @@ class Cache:
             return
         path = self._path(key)
         with contextlib.suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor, name = tempfile.mkstemp(dir=path.parent, suffix=".new")
-            try:
-                with os.fdopen(descriptor, "wb") as stream:
-                    stream.write(_encoded(flight))
-                Path(name).replace(path)
-            except BaseException:
-                with contextlib.suppress(OSError):
-                    Path(name).unlink()
-                raise
+            with stage_for(path) as stage:
+                (stage / path.name).write_bytes(_encoded(flight))
+                (stage / path.name).replace(path)
             self._shrink()
 
     def parts(self, key: str) -> Path | None:
@@ -203,11 +207,19 @@ class Cache:
             size -= weight
 
 
-def default_folder() -> Path:
-    """Return ``showc`` in the user's cache folder (XDG base directories)."""
+def default_folder() -> Path | None:
+    """Return ``showc`` in the user's cache folder (XDG base directories).
+
+    None for a user without a home: nothing is kept then.
+    """
     base = os.environ.get("XDG_CACHE_HOME")
-    root = Path(base) if base else Path.home() / ".cache"
-    return root / "showc"
+    if base and Path(base).is_absolute():
+        return Path(base) / "showc"
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    return home / ".cache" / "showc" if home.is_absolute() else None
 
 
 def _encoded(flight: LegFlight) -> bytes:
@@ -246,6 +258,10 @@ def _decoded(content: bytes, leg: Leg) -> LegFlight | None:
         or hashlib.sha256(payload).digest() != content[head : head + _DIGEST]
     ):
         return None
+    with zipfile.ZipFile(io.BytesIO(payload)) as packed:
+        # Ours are not compressed: what grows is not one of them.
+        if sum(item.file_size for item in packed.infolist()) > len(payload):
+            return None
     with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
         note = json.loads(arrays["note"].tobytes())
         trajectories: dict[int, Trajectory] = {}

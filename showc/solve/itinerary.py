@@ -11,8 +11,9 @@ from showc.errors import SolveError
 from showc.flight import Flight, LegFlight
 from showc.progress import Silent
 from showc.solve.cache import Cache, leg_key
-from showc.solve.leg import solve_leg
+from showc.solve.leg import place, solve_leg
 from showc.solve.pool import InProcess, workers
+from showc.solve.proof import flaw
 from showc.solve.remembering import Remembering
 
 if TYPE_CHECKING:
@@ -59,24 +60,8 @@ def solve_itinerary(
     show = itinerary.show
     cache = Cache.of(options)
     keys = [leg_key(leg, show, options) for leg in itinerary.legs]
-    found: dict[str, LegFlight] = {}
-    missing: dict[str, Leg] = {}
     with workers(options.jobs, options.cluster) as crew:
-        progress.stage("look for solved legs", len(keys))
-        for key, leg in zip(keys, itinerary.legs, strict=True):
-            progress.advance()
-            if key in found or key in missing:
-                continue
-            flight = cache.find(key, leg)
-            if flight is None:
-                missing[key] = leg
-                if len(missing) > 1 or leg.drones.size > LONE:
-                    crew.prepare()
-            else:
-                found[key] = flight
-        if found:
-            known = sum(key in found for key in keys)
-            progress.note(f"{known} of {len(keys)} legs taken from the cache")
+        found, missing = _look_up(itinerary, keys, cache, crew, progress)
         tasks = {
             key: _Task(leg, show, options, key, cache.parts(key))
             for key, leg in missing.items()
@@ -91,13 +76,70 @@ def solve_itinerary(
         lone = len(missing) == 1 and options.cluster is None
         for key, task in tasks.items():
             here = lone and task.leg.drones.size <= LONE
-            found[key] = task.solve(InProcess() if here else crew, progress)
+            found[key] = _proved(
+                task.solve(InProcess() if here else crew, progress), show
+            )
             cache.keep(key, found[key])
     flights = tuple(
         replace(found[key], leg=leg)
         for key, leg in zip(keys, itinerary.legs, strict=True)
     )
     return Flight(itinerary, flights, _starts(flights))
+
+
+def _look_up(
+    itinerary: Itinerary,
+    keys: Sequence[str],
+    cache: Cache,
+    crew: Workers,
+    progress: Progress,
+) -> tuple[dict[str, LegFlight], dict[str, Leg]]:
+    """Return the legs that the cache has, each proved, and those that it has not."""
+    found: dict[str, LegFlight] = {}
+    missing: dict[str, Leg] = {}
+    flawed = ""
+    progress.stage("look for solved legs", len(keys))
+    for key, leg in zip(keys, itinerary.legs, strict=True):
+        progress.advance()
+        if key in found or key in missing:
+            continue
+        flight = cache.find(key, leg)
+        wrong = flaw(flight, itinerary.show) if flight is not None else ""
+        if flight is not None and not wrong:
+            found[key] = flight
+            continue
+        missing[key] = leg
+        if wrong:
+            cache.forget(key)
+            flawed = f"{leg.name}: {wrong}"
+        if len(missing) > 1 or leg.drones.size > LONE:
+            crew.prepare()
+    if flawed:
+        progress.note(
+            f"what the cache holds is not a flight of its leg ({flawed}); it is "
+            "solved again, and the cache may not be trusted"
+        )
+    if found:
+        known = sum(key in found for key in keys)
+        progress.note(f"{known} of {len(keys)} legs taken from the cache")
+    return found, missing
+
+
+def _proved(flight: LegFlight, show: Show) -> LegFlight:
+    """Return a flight that workers found, proved here once more.
+
+    Raises
+    ------
+    SolveError
+        If it is not what it should be.
+    """
+    if wrong := flaw(flight, show):
+        raise SolveError(
+            f"{place(flight.leg)}: what a worker returned is not a flight of this leg "
+            f"({wrong}); look at the machines that work, and report it if they are "
+            "your own"
+        )
+    return flight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,6 +202,7 @@ def _side_by_side(
         for line in notes:
             progress.note(line)
         if isinstance(flight, LegFlight):
+            _proved(flight, task.show)
             progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
             found[task.key] = flight
             cache.keep(task.key, flight)

@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from showc.files import UnreadableFileError, read_file
 from showc.solve.cache import digest
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 _MAGIC = b"showcpart"
 _HASH = 32
+_MOST_BYTES = 1_000_000_000
+"""Largest part that is read [bytes]."""
 _ARRAYS = {
     ("numpy", "dtype"),
     ("numpy", "ndarray"),
@@ -129,8 +132,8 @@ def _name(function: Callable[..., Any]) -> list[Any]:
 def _read(path: Path) -> tuple[Any] | None:
     """Return the result kept at ``path``; None if there is none, or a damaged one."""
     try:
-        content = path.read_bytes()
-    except OSError:
+        content = read_file(path, _MOST_BYTES)
+    except UnreadableFileError:
         return None
     head = len(_MAGIC) + _HASH
     payload = content[head:]
