@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from showc.errors import DamagedFileError
+from showc.verify.report import printable
 
 
 class DamagedLogError(DamagedFileError):
@@ -28,8 +29,10 @@ class DamagedLogError(DamagedFileError):
             else f"the data before that are whole up to {good_until:.3f} s of the show"
         )
         super().__init__(
-            f"{path}: {text}, at byte {offset:,}; {whole}. "
-            "Compile the show again, or fetch the file again."
+            printable(
+                f"{path}: {text}, at byte {offset:,}; {whole}. "
+                "Compile the show again, or fetch the file again."
+            )
         )
 
 

@@ -108,9 +108,7 @@ def prove(
     if missions:
         checks += [check for part in found["missions"] for check in part]
     else:
-        checks.append(
-            Check("VRF400", "missions", "mission files", "skipped", notes=("as asked",))
-        )
+        checks.append(_left_out(log))
     return Verification(
         str(log.path),
         show.rules.name,
@@ -118,6 +116,22 @@ def prove(
         show.duration,
         str(anchor),
         tuple(checks),
+    )
+
+
+def _left_out(log: LogFile) -> Check:
+    """Say that missions were not looked at, and whether any lie there."""
+    folder = log.path.with_suffix("")
+    lie_there = (folder / "missions").exists()
+    note = "left out as asked"
+    if lie_there:
+        note += f"; but they lie in {folder.name}, and nothing is proved of them"
+    return Check(
+        "VRF400",
+        "missions",
+        "mission files",
+        "unproved" if lie_there else "skipped",
+        notes=(note,),
     )
 
 

@@ -11,16 +11,49 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Verdict = Literal["pass", "fail", "warning", "skipped"]
+Verdict = Literal["pass", "fail", "unproved", "accepted", "warning", "skipped"]
+"""``unproved``: looked at, and only estimated or not known; ``accepted``: the same, and
+the script accepts it; ``skipped``: there is nothing to prove."""
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Version of the JSON result."""
+
+Standing = Literal["proved", "not proved", "accepted", "none"]
+"""Of the trajectories, or of the missions, as a whole; ``accepted``: not proved, and
+the script says that this will do; ``none``: there are no missions."""
 
 _WIDTH = 96
 """Columns of the notes under a check."""
 
-_COLOURS = {"pass": "32", "fail": "1;31", "warning": "33", "skipped": "2"}
-_WORDS = {"pass": "ok", "fail": "FAIL", "warning": "warn", "skipped": "-"}
+_SIGNS: dict[Verdict, tuple[str, str]] = {
+    "pass": ("ok", "32"),
+    "fail": ("FAIL", "1;31"),
+    "unproved": ("OPEN", "1;31"),
+    "accepted": ("open", "33"),
+    "warning": ("warn", "33"),
+    "skipped": ("-", "2"),
+}
+"""Word of a verdict, and the ANSI colour of the word."""
+
+_MISSIONS = "VRF4"
+"""What codes of checks of missions begin with; all others are of the trajectories."""
+
+_NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413"}
+"""Checks whose value is a distance that drones keep: their figure stands for all."""
+
+
+def printable(text: str) -> str:
+    """Return text in which nothing can move a cursor, end a line or hide.
+
+    Whatever is not printable (control characters, line ends, marks of direction) is
+    written as a backslash and its number.
+    """
+    return "".join(
+        letter
+        if letter.isprintable()
+        else letter.encode("unicode_escape", "backslashreplace").decode("ascii")
+        for letter in text
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +94,10 @@ class Place:
         known = {
             "drone": self.drone,
             "pair": None if self.pair is None else list(self.pair),
-            "segment": self.segment,
+            "segment": None if self.segment is None else printable(self.segment),
             "time": self.time,
             "offset": self.offset,
-            "file": self.file,
+            "file": None if self.file is None else printable(self.file),
         }
         return {key: value for key, value in known.items() if value is not None}
 
@@ -97,13 +130,13 @@ class Check:
         return {
             "code": self.code,
             "group": self.group,
-            "name": self.name,
+            "name": printable(self.name),
             "verdict": self.verdict,
             "value": _finite(self.value),
             "limit": _finite(self.limit),
             "unit": self.unit,
             "where": self.where.to_json(),
-            "notes": list(self.notes),
+            "notes": [printable(note) for note in self.notes],
         }
 
 
@@ -125,14 +158,47 @@ class Verification:
     """In the order in which they were made."""
 
     @property
+    def trajectories(self) -> Standing:
+        """Whether all is proved of what the log holds."""
+        return _standing(self._of(missions=False))
+
+    @property
+    def missions(self) -> Standing:
+        """Whether all is proved of the missions beside the log."""
+        return _standing(self._of(missions=True))
+
+    @property
+    def proved(self) -> bool:
+        """Whether all that lies there to be flown is proved; then badges are green."""
+        return self.trajectories == "proved" and self.missions in {"proved", "none"}
+
+    @property
     def passed(self) -> bool:
-        """Whether no check failed."""
-        return all(check.verdict != "fail" for check in self.checks)
+        """Whether all is proved, but for what the script accepts unproved."""
+        return self.trajectories == "proved" and self.missions != "not proved"
 
     @property
     def exit_code(self) -> int:
-        """0 if all is proved, 1 if a check failed."""
+        """0 if all that lies there to be flown is proved or accepted, else 1."""
         return 0 if self.passed else 1
+
+    @property
+    def verdict(self) -> str:
+        """One line: what is proved, and what is not, with the worst figures."""
+        head = "PROVED" if self.proved else "NOT PROVED"
+        if self.passed and not self.proved:
+            head = "PROVED BUT FOR MISSIONS"
+        parts = [
+            f"{name} {_outcome(standing, self._of(missions=name == 'missions'))}"
+            for name, standing in (
+                ("trajectories", self.trajectories),
+                ("missions", self.missions),
+            )
+        ]
+        return f"{head}: {'; '.join(parts)}."
+
+    def _of(self, *, missions: bool) -> list[Check]:
+        return [c for c in self.checks if c.code.startswith(_MISSIONS) == missions]
 
     def check(self, code: str) -> Check:
         """Return the first check of that code; KeyError if there is none."""
@@ -149,11 +215,15 @@ class Verification:
         """Return the whole result as a dictionary that JSON can hold."""
         return {
             "format_version": FORMAT_VERSION,
-            "log": self.path,
-            "show": self.title,
+            "log": printable(self.path),
+            "show": printable(self.title),
             "drones": self.drones,
             "duration": self.duration,
-            "anchor": self.anchor,
+            "anchor": printable(self.anchor),
+            "verdict": printable(self.verdict),
+            "trajectories": self.trajectories,
+            "missions": self.missions,
+            "proved": self.proved,
             "passed": self.passed,
             "exit_code": self.exit_code,
             "checks": [check.to_json() for check in self.checks],
@@ -173,9 +243,14 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
     colour
         Whether to mark verdicts with ANSI colours.
     """
-    head = f"{verification.path}: “{verification.title}”, {verification.drones} drones"
-    lines = [f"{head}, {verification.duration:.3f} s", verification.anchor]
-    names = max((len(check.name) for check in verification.checks), default=0)
+    title, path = printable(verification.title), printable(verification.path)
+    size = f"{verification.drones} drones, {verification.duration:.3f} s"
+    lines = [
+        printable(verification.verdict),
+        f"{path}: “{title}”, {size}",
+        printable(verification.anchor),
+    ]
+    names = max((len(printable(c.name)) for c in verification.checks), default=0)
     found = [_found(check) for check in verification.checks]
     middle = max((len(value) for value, _ in found), default=0)
     group = ""
@@ -183,13 +258,15 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
         if check.group != group:
             group = check.group
             lines += ["", group.capitalize()]
-        word = _WORDS[check.verdict].ljust(4)
+        word, shade = _SIGNS[check.verdict]
+        word = word.ljust(4)
         if colour:
-            word = f"\x1b[{_COLOURS[check.verdict]}m{word}\x1b[0m"
-        line = f"  {word}  {check.name.ljust(names)}  {value.rjust(middle)}  {limit}"
+            word = f"\x1b[{shade}m{word}\x1b[0m"
+        name = printable(check.name).ljust(names)
+        line = f"  {word}  {check.code}  {name}  {value.rjust(middle)}  {limit}"
         lines.append(line.rstrip())
         lines += _details(check)
-    lines += ["", _summary(verification.checks)]
+    lines += ["", printable(verification.verdict)]
     return "\n".join(lines)
 
 
@@ -210,7 +287,7 @@ def _details(check: Check) -> list[str]:
     where = str(check.where)
     if where and (check.value != 0.0 or check.verdict != "pass"):
         texts.insert(0, where)
-    return [line for text in texts for line in _wrapped(text)]
+    return [line for text in texts for line in _wrapped(printable(text))]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -228,15 +305,38 @@ def format_number(value: float, digits: int = 6) -> str:
     return f"{value:.{digits}g}"
 
 
-def _summary(checks: Sequence[Check]) -> str:
-    count = {word: sum(c.verdict == word for c in checks) for word in _WORDS}
-    failed, warned, skipped = count["fail"], count["warning"], count["skipped"]
-    text = f"{count['pass']} proved"
-    if warned:
-        text += f", {warned} with a warning"
-    if skipped:
-        text += f", {skipped} left out"
-    return f"NOT PROVED: {failed} failed, {text}." if failed else f"PROVED: {text}."
+def _standing(checks: Sequence[Check]) -> Standing:
+    """Return what the checks of one side come to; the least of them decides."""
+    verdicts = {check.verdict for check in checks}
+    if verdicts & {"fail", "unproved"}:
+        return "not proved"
+    if "accepted" in verdicts:
+        return "accepted"
+    return "proved" if "pass" in verdicts else "none"
+
+
+def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
+    """Return a standing in words, with the figure that is worst."""
+    if standing == "none":
+        return "none"
+    bad = [check for check in checks if check.verdict in {"fail", "unproved"}]
+    if bad:
+        count = f"{len(bad)} of {len(checks)} checks"
+        return f"NOT PROVED ({count}; {bad[0].code}: {bad[0].name}{_figure(bad[0])})"
+    if standing == "accepted":
+        open_ = next(check for check in checks if check.verdict == "accepted")
+        why = "; ".join(open_.notes)
+        return f"NOT PROVED, which the script accepts ({open_.code}: {why})"
+    near = [c for c in checks if c.code in _NEAREST and c.value is not None]
+    if not near:
+        return "proved"
+    worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
+    return f"proved (nearest{_figure(worst)})"
+
+
+def _figure(check: Check) -> str:
+    value, limit = _found(check)
+    return f" {value}" + (f" of {limit}" if limit else "") if value else ""
 
 
 def _finite(value: float | None) -> float | None:

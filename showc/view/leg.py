@@ -71,7 +71,7 @@ def _head(logged: LoggedShow, course: Course, drone: int) -> str:
         least = certificate.single_drone_minimum
         facts.append(("Longest least time of a single drone", f"{least:.3f} s"))
     if certificate.dual_bound > 0.0:
-        facts.append(("Proved lower bound", f"{certificate.dual_bound:.3f} s"))
+        facts.append(("Claimed lower bound", f"{certificate.dual_bound:.3f} s"))
     state, control = course.trajectory.state, course.trajectory.control
     mesh = f"{state.intervals} interval{'' if state.intervals == 1 else 's'}"
     degree = f"states of degree {state.degree}, controls of degree {control.degree}"

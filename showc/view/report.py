@@ -28,7 +28,14 @@ MOST_FILES = 80
 """Mission files that are listed one by one; a great fleet's would fill a book."""
 TOLERANCE = 1e-6
 """Separation that the verifier lets pass below the rule [m]."""
-WORDS = {"pass": "ok", "fail": "FAILED", "warning": "warning", "skipped": "not checked"}
+WORDS = {
+    "pass": "ok",
+    "fail": "FAILED",
+    "unproved": "not proved",
+    "accepted": "not proved, accepted",
+    "warning": "warning",
+    "skipped": "nothing to prove",
+}
 
 
 def render_report(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
@@ -63,14 +70,13 @@ def _head(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
     if verification is None:
         badge = '<div class="verdict none">NOT VERIFIED<small>no proofs</small></div>'
     else:
-        verdicts = [check["verdict"] for check in verification["checks"]]
-        failed = verdicts.count("fail")
-        if verification["passed"]:
-            proved = f"{verdicts.count('pass')} checks passed"
-            badge = f'<div class="verdict pass">VERIFIED<small>{proved}</small></div>'
-        else:
-            count = f"{failed} of {len(verdicts)} checks failed"
-            badge = f'<div class="verdict fail">FAILED<small>{count}</small></div>'
+        kind, word = "fail", "NOT PROVED"
+        if verification["proved"]:
+            kind, word = "pass", "PROVED"
+        elif verification["passed"]:
+            kind, word = "open", "MISSIONS NOT PROVED"
+        said = text(verification["verdict"].partition(": ")[2])
+        badge = f'<div class="verdict {kind}">{word}<small>{said}</small></div>'
     site = logged.rules.site
     return (
         f"<header><div><h1>{text(logged.rules.name)}</h1>"
@@ -222,7 +228,7 @@ def _checks(verification: Mapping[str, Any] | None) -> str:
                         f'<span class="{"ok" if verdict == "pass" else verdict}">'
                         f"{WORDS.get(verdict, text(verdict))}</span>"
                     ),
-                    text(check["name"]) + notes,
+                    text(f"{check['code']} {check['name']}") + notes,
                     _quantity(check["value"], check["unit"]),
                     _quantity(check["limit"], check["unit"]),
                     text(_place(check["where"])),
@@ -230,9 +236,10 @@ def _checks(verification: Mapping[str, Any] | None) -> str:
                 words=words,
             )
         )
+    shown = table(heads, rows, words=words, kind="checks")
     return (
-        "<h2>Margins and proofs<small>by showc verify, from the bytes of the log "
-        f"alone</small></h2>{table(heads, rows, words=words, kind='checks')}"
+        "<h2>Margins and proofs<small>by showc verify; "
+        f"{text(verification['anchor'])}</small></h2>{shown}"
     )
 
 

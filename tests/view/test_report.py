@@ -51,6 +51,7 @@ def test_digest_agrees_with_the_polynomials(gliding_log):
 
 def test_verdicts_and_margins(vertical_log):
     check = {
+        "code": "VRF312",
         "group": "limits",
         "name": "velocity within limits",
         "verdict": "pass",
@@ -60,13 +61,36 @@ def test_verdicts_and_margins(vertical_log):
         "where": {"drone": 2, "segment": "launch", "time": 2.08},
         "notes": ["margin <b>3.7 %</b>"],
     }
-    page = render_report(vertical_log, {"passed": True, "checks": [check]})
+    result = {
+        "proved": True,
+        "passed": True,
+        "verdict": "PROVED: trajectories proved; missions none.",
+        "anchor": "script “a”",
+        "checks": [check],
+    }
+    page = render_report(vertical_log, result)
     text = words(page)
-    assert "VERIFIED 1 checks passed" in text
+    assert "PROVED trajectories proved; missions none." in text
     assert "2.703 m/s 3 m/s drone 2, launch, 0:02.1" in text
     assert "&lt;b&gt;3.7" in page
-    failed = {"passed": False, "checks": [{**check, "verdict": "fail"}]}
-    assert "FAILED 1 of 1 checks failed" in words(render_report(vertical_log, failed))
+    assert 'class="verdict pass"' in page
+
+
+@pytest.mark.parametrize(
+    ("proved", "passed", "kind"),
+    [(True, True, "pass"), (False, True, "open"), (False, False, "fail")],
+)
+def test_the_badge_is_green_only_if_all_is_proved(vertical_log, proved, passed, kind):
+    result = {
+        "proved": proved,
+        "passed": passed,
+        "verdict": "x: why",
+        "anchor": "",
+        "checks": [],
+    }
+    page = render_report(vertical_log, result)
+    assert f'class="verdict {kind}"' in page
+    assert ('class="verdict pass"' in page) == proved
 
 
 def test_real_verification_is_understood(vertical_log, tmp_path):
