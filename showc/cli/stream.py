@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
 
 import click
 
-from showc.cli.vehicles import connect_option, drones_option
+from showc.cli.vehicles import connect_option, drones_option, signing_key_option
 
 
 @click.command(name="stream")
@@ -33,10 +34,33 @@ from showc.cli.vehicles import connect_option, drones_option
 @click.option(
     "--link-timeout",
     type=click.FloatRange(min=0.1),
-    default=2.0,
+    default=1.0,
     show_default=True,
-    help="Abort when a vehicle is silent for longer, in seconds.",
+    help="Abort when a vehicle's last position is older, in seconds.",
 )
+@click.option(
+    "--lead",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.05,
+    show_default=True,
+    help="How much before its moment a setpoint leaves, in seconds: the lag of the "
+    "autopilot and of the link.",
+)
+@click.option(
+    "--after-stop",
+    type=click.Choice(["hold", "land", "return"]),
+    default="hold",
+    show_default=True,
+    help="What a stopped fleet does: hover, land where it is, or fly back the way it "
+    "came and land on its pads.",
+)
+@click.option(
+    "--set-parameters",
+    is_flag=True,
+    help="Raise ArduCopter's limits that are too small for the show; they get their "
+    "values back after the landing.",
+)
+@signing_key_option
 @click.option(
     "--flown",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -51,6 +75,10 @@ def command(
     rate: float,
     corridor: float,
     link_timeout: float,
+    lead: float,
+    after_stop: Literal["hold", "land", "return"],
+    set_parameters: bool,
+    signing_key: Path | None,
     flown: Path | None,
     as_json: bool,
     quiet: bool,
@@ -58,18 +86,29 @@ def command(
     """Fly the trajectories themselves: position, velocity, acceleration, on one clock.
 
     Puts every vehicle into the mode that follows setpoints, arms it, and flies the show
-    from start to end. When a vehicle falls silent or leaves its corridor, all of them
-    are told to hold. Ends with 0 if all flew to the end and landed, 1 if not.
+    from start to end. When a vehicle falls silent or leaves its corridor, and on
+    Ctrl-C, SIGTERM or SIGHUP, the clock that all share is brought to rest; what follows
+    is the choice of --after-stop. Ends with 0 if all flew to the end and landed, 1 if
+    not.
 
     \b
       showc stream output.mcap --connect udp:127.0.0.1:14550
       showc compare output.mcap output-flown.mcap
     """
     from showc.cli.console import progress
+    from showc.vehicle_link.frames import read_key
     from showc.vehicle_link.stream import StreamOptions, stream_show
 
     record = flown or log.with_name(f"{log.stem}-flown.mcap")
-    options = StreamOptions(rate=rate, corridor=corridor, link_timeout=link_timeout)
+    options = StreamOptions(
+        rate=rate,
+        corridor=corridor,
+        link_timeout=link_timeout,
+        lead=lead,
+        after_stop=after_stop,
+        set_parameters=set_parameters,
+        key=None if signing_key is None else read_key(signing_key),
+    )
     with progress(quiet=quiet or as_json) as watcher:
         report = stream_show(
             log,

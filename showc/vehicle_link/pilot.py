@@ -1,7 +1,8 @@
-"""What one vehicle is told and what it answers, from its pad to its landing.
+"""What one vehicle is ordered and what it answers, from its pad to its landing.
 
 A pilot has no sockets and no clock: it is fed with the vehicle's messages and with the
-time, and hands out the messages to send.
+time, and hands out the messages to send. An order is given once; it is repeated only
+while no answer comes, and what counts then is what the vehicle tells of itself.
 """
 
 from __future__ import annotations
@@ -13,7 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from showc.vehicle_link.questions import (
+    Questions,
+    read_parameter,
+    result_name,
+    set_parameter,
+)
+from showc.vehicle_link.telemetry import Telemetry
+from showc.vehicle_link.wire import single
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from showc.mission.geodesy import SiteFrame
@@ -27,14 +39,28 @@ POSITION_VELOCITY_ACCELERATION = 0x0C00
 POSITION_VELOCITY = 0x0DC0
 """The same without acceleration."""
 
-RETRY = 1.0
-"""Time after which a command is given again [s]."""
+RETRY = 1.5
+"""Time without an answer after which an order is given again [s]."""
+
+ATTEMPTS = 10
+"""How often an order is given without an answer."""
 
 AT_HEIGHT = 0.5
 """A vehicle has taken off when it is this near its height [m]."""
 
-ARDUPILOT = 3
-"""MAV_AUTOPILOT of ArduPilot."""
+LIFTED = 0.2
+"""Height above its pad at which a vehicle has left the ground [m]."""
+
+LIFT_OFF_TIME = 5.0
+"""Time after a refused take-off in which a vehicle may be seen to rise [s]: ArduCopter
+spools up for 2 s, and answers a second order with a refusal once it has risen."""
+
+POSITION_INTERVALS = {
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.1,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.2,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+}
+"""Messages that are needed, and their period [s]."""
 
 GUIDED, BRAKE = 4, 17
 """Modes of ArduCopter."""
@@ -49,6 +75,10 @@ class Phase(Enum):
 
     UNHEARD = "not heard"
     UNPLACED = "tells no position"
+    CHECKING = "reading parameters"
+    WRITING = "writing parameters"
+    UNREADY = "does not allow arming yet"
+    WAITING = "waits for the others"
     CHANGING_MODE = "changing mode"
     ARMING = "arming"
     CLIMBING = "taking off"
@@ -56,17 +86,18 @@ class Phase(Enum):
     FLYING = "flying"
     LANDING = "landing"
     LANDED = "landed"
+    HOLDING = "holding"
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """Where a vehicle says it is, in the show frame."""
+@dataclass(slots=True)
+class _Order:
+    """A command, and what has become of it."""
 
-    position: FloatArray
-    """Shape (3,) [m]."""
-    velocity: FloatArray
-    """Shape (3,) [m/s]."""
+    parameters: tuple[float, ...]
+    due: float
+    tries: int = 0
+    over: bool = False
 
 
 class Pilot:
@@ -86,6 +117,10 @@ class Pilot:
         Where it stands before, likewise.
     corridor
         How far from its pad it may stand [m].
+    needs
+        Least values of the parameters that following the show needs, by name.
+    writes
+        Whether parameters that are less may be raised, until the vehicle has landed.
     """
 
     def __init__(
@@ -97,68 +132,213 @@ class Pilot:
         start: FloatArray,
         pad: FloatArray,
         corridor: float,
+        needs: Mapping[str, float],
+        writes: bool = False,
     ) -> None:
         self.drone = drone
         self.vehicle = vehicle
         self.frame = frame
         self.start, self.pad, self.corridor = start, pad, corridor
+        self.needs, self.writes = dict(needs), writes
         self.phase = Phase.UNHEARD
         self.reason = ""
-        self.heard = -np.inf
-        self.place: Place | None = None
-        self.autopilot = 0
-        self.armed = False
-        self.mode = -1
+        self.tells = Telemetry(frame)
         self.setpoints = 0
-        self._local: FloatArray | None = None
-        self._ground: FloatArray | None = None
-        self._anchor: FloatArray | None = None
-        self._asked = -np.inf
-
-    @property
-    def ardupilot(self) -> bool:
-        """Whether the vehicle runs ArduPilot."""
-        return self.autopilot == ARDUPILOT
+        self.parameters: dict[str, float] = {}
+        """What it told of the parameters that matter."""
+        self.raised: dict[str, float] = {}
+        """Former values of parameters that were raised."""
+        self._orders: dict[int, _Order] = {}
+        self._asked_for = list(POSITION_INTERVALS)
+        self._questions: Questions | None = None
+        self._takeoff_refused: float | None = None
 
     def handle(self, message: Any, now: float) -> None:  # noqa: ANN401
         """Take a message of the vehicle."""
-        self.heard = now
+        self.tells.handle(message, now)
         kind = message.get_type()
-        if kind == "HEARTBEAT":
-            self.autopilot = int(message.autopilot)
-            self.mode = int(message.custom_mode)
-            self.armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
-            if self.phase is Phase.UNHEARD:
-                self.phase = Phase.UNPLACED
-        elif kind == "LOCAL_POSITION_NED":
-            self._local = np.array([message.x, message.y, message.z])
-            speed = np.array([message.vx, message.vy, message.vz])
-            if self._anchor is not None:
-                self.place = Place(
-                    self._from_ned(self._local) + self._anchor, self._from_ned(speed)
-                )
-        elif kind == "GLOBAL_POSITION_INT":
-            self._ground = self.frame.from_geodetic(
-                [message.lat * 1e-7, message.lon * 1e-7, self.frame.altitude]
-            )
+        if kind == "HEARTBEAT" and self.phase is Phase.UNHEARD:
+            self.phase = Phase.UNPLACED
+        elif kind == "PARAM_VALUE":
+            self._parameter(str(message.param_id), float(message.param_value))
         elif kind == "COMMAND_ACK":
-            self._acknowledged(int(message.command), int(message.result))
+            self._acknowledged(int(message.command), int(message.result), now)
 
-    def prepare(self, now: float) -> list[Any]:
-        """Advance towards READY; return the messages to send."""
+    def _parameter(self, name: str, value: float) -> None:
+        questions = self._questions
+        if questions is None or name not in questions.open:
+            return
+        self.parameters[name] = value
+        if self.phase is Phase.CHECKING or value == self._wanted(name):
+            questions.answered(name)
+
+    def _wanted(self, name: str) -> float:
+        """Value that is being written."""
+        if self.phase is Phase.WRITING:
+            return single(self.needs[name])
+        return self.raised[name]
+
+    # --- towards the show -----------------------------------------------------------
+
+    def prepare(self, now: float, *, arm: bool) -> list[Any]:
+        """Advance towards READY; return the messages to send.
+
+        Parameters
+        ----------
+        now
+            The time [s].
+        arm
+            Whether all vehicles are waiting to be armed.
+        """
+        out: list[Any] = []
         if self.phase is Phase.UNPLACED:
+            out += self._ask_for_positions(now)
             self._find_place()
-        if self.phase is Phase.CHANGING_MODE and self.mode == self._guided():
-            self.phase, self._asked = Phase.ARMING, -np.inf
-        if self.phase is Phase.ARMING and self.armed:
-            self.phase = Phase.CLIMBING if self.ardupilot else Phase.READY
-            self._asked = -np.inf
-        if self.phase is Phase.CLIMBING and self.place is not None:
-            height = abs(float(self.place.position[2] - self.start[2]))
-            slow = float(np.linalg.norm(self.place.velocity)) < AT_HEIGHT
-            if height < AT_HEIGHT and slow:
-                self.phase = Phase.READY
-        return [*self._offboard(), *self._commands(now)]
+        if self.phase in {Phase.CHECKING, Phase.WRITING}:
+            out += self._look_at_parameters(now)
+        if self.phase is Phase.UNREADY and self.tells.arming_allowed:
+            self.phase = Phase.WAITING
+        if self.phase is Phase.WAITING and arm:
+            self.phase = Phase.CHANGING_MODE
+        if self.phase is Phase.CHANGING_MODE and self.tells.mode == self._guided():
+            self.phase = Phase.ARMING
+        if self.phase is Phase.ARMING and self.tells.armed:
+            self.phase = Phase.CLIMBING if self.tells.ardupilot else Phase.READY
+        if self.phase is Phase.CLIMBING:
+            self._climbed(now)
+        return [*out, *self._offboard(), *self._orders_of_phase(now)]
+
+    def _ask_for_positions(self, now: float) -> list[Any]:
+        """Ask for the messages that are needed, one after the other."""
+        if not self._asked_for:
+            return []
+        number = self._asked_for[0]
+        period = 1e6 * POSITION_INTERVALS[number]
+        return self._order(
+            dialect.MAV_CMD_SET_MESSAGE_INTERVAL, now, float(number), period
+        )
+
+    def _find_place(self) -> None:
+        """See where the vehicle stands."""
+        tells = self.tells
+        if self._asked_for or not tells.locatable or tells.ground is None:
+            return
+        off = float(np.linalg.norm((tells.ground - self.pad)[:2]))
+        if off > self.corridor:
+            self.fail(f"stands {off:.1f} m from its pad")
+            return
+        if tells.armed:
+            self.fail("is armed; a show begins with vehicles that are disarmed")
+            return
+        tells.anchor(self.pad)
+        if self.tells.ardupilot and self.needs:
+            self.phase = Phase.CHECKING
+            self._questions = Questions(
+                list(self.needs), lambda name: read_parameter(self.vehicle, name)
+            )
+        else:
+            self.phase = Phase.UNREADY
+
+    def _look_at_parameters(self, now: float) -> list[Any]:
+        """Read the parameters that matter; raise those that are less than needed."""
+        questions = self._questions
+        assert questions is not None  # noqa: S101 - made when the phase began
+        if questions.open:
+            out = questions.due(now)
+            if questions.exhausted is not None:
+                self.fail(
+                    f"does not answer for parameter {questions.exhausted}; wanted "
+                    f"at least {self.needs[questions.exhausted]:g}"
+                )
+            return out
+        short = {
+            name: value
+            for name, value in self.parameters.items()
+            if value < single(self.needs[name])
+        }
+        if not short:
+            self.phase = Phase.UNREADY
+        elif not self.writes:
+            found = ", ".join(
+                f"{name} {value:g} (wanted {self.needs[name]:g})"
+                for name, value in short.items()
+            )
+            self.fail(
+                f"cannot follow the show: {found}; set them, or give --set-parameters"
+            )
+        else:
+            self.phase, self.raised = Phase.WRITING, dict(short)
+            self._questions = Questions(
+                list(short),
+                lambda name: set_parameter(self.vehicle, name, self.needs[name]),
+            )
+        return []
+
+    def restore(self, now: float) -> list[Any]:
+        """Give raised parameters their former values; return the messages to send."""
+        if not self.raised:
+            return []
+        if self.phase is not Phase.LANDED or self._questions is None:
+            return []
+        if not self._questions.open or self._questions.exhausted is not None:
+            return []
+        return self._questions.due(now)
+
+    def landed(self) -> None:
+        """Note that the vehicle has landed and disarmed."""
+        self.phase = Phase.LANDED
+        self._questions = Questions(
+            list(self.raised),
+            lambda name: set_parameter(self.vehicle, name, self.raised[name]),
+        )
+
+    @property
+    def restored(self) -> bool:
+        """Whether no parameter is left raised, or nothing can be done about it."""
+        questions = self._questions
+        if not self.raised or self.phase is not Phase.LANDED or questions is None:
+            return True
+        return not questions.open or questions.exhausted is not None
+
+    def _climbed(self, now: float) -> None:
+        """See whether a vehicle that takes off is where it joins the show."""
+        place = self.tells.place
+        if place is None:
+            return
+        height = abs(float(place.position[2] - self.start[2]))
+        slow = float(np.linalg.norm(place.velocity)) < AT_HEIGHT
+        if height < AT_HEIGHT and slow:
+            self.phase = Phase.READY
+        refused = self._takeoff_refused
+        if (
+            refused is not None
+            and now - refused > LIFT_OFF_TIME
+            and float(place.position[2] - self.pad[2]) < LIFTED
+        ):
+            self.fail(f"refuses to take off{self._words()}")
+
+    def _offboard(self) -> list[Any]:
+        """Setpoints that PX4 must receive before it goes offboard."""
+        waiting = {Phase.CHANGING_MODE, Phase.ARMING, Phase.READY}
+        if self.tells.ardupilot or self.phase not in waiting or not self.tells.anchored:
+            return []
+        return [self.setpoint(self.pad, np.zeros(3), None, 0)]
+
+    def _orders_of_phase(self, now: float) -> list[Any]:
+        """Orders of the present phase."""
+        if self.phase is Phase.CHANGING_MODE:
+            mode = (GUIDED, 0) if self.tells.ardupilot else PX4_OFFBOARD
+            return self._set_mode(now, *mode)
+        if self.phase is Phase.ARMING:
+            return self._order(dialect.MAV_CMD_COMPONENT_ARM_DISARM, now, 1.0)
+        if self.phase is Phase.CLIMBING and self._takeoff_refused is None:
+            height = float(self.start[2] - self.pad[2])
+            return self._order(
+                dialect.MAV_CMD_NAV_TAKEOFF, now, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height
+            )
+        return []
+
+    # --- in the show ----------------------------------------------------------------
 
     def setpoint(
         self,
@@ -168,7 +348,6 @@ class Pilot:
         milliseconds: int,
     ) -> Any:  # noqa: ANN401
         """Return the setpoint for a place, speed and acceleration in the show frame."""
-        anchor = np.zeros(3) if self._anchor is None else self._anchor
         mask = POSITION_VELOCITY_ACCELERATION
         if acceleration is None:
             mask, acceleration = POSITION_VELOCITY, np.zeros(3)
@@ -178,112 +357,110 @@ class Pilot:
             *self.vehicle,
             dialect.MAV_FRAME_LOCAL_NED,
             mask,
-            *(float(value) for value in self._to_ned(position - anchor)),
-            *(float(value) for value in self._to_ned(velocity)),
-            *(float(value) for value in self._to_ned(acceleration)),
+            *(float(value) for value in self.tells.local(position)),
+            *(float(value) for value in self.tells.to_ned(velocity)),
+            *(float(value) for value in self.tells.to_ned(acceleration)),
             0.0,
             0.0,
         )
 
     def off_mode(self) -> bool:
         """Return whether the vehicle has left the mode or disarmed by itself."""
-        return self.mode != self._guided() or not self.armed
+        return self.tells.mode != self._guided() or not self.tells.armed
 
-    def hold(self) -> Any:  # noqa: ANN401
-        """Return the command to stop and hover on the spot."""
-        if self.ardupilot:
-            return self._set_mode(BRAKE, 0)
-        return self._set_mode(*PX4_HOLD)
+    def trouble(self, now: float, link_timeout: float) -> str:
+        """Say what is wrong with a vehicle in flight; empty: nothing."""
+        if self.off_mode() and not self.tells.fault:
+            return "left its mode or disarmed"
+        return self.tells.trouble(now, link_timeout)
 
-    def land(self) -> Any:  # noqa: ANN401
-        """Return the command to land on the spot."""
-        return self._command(dialect.MAV_CMD_NAV_LAND)
+    def hold(self, now: float) -> list[Any]:
+        """Return the order to stop and hover on the spot, if it is due."""
+        self.phase = Phase.HOLDING
+        if self.tells.ardupilot:
+            return self._set_mode(now, BRAKE, 0)
+        return self._set_mode(now, *PX4_HOLD)
+
+    @property
+    def held(self) -> bool:
+        """Whether the vehicle is in the mode that holds."""
+        main, sub = PX4_HOLD
+        return self.tells.mode == (
+            BRAKE if self.tells.ardupilot else main << 16 | sub << 24
+        )
+
+    def land(self, now: float) -> list[Any]:
+        """Return the order to land on the spot, if it is due."""
+        self.phase = Phase.LANDING
+        return self._order(dialect.MAV_CMD_NAV_LAND, now)
 
     def fail(self, reason: str) -> None:
         """End the show for this vehicle."""
         if self.phase is not Phase.FAILED:
             self.phase, self.reason = Phase.FAILED, reason
 
+    # --- orders ---------------------------------------------------------------------
+
     def _guided(self) -> int:
         """Return the custom mode in which setpoints are followed."""
-        return GUIDED if self.ardupilot else PX4_OFFBOARD[0] << 16
+        return GUIDED if self.tells.ardupilot else PX4_OFFBOARD[0] << 16
 
-    def _find_place(self) -> None:
-        """Tie the vehicle's local frame to the show frame.
+    def _words(self) -> str:
+        return f" ({self.tells.text!r})" if self.tells.text else ""
 
-        Along the ground by its global position; upwards by the pad it stands on, for
-        absolute heights differ by metres.
-        """
-        if self._local is None or self._ground is None:
-            return
-        off = float(np.linalg.norm((self._ground - self.pad)[:2]))
-        if off > self.corridor:
-            self.fail(f"stands {off:.1f} m from its pad")
-            return
-        self._anchor = self._ground - self._from_ned(self._local)
-        self._anchor[2] = self.pad[2] + self._local[2]
-        self.phase = Phase.CHANGING_MODE
+    def _set_mode(self, now: float, main: int, sub: int) -> list[Any]:
+        custom = float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        mode = dialect.MAV_CMD_DO_SET_MODE
+        return self._order(mode, now, custom, float(main), float(sub))
 
-    def _offboard(self) -> list[Any]:
-        """Setpoints that PX4 must receive before it goes offboard."""
-        waiting = {Phase.CHANGING_MODE, Phase.ARMING, Phase.READY}
-        if self.ardupilot or self.phase not in waiting or self._anchor is None:
+    def _order(self, command: int, now: float, *parameters: float) -> list[Any]:
+        """Return the message of an order if it is due: once, unless no answer comes."""
+        order = self._orders.get(command)
+        if order is None or order.parameters != parameters:
+            order = self._orders[command] = _Order(parameters, now)
+        if order.over or now < order.due:
             return []
-        return [self.setpoint(self.pad, np.zeros(3), None, 0)]
-
-    def _commands(self, now: float) -> list[Any]:
-        """Commands of the present phase, again after a while."""
-        if now - self._asked < RETRY:
+        if order.tries >= ATTEMPTS:
+            order.over = True
+            self._unanswered(command)
             return []
-        self._asked = now
-        if self.phase is Phase.CHANGING_MODE:
-            mode = (GUIDED, 0) if self.ardupilot else PX4_OFFBOARD
-            return [self._set_mode(*mode)]
-        if self.phase is Phase.ARMING:
-            return [self._command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)]
-        if self.phase is Phase.CLIMBING and self._on_ground():
-            height = float(self.start[2] - self.pad[2])
-            return [
-                self._command(
-                    dialect.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height
-                )
-            ]
-        return []
-
-    def _on_ground(self) -> bool:
-        return self.place is not None and bool(
-            self.place.position[2] - self.pad[2] < AT_HEIGHT
-        )
-
-    def _acknowledged(self, command: int, result: int) -> None:
-        accepted = {
-            dialect.MAV_RESULT_ACCEPTED,
-            dialect.MAV_RESULT_IN_PROGRESS,
-            dialect.MAV_RESULT_TEMPORARILY_REJECTED,
-        }
-        if result in accepted or self.phase in {Phase.FLYING, Phase.LANDING}:
-            return
-        names = dialect.enums["MAV_CMD"]
-        name = names[command].name if command in names else str(command)
-        outcome = dialect.enums["MAV_RESULT"][result].name
-        self.fail(f"answers {name} with {outcome}")
-
-    def _set_mode(self, main: int, sub: int) -> Any:  # noqa: ANN401
-        return self._command(
-            dialect.MAV_CMD_DO_SET_MODE,
-            float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED),
-            float(main),
-            float(sub),
-        )
-
-    def _command(self, command: int, *parameters: float) -> Any:  # noqa: ANN401
+        order.due, order.tries = now + RETRY, order.tries + 1
         padded = (*parameters, *[0.0] * 7)[:7]
-        return dialect.MAVLink_command_long_message(*self.vehicle, command, 0, *padded)
+        return [
+            dialect.MAVLink_command_long_message(
+                *self.vehicle, command, order.tries - 1, *padded
+            )
+        ]
 
-    def _to_ned(self, vector: FloatArray) -> FloatArray:
-        east, north, up = self.frame.to_enu(vector)
-        return np.array([north, east, -up])
+    def _unanswered(self, command: int) -> None:
+        if command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+            self._asked_for.pop(0)
+        elif self.phase not in {Phase.LANDING, Phase.HOLDING}:
+            self.fail(f"does not answer {result_name('MAV_CMD', command)}")
 
-    def _from_ned(self, vector: FloatArray) -> FloatArray:
-        north, east, down = vector
-        return self.frame.from_enu([east, north, -down])
+    def _acknowledged(self, command: int, result: int, now: float) -> None:
+        order = self._orders.get(command)
+        if order is None or order.over:
+            return
+        if result == dialect.MAV_RESULT_IN_PROGRESS:
+            order.due = np.inf
+            return
+        if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
+            order.due, order.tries = now + RETRY, 0
+            return
+        order.over = True
+        if command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+            # Refused or not: what it sends is what counts.
+            self._asked_for.pop(0)
+        elif result == dialect.MAV_RESULT_ACCEPTED:
+            return
+        elif command == dialect.MAV_CMD_NAV_TAKEOFF:
+            self._takeoff_refused = now
+        elif self.phase not in {Phase.FLYING, Phase.LANDING, Phase.HOLDING}:
+            self.fail(
+                f"answers {result_name('MAV_CMD', command)} with "
+                f"{result_name('MAV_RESULT', result)}{self._words()}"
+            )
+        else:
+            # A vehicle in the air is asked again.
+            order.over, order.due = False, now + RETRY

@@ -17,6 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from showc.vehicle_link.questions import (
+    AT_A_TIME,
+    Questions,
+    read_parameter,
+    result_name,
+    set_parameter,
+)
 from showc.vehicle_link.wire import WireItem, difference, single
 
 if TYPE_CHECKING:
@@ -24,29 +31,12 @@ if TYPE_CHECKING:
 
     from showc.vehicle_link.network import Address
 
-PATIENCE = 2.0
-"""Time without an answer after which a question is put again [s]: twice as long as a
-link with half a second of delay each way needs."""
-
-IMPATIENCE = 1.5
-"""Factor by which patience grows with every repetition."""
-
-LONGEST_PATIENCE = 8.0
-"""Where it ends [s]."""
-
-ATTEMPTS = 6
-"""How often a question is put before the vehicle counts as silent: 32 s in all."""
-
 ASKS_AGAIN = 3.0
 """ArduPilot asks for a missing item again after 1 s; none for this long [s] after the
 last item means that it has them all, and that its word of it was lost."""
 
 GIVES_UP = 9.0
 """ArduPilot gives an upload up after 8 s without an item [s]."""
-
-AT_A_TIME = 8
-"""Questions that ArduPilot is asked before it answers the first: it answers each one by
-itself, and queues 20. Other autopilots are asked one by one."""
 
 RUNS = 3
 """How often a transfer is begun before it has failed."""
@@ -66,12 +56,6 @@ PASSING = {
 another upload, or had not started up yet."""
 
 
-def result_name(enumeration: str, value: int) -> str:
-    """Return the name of a result such as ``MAV_MISSION_RESULT`` 3, known or not."""
-    entry = dialect.enums[enumeration].get(value)
-    return f"unknown {enumeration} {value}" if entry is None else str(entry.name)
-
-
 class State(Enum):
     """What a transfer is doing."""
 
@@ -84,47 +68,6 @@ class State(Enum):
     READING = "reading the mission back"
     DONE = "holds its mission"
     FAILED = "failed"
-
-
-class _Questions:
-    """Questions put until each is answered, some at a time.
-
-    Parameters
-    ----------
-    keys
-        What is asked for.
-    ask
-        Message that asks for a key.
-    at_a_time
-        How many may be open.
-    """
-
-    def __init__(
-        self, keys: Sequence[Any], ask: Callable[[Any], Any], at_a_time: int
-    ) -> None:
-        self.open = list(keys)
-        self.exhausted: Any = None
-        self._ask, self._at_a_time = ask, at_a_time
-        self._asked: dict[Any, tuple[int, float]] = {}
-
-    def answered(self, key: object) -> None:
-        """Close a question."""
-        self.open.remove(key)
-
-    def due(self, now: float) -> list[Any]:
-        """Return what is to be asked now; notes a key that was asked too often."""
-        out = []
-        for key in self.open[: self._at_a_time]:
-            times, when = self._asked.get(key, (0, now))
-            if now < when:
-                continue
-            if times >= ATTEMPTS:
-                self.exhausted = key
-                return []
-            patience = min(PATIENCE * IMPATIENCE**times, LONGEST_PATIENCE)
-            self._asked[key] = times + 1, now + patience
-            out.append(self._ask(key))
-        return out
 
 
 class Transfer:
@@ -161,7 +104,7 @@ class Transfer:
         self._heard = 0.0
         self._sent = 0
         self._outbox: list[Any] = []
-        self._questions = _Questions([], lambda key: key, 1)
+        self._questions = Questions([], lambda key: key, 1)
         self._told: dict[str, float] = {}
         self._refusal = ""
 
@@ -205,7 +148,10 @@ class Transfer:
         self._heard = now
         if self.parameters:
             self.state = State.WRITING
-            self._put(list(self.parameters), self._set_parameter)
+            self._put(
+                list(self.parameters),
+                lambda name: set_parameter(self.vehicle, name, self.parameters[name]),
+            )
         else:
             self._send_mission()
 
@@ -260,7 +206,7 @@ class Transfer:
 
     def _put(self, keys: list[Any], ask: Callable[[Any], Any]) -> None:
         at_a_time = AT_A_TIME if self.autopilot == "ardupilot" else 1
-        self._questions = _Questions(keys, ask, at_a_time)
+        self._questions = Questions(keys, ask, at_a_time)
 
     def _again(self, reason: str, now: float) -> None:
         """Begin again after a pause, or give up."""
@@ -281,19 +227,6 @@ class Transfer:
 
     # --- parameters -----------------------------------------------------------------
 
-    def _set_parameter(self, name: str) -> Any:  # noqa: ANN401
-        return dialect.MAVLink_param_set_message(
-            *self.vehicle,
-            name.encode(),
-            self.parameters[name],
-            dialect.MAV_PARAM_TYPE_REAL32,
-        )
-
-    def _read_parameter(self, name: str) -> Any:  # noqa: ANN401
-        return dialect.MAVLink_param_request_read_message(
-            *self.vehicle, name.encode(), -1
-        )
-
     def _parameter(self, message: Any) -> None:  # noqa: ANN401
         name, value = str(message.param_id), float(message.param_value)
         writing = self.state is State.WRITING
@@ -309,7 +242,10 @@ class Transfer:
             return
         if writing:
             self.state, self._told = State.CHECKING, {}
-            self._put(list(self.parameters), self._read_parameter)
+            self._put(
+                list(self.parameters),
+                lambda name: read_parameter(self.vehicle, name),
+            )
         else:
             self._send_mission()
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import threading
 from hashlib import sha256
 
 import pytest
@@ -215,9 +216,16 @@ def test_mavsdks_vehicle_takes_the_mission_and_reads_back_equal(folder, port):
     vehicle = mavsdk.Mavsdk(configuration)
     vehicle.add_any_connection(f"udpout://127.0.0.1:{port}")
     server = MissionRawServer(vehicle.server_component())
-    taken = []
-    server.subscribe_incoming_mission(lambda *given: taken.append(given[1]))
+    taken, heard = [], threading.Event()
+
+    def take(*given):
+        taken.append(given[1])
+        heard.set()
+
+    server.subscribe_incoming_mission(take)
     report = upload(None, folder, port, drones=[1], parameters=False)
+    # Its own thread tells of the mission, when it comes to it.
+    heard.wait(60.0)
     vehicle.destroy()
     assert report.complete, report.vehicles[0].reason
     assert len(taken) == 1

@@ -33,9 +33,15 @@ GUIDED, LOITER, LAND, BRAKE = 4, 5, 9, 17
 
 
 def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """A port below those that the system gives to sockets without a wish."""
+    while True:
+        port = random.SystemRandom().randrange(20_000, 32_000)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        return port
 
 
 class World:
@@ -60,7 +66,8 @@ class World:
         return self.time
 
     def wait(self, sockets, span):
-        end = self.time + max(span, 0.0)
+        # Time moves on however short the wait is, as the wall's does.
+        end = self.time + (max(span, 1e-6) if span > 0.0 else 0.0)
         while True:
             for actor in self.actors:
                 actor.advance(self.time)
