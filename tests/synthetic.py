@@ -272,10 +272,10 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
         speed = 4.0
         if kind == "launch":
             speed = show.launch.climb_speed
-            limits = limits.with_vertical_speed(speed, speed)
+            limits = limits.upright(speed)
         if kind == "land":
             speed = show.landing.descent_speed
-            limits = limits.with_vertical_speed(speed, speed)
+            limits = limits.upright(speed)
         title = names[kind] if transition is None else show.transitions[transition].name
         hold = holds.get(kind, 0.0)
         if transition is not None:

@@ -41,6 +41,8 @@ class Phase:
         self.path_constraints: list[Quantity] = []
         self.integrals: list[tuple[Expression, Expression]] = []
         self.half_spaces: list[HalfSpaces] = []
+        self.rates: dict[str, tuple[str, ...]] = {}
+        """Path constraints on how fast states change: the states of each."""
         self.couplings: list[Quantity] = []
 
     @property
@@ -140,6 +142,27 @@ class Phase:
         self.path_constraints.append(
             Quantity(title, casadi.SX(expression), low, high, scale)
         )
+
+    def constrain_rate(
+        self,
+        states: list[Expression],
+        lower: Bound = None,
+        upper: Bound = None,
+        *,
+        name: str,
+        scale: float | None = None,
+    ) -> None:
+        """Bound the rate of one state, or the squared length of that of several.
+
+        The derivatives have to be stated before. A staged transcription bounds the
+        Bernstein coefficients of the rate: the polynomials then keep the bound at
+        every instant.
+        """
+        names = tuple(self._name_of(state) for state in states)
+        found = [self.derivatives[state] for state in names]
+        expression = found[0] if len(found) == 1 else sum(rate**2 for rate in found)
+        self.constrain(expression, lower, upper, name=name, scale=scale)
+        self.rates[name] = names
 
     def couple(
         self,

@@ -100,9 +100,7 @@ class _Builder:
         """Straight up from the pads."""
         launch = self.show.launch
         above = self._raised(f"above {self.show.pads}", launch.altitude)
-        limits = self.show.limits.with_vertical_speed(
-            launch.climb_speed, launch.climb_speed
-        )
+        limits = self.show.limits.upright(launch.climb_speed)
         self._move(
             "launch", "launch", above, Assignment(self.fleet, np.inf, ""), limits=limits
         )
@@ -142,9 +140,7 @@ class _Builder:
         if not np.array_equal(above.points[given.places], self.position):
             self._move("approach", "approach to the pads", above, given)
         self._hold("reaching the pads", landing.hold)
-        limits = self.show.limits.with_vertical_speed(
-            landing.descent_speed, landing.descent_speed
-        )
+        limits = self.show.limits.upright(landing.descent_speed)
         pads = self.show.formations[self.show.pads]
         down = replace(given, reason="")
         self._move("land", "land", pads, down, limits=limits)

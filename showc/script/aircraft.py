@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.wording import number_text
-from showc.vehicle import PRESETS, Limits, Quadrotor, Vector
+from showc.vehicle import PRESETS, Envelope, Limits, Quadrotor, Vector
 
 if TYPE_CHECKING:
     from showc.script.reader import Reader
@@ -55,7 +55,7 @@ def limits_of(
     site: Site,
     reader: Reader,
 ) -> Limits | None:
-    """Return the limits: the script's, else the preset's, within what rotors can do.
+    """Return the airframe's limits: the script's, else the preset's.
 
     None if the vehicle could not hover within them, which is then reported.
     """
@@ -84,11 +84,21 @@ def limits_of(
         acceleration_up=_given(settings, "acceleration_up", 0.0),
         acceleration_down=_given(settings, "acceleration_down", 0.0),
     )
-    envelope = PRESETS[aircraft.text("preset")].envelope
-    if envelope is not None and aircraft.text("envelope") == "autopilot":
-        limits = envelope.within(limits)
     sound = _can_hover(limits, vehicle, settings, aircraft, reader)
     return limits if sound else None
+
+
+def envelope_of(aircraft: Settings) -> Envelope | None:
+    """Return what the autopilot follows, if the flight is to keep it and it is known.
+
+    Parameters
+    ----------
+    aircraft
+        The script's vehicle.
+    """
+    if aircraft.text("envelope") == "airframe":
+        return None
+    return PRESETS[aircraft.text("preset")].envelope
 
 
 def _given(settings: Settings, key: str, default: float) -> float:
@@ -137,4 +147,4 @@ def _can_hover(
     return False
 
 
-__all__ = ["limits_of", "vehicle_of"]
+__all__ = ["envelope_of", "limits_of", "vehicle_of"]

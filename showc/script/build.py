@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from showc.script.aircraft import limits_of, vehicle_of
+from showc.script.aircraft import envelope_of, limits_of, vehicle_of
 from showc.script.colours import linear_light
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.formations import FormationError
@@ -287,9 +287,10 @@ class Builder:
 
     def _show(self, sketch: Sketch, source: Source) -> Show | None:
         settings = self.settings
-        vehicle = limits = None
+        vehicle = limits = envelope = None
         if not _broken(settings, "vehicle"):
             vehicle = vehicle_of(settings.section("vehicle"))
+            envelope = envelope_of(settings.section("vehicle"))
             if sketch.site is not None and not _broken(settings, "limits"):
                 limits = limits_of(
                     settings.section("limits"),
@@ -330,7 +331,7 @@ class Builder:
             epoch=settings.moment("epoch"),
             site=sketch.site,
             vehicle=vehicle,
-            limits=limits,
+            limits=limits if envelope is None else envelope.within(limits),
             separation=sketch.separation,
             yaw="free" if yaw.text("mode") == "free" else "held",
             heading=yaw.number("heading"),
@@ -343,6 +344,7 @@ class Builder:
                 launch.number("climb_speed"),
                 launch.number("hold"),
             ),
+            airframe_limits=None if envelope is None else limits,
             transitions=tuple(transitions),
             landing=Landing(
                 landing.number("altitude"),

@@ -223,5 +223,7 @@ class Show:
     """Samples of the fleet per second in the log [Hz]."""
     seed: int = 0
     """Seed of everything random in the show's formations and planning."""
+    airframe_limits: Limits | None = None
+    """Limits of the airframe alone where ``limits`` keep its autopilot's envelope."""
     parking: str | None = None
     """Formation where drones without a place in a picture wait; None: not allowed."""

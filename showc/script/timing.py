@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sin, sqrt
+from math import inf, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,13 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
+ENVELOPE_UNITS = {
+    "level_speed": "m/s",
+    "acceleration": "m/s²",
+    "acceleration_up": "m/s²",
+    "acceleration_down": "m/s²",
+}
+"""Limits that an autopilot's envelope sets, and their units."""
 _MORE = 1.01
 """How far above the rotors' own limit a limit may be: printed ones are rounded."""
 
@@ -55,8 +62,9 @@ def least_times(
     thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
     # Roll and pitch tilt together: the horizontal part is at most sqrt(2) sin(tilt).
     level = thrust * min(1.0, sqrt(2.0) * sin(limits.tilt))
-    up = thrust - vehicle.gravity
-    down = vehicle.gravity
+    level = min(level, limits.acceleration or inf)
+    up = min(thrust - vehicle.gravity, limits.acceleration_up or inf)
+    down = min(vehicle.gravity, limits.acceleration_down or inf)
     times = np.zeros(displacement.shape[:-1])
     for axis in range(3):
         distance = np.abs(displacement[..., axis])
@@ -107,7 +115,7 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
 
 
 def limit_findings(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Yield the limits that the rotors never reach (SHW210)."""
+    """Yield limits that the rotors or the autopilot never reach (SHW210, SHW211)."""
     show = sketch.show
     if show is None:
         return
@@ -122,6 +130,27 @@ def limit_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             if limit > most * _MORE:
                 mark = section.mark_of("torque")
                 yield _beyond(mark, f"torque U{axis}", limit, most, "N m")
+
+    yield from _envelope_findings(sketch)
+
+
+def _envelope_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield the limits that the autopilot's envelope overrides (SHW211)."""
+    show = sketch.show
+    if show is None or show.airframe_limits is None:
+        return
+    section = sketch.settings.section("limits")
+    for key, unit in ENVELOPE_UNITS.items():
+        kept, asked = getattr(show.limits, key), getattr(show.airframe_limits, key)
+        if section.written(key) and asked > kept:
+            yield Diagnostic(
+                "SHW211",
+                Severity.WARNING,
+                f"`{key}` is {number_text(asked)} {unit}, the autopilot follows "
+                f"{number_text(kept)} {unit}",
+                section.mark_of(key),
+                help="lower the limit, or write `envelope: airframe` in `vehicle`",
+            )
 
 
 def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diagnostic:

@@ -73,7 +73,7 @@ VEHICLE = Section(
             "What the flight is solved for. `autopilot`: the airframe, and the speeds "
             "and accelerations that the preset's autopilot was seen to follow. "
             "`airframe`: the airframe alone.",
-            default="airframe",
+            default="autopilot",
         ),
     ),
     short="preset",

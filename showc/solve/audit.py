@@ -10,13 +10,14 @@ import numpy as np
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
     from showc.flight import Trajectory
     from showc.solve.model import Aircraft
     from showc.solve.result import HalfSpace
+    from showc.vehicle import Limits
 
     FloatArray = NDArray[np.float64]
 
@@ -102,11 +103,30 @@ def greatest_excess(aircraft: Aircraft, trajectory: Trajectory) -> Excess:
         _worst(name, breaks, control[:, :, k], *bounds[k])
         for k, name in enumerate(CONTROL_NAMES)
     ]
+    found += _round_excesses(limits, trajectory)
     shares = control @ aircraft.vehicle.rotor_fractions().T
     found += [
         _worst(f"rotor {k + 1}", breaks, shares[:, :, k], 0.0, 1.0) for k in range(4)
     ]
     return max(found, key=lambda excess: excess.relative)
+
+
+def _round_excesses(limits: Limits, trajectory: Trajectory) -> Iterator[Excess]:
+    """Worst level speed and accelerations, on the polynomials of the velocity."""
+    breaks = trajectory.state.breaks
+    velocity = trajectory.state.coefficients[:, :, 3:6]
+    if limits.rounds_speed:
+        speed = np.hypot(velocity[..., 0], velocity[..., 1])
+        yield _worst("level speed", breaks, speed, 0.0, limits.level_speed)
+    degree = velocity.shape[1] - 1
+    if degree == 0 or not limits.limits_acceleration:
+        return
+    rate = degree * np.diff(velocity, axis=1) / np.diff(breaks)[:, None, None]
+    if limits.acceleration:
+        level = np.hypot(rate[..., 0], rate[..., 1])
+        yield _worst("level acceleration", breaks, level, 0.0, limits.acceleration)
+    low, high = -limits.acceleration_down or -np.inf, limits.acceleration_up or np.inf
+    yield _worst("vertical acceleration", breaks, rate[..., 2], low, high)
 
 
 def half_space_excess(

@@ -72,10 +72,13 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     left, right = at[:, :-1], at[:, 1:]
     since = np.minimum(np.minimum(right, time - left), 0.5 * time)
     roll, pitch = relaxation.caps(since)
-    heights = 0.5 * (
-        relaxation.thrust_support(value[:, :-1], roll, pitch)
-        + relaxation.thrust_support(value[:, 1:], roll, pitch)
+    # Each support function is convex, their least is not: the least comes last.
+    sides = zip(
+        relaxation.thrust_supports(value[:, :-1], roll, pitch),
+        relaxation.thrust_supports(value[:, 1:], roll, pitch),
+        strict=True,
     )
+    heights = np.min([0.5 * (before + after) for before, after in sides], axis=0)
     thrust = float((heights * (right - left)).sum())
     gravity = relaxation.vehicle.gravity
     weight = gravity * float(

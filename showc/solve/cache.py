@@ -95,6 +95,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         _engine_versions(),
         show.vehicle,
         leg.limits,
+        show.airframe_limits,
         show.separation,
         show.yaw,
         show.heading,

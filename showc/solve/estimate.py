@@ -40,9 +40,12 @@ def minimum_time_estimate(
     greatest = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
     climb = max(greatest - vehicle.gravity, 1e-3)
     drop = max(vehicle.gravity - limits.thrust_min / vehicle.mass, 1e-3)
+    climb = min(climb, limits.acceleration_up or np.inf)
+    drop = min(drop, limits.acceleration_down or np.inf)
     vertical = 2.0 / (1.0 / climb + 1.0 / drop)
-    leaning = greatest * np.sin(limits.tilt)
-    level = vehicle.gravity * np.tan(limits.tilt)
+    most = limits.acceleration or np.inf
+    leaning = min(greatest * np.sin(limits.tilt), most)
+    level = min(vehicle.gravity * np.tan(limits.tilt), most)
     turning = 2.0 * limits.tilt / min(limits.body_rate[:2])
     turns = np.array([turning, turning, 0.0]) * (distance > 0.0)
 

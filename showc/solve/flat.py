@@ -217,6 +217,8 @@ class Use:
     rate: FloatArray
     power: FloatArray
     """Of the greatest thrust, torques and rotor speeds."""
+    acceleration: FloatArray
+    """Of level speed and of level and vertical acceleration."""
     outside: BoolArray
     """Whether the flight volume is left."""
     weak: BoolArray
@@ -225,7 +227,9 @@ class Use:
     @property
     def greatest(self) -> FloatArray:
         """At most 1 if all limits are kept; a breach without a share is infinite."""
-        share = np.stack([self.velocity, self.tilt, self.rate, self.power]).max(axis=0)
+        share = np.stack(
+            [self.velocity, self.tilt, self.rate, self.power, self.acceleration]
+        ).max(axis=0)
         return np.asarray(np.where(self.outside | self.weak, np.inf, share))
 
 
@@ -256,9 +260,31 @@ def use_of_limits(vehicle: Quadrotor, limits: Limits, flights: FlatFlights) -> U
         size[:, 6:8].max(axis=1) / limits.tilt,
         (size[:, 9:12] / np.asarray(limits.body_rate)).max(axis=1),
         power.max(axis=1),
+        _round_use(limits, flights),
         outside,
         weak,
     )
+
+
+def _round_use(limits: Limits, flights: FlatFlights) -> FloatArray:
+    """Greatest share of level speed and of accelerations, shape (n,)."""
+    velocity = flights.state[..., 3:6]
+    use = np.zeros(velocity.shape[0])
+    if limits.rounds_speed:
+        speed = np.hypot(velocity[..., 0], velocity[..., 1]).max(axis=(1, 2))
+        use = np.maximum(use, speed / limits.level_speed)
+    if not limits.limits_acceleration:
+        return use
+    widths = np.diff(flights.breaks)[None, :, None, None]
+    rate = (velocity.shape[2] - 1) * np.diff(velocity, axis=2) / widths
+    if limits.acceleration:
+        level = np.hypot(rate[..., 0], rate[..., 1]).max(axis=(1, 2))
+        use = np.maximum(use, level / limits.acceleration)
+    if limits.acceleration_up:
+        use = np.maximum(use, rate[..., 2].max(axis=(1, 2)) / limits.acceleration_up)
+    if limits.acceleration_down:
+        use = np.maximum(use, -rate[..., 2].min(axis=(1, 2)) / limits.acceleration_down)
+    return use
 
 
 def _hermite(

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import SolveError
-from showc.flight import Certificate, ClosestEncounter, LegFlight, Trajectory
+from showc.flight import (
+    Certificate,
+    ClosestEncounter,
+    DualWitness,
+    LegFlight,
+    Trajectory,
+)
 from showc.plan.metric import measure
-from showc.solve.conflicts import Encounters, closest
+from showc.solve.bound import lower_bound
+from showc.solve.conflicts import Encounters, closest, conflicts
 from showc.solve.joint import GAP, JointResult, fly_jointly, suits
 from showc.solve.limiting import Limiting, limiting_time
+from showc.solve.relaxation import Relaxation
 from showc.solve.repair import Repair
 from showc.solve.single import Aircraft, hover
 from showc.solve.synchronise import shared_profile
 from showc.solve.tracks import tracks_of
+from showc.solve.vertical import fly_upright, quickest_ascent
 from showc.solve.walls import reversed_order
 
 if TYPE_CHECKING:
@@ -58,6 +67,21 @@ class _Attempts:
 def aircraft_of(show: Show, leg: Leg) -> Aircraft:
     """Return what flies on this leg, with the leg's own limits."""
     return Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
+
+
+def airframe_of(show: Show, leg: Leg) -> Aircraft | None:
+    """Return the aircraft without its autopilot; None where the same limits hold."""
+    own = show.airframe_limits
+    if own is None:
+        return None
+    limits = replace(
+        leg.limits,
+        level_speed=own.level_speed,
+        acceleration=own.acceleration,
+        acceleration_up=own.acceleration_up,
+        acceleration_down=own.acceleration_down,
+    )
+    return Aircraft(show.vehicle, limits, show.yaw, show.heading)
 
 
 def solve_leg(
@@ -103,6 +127,7 @@ class _Solver:
         self.progress = progress
         self.tried = _Attempts()
         self.where = place(leg)
+        self.airframe = airframe_of(show, leg)
         self.shortest: dict[int, Trajectory] = {}
 
     def solve(self) -> LegFlight:
@@ -113,6 +138,8 @@ class _Solver:
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
         if not moving.any():
             return self._hold()
+        if leg.kind in {"launch", "land"}:
+            return self._upright()
         shared = shared_profile(
             self.aircraft.vehicle,
             leg.limits,
@@ -174,6 +201,67 @@ class _Solver:
             duration, 0.0, 0.0, None, nearest, "hold: every drone hovers", {}
         )
         return LegFlight(self.leg, duration, trajectories, certificate)
+
+    def _upright(self) -> LegFlight:
+        """Fly launch and landing: straight up or down, upright."""
+        aircraft, leg = self.aircraft, self.leg
+        heights = leg.goal[:, 2] - leg.start[:, 2]
+        ascent = quickest_ascent(aircraft, heights)
+        ascent = ascent.stretched(whole_milliseconds(ascent.duration))
+        flights = fly_upright(aircraft, leg.start, leg.goal, ascent)
+        met = conflicts(
+            tracks_of(flights, leg.others_parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+        if len(met):
+            raise SolveError(
+                f"{self.where}: {self._pair(met)} come within {met.distance[0]:.3f} m "
+                f"straight above their pads, the separation is "
+                f"{self.separation.distance:.3f} m; move the pads apart"
+            )
+        slowest = int(
+            np.argmax(
+                [
+                    quickest_ascent(aircraft, heights[row : row + 1]).duration
+                    if heights[row]
+                    else 0.0
+                    for row in range(heights.size)
+                ]
+            )
+        )
+        alone = quickest_ascent(aircraft, heights[slowest : slowest + 1]).duration
+        witness = self._bound(aircraft, slowest, alone)
+        statistics = {"drones": float(heights.size), "dual_bounds": 1.0}
+        statistics |= self._airframe_bound(slowest, alone)
+        certificate = Certificate(
+            ascent.duration,
+            min(alone, ascent.duration),
+            witness.time,
+            witness,
+            self._closest(flights),
+            "straight up or down, all on one profile",
+            dict(sorted(statistics.items())),
+        )
+        return LegFlight(leg, ascent.duration, flights, certificate)
+
+    def _bound(self, aircraft: Aircraft, row: int, guess: float) -> DualWitness:
+        """Prove how long the drone in a row needs at least."""
+        relaxation = Relaxation(
+            aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
+        )
+        return lower_bound(
+            relaxation, row, self.leg.goal[row] - self.leg.start[row], guess
+        )
+
+    def _airframe_bound(self, row: int, guess: float) -> dict[str, float]:
+        """Time that a drone's airframe needs at least, whatever its autopilot [s].
+
+        What the flight takes beyond it is the most that the envelope may cost.
+        """
+        if self.airframe is None:
+            return {}
+        return {"airframe_bound": self._bound(self.airframe, row, guess).time}
 
     def _fixed(self, duration: float, shared: Profile) -> LegFlight:
         """Fly the leg in the time that the script gives; minimum times need no solving.
@@ -280,6 +368,7 @@ class _Solver:
             **repair.counts,
             "drones": float(len(trajectories)),
             "dual_bounds": float(limiting.bounds),
+            **self._airframe_bound(limiting.drone, limiting.time),
         }
         certificate = Certificate(
             repair.duration,

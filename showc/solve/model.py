@@ -38,6 +38,9 @@ SPEED_SCALE = 5.0
 ANGLE_SCALE = 0.35
 RATE_SCALE = 1.7
 ANGULAR_ACCELERATION_SCALE = 20.0
+ACCELERATION_SCALE = 5.0
+UNREACHED = 1e3
+"""Stands for a vertical acceleration without a limit [m/s²]: no aircraft reaches it."""
 EXACT_GYROSCOPIC = 0.02
 """Share of a torque limit above which gyroscopic torques are bounded exactly, not by
 their greatest value."""
@@ -109,17 +112,21 @@ class Aircraft:
             torque_max=(torque, torque, torque),
             position_min=(-1.0, -1.0, -1.0),
             position_max=(1.0, 1.0, 1.0),
+            level_speed=1.0 if self.limits.rounds_speed else 0.0,
+            acceleration=1.0 if self.limits.acceleration else 0.0,
+            acceleration_up=1.0 if self._vertical else 0.0,
         )
         return replace(self, limits=limits)
+
+    @property
+    def _vertical(self) -> bool:
+        """Whether vertical acceleration is limited, upward or downward."""
+        return bool(self.limits.acceleration_up or self.limits.acceleration_down)
 
     def conflict(self) -> str:
         """Say why these limits allow no hover at all; empty when they do."""
         hover = self.vehicle.hover_thrust
         limits = self.limits
-        if limits.acceleration or limits.acceleration_up or limits.acceleration_down:
-            return "limits of acceleration are not planned yet"
-        if limits.level_speed:
-            return "limits of level speed are not planned yet"
         if not limits.thrust_min <= hover <= limits.thrust_max:
             return (
                 f"hovering takes {hover:.3g} N of thrust; the limits allow "
@@ -183,6 +190,15 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
     for rotor in range(4):
         share = float(margin[rotor])
         bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
+    if limits.acceleration:
+        bounds["path", "acceleration"] = -np.inf, limits.acceleration**2
+    if limits.acceleration_up or limits.acceleration_down:
+        bounds["path", "vertical_acceleration"] = (
+            -(limits.acceleration_down or UNREACHED),
+            limits.acceleration_up or UNREACHED,
+        )
+    if limits.rounds_speed:
+        bounds["path", "level_speed"] = -np.inf, limits.level_speed**2
     return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
 
 
@@ -251,6 +267,16 @@ def add_drone(
         phase.derivative(angles[name], rate)
         phase.derivative(rate, acceleration)
     _limit_torques(phase, aircraft, tag)
+    for name, moved in (
+        ("acceleration", velocity[:2]),
+        ("vertical_acceleration", velocity[2:]),
+    ):
+        if pair := bounds.get(("path", name + tag)):
+            scale = ACCELERATION_SCALE ** len(moved)
+            phase.constrain_rate(moved, *pair, name=name + tag, scale=scale)
+    if pair := bounds.get(("path", f"level_speed{tag}")):
+        squared = velocity[0] ** 2 + velocity[1] ** 2
+        phase.constrain(squared, *pair, name=f"level_speed{tag}", scale=SPEED_SCALE**2)
 
 
 def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:

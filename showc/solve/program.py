@@ -40,6 +40,8 @@ _PRICE = 30.0
 _NEAR, _NEARLY = 0.5, 0.9
 """Share of its bound at which a row counts from the beginning, and once others that
 did not count were passed."""
+_TANGENTS = 8
+"""Tangents for each disc; one of them, along the iterate, is exact."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,7 @@ class Aim:
     tilt: float = _MARGIN
     rate: float = _MARGIN
     power: float = _MARGIN
+    acceleration: float = _MARGIN
     floor: float = 0.2
     """Least vertical thrust over the weight: rotors need some to make torques."""
 
@@ -77,6 +80,7 @@ class Aim:
             lower(self.tilt, float(use.tilt[0])),
             lower(self.rate, float(use.rate[0])),
             lower(self.power, float(use.power[0])),
+            lower(self.acceleration, float(use.acceleration[0])),
             1.4 * self.floor if use.weak[0] else self.floor,
         )
 
@@ -112,6 +116,9 @@ class Program:
         wanted = start + reference(at) * (goal - start)
         linear = self.given.reshape(3, count) @ self.basis.gram
         linear = linear + (self.basis.weights @ wanted).T
+        heading = float(np.arctan2(*(goal - start)[1::-1]))
+        self.bearing = np.full((intervals, 4), heading)
+        self.course = np.full((intervals, 4), heading)
         self._linear = linear.ravel()[self.free]
         size = self._linear.size + walls.interval.size
         self._quadratic = Columns.of(
@@ -123,6 +130,9 @@ class Program:
         """Take pitch and roll at each coefficient from an iterate, (K, 6, 3) [m]."""
         width = self.breaks[1] - self.breaks[0]
         second = np.diff(position, 2, axis=1) * DEGREE * (DEGREE - 1) / width**2
+        self.bearing = np.arctan2(second[..., 1], second[..., 0])
+        first = np.diff(position, axis=1)[:, :-1]
+        self.course = np.arctan2(first[..., 1], first[..., 0])
         second[..., 2] += self.aircraft.vehicle.gravity
         cosine, sine = np.cos(self.aircraft.heading), np.sin(self.aircraft.heading)
         ahead = cosine * second[..., 0] + sine * second[..., 1]
@@ -144,6 +154,7 @@ class Program:
                 rows.add_axis(axis, sign * velocity, bound)
         self._attitude_rows(rows, aim)
         self._rate_rows(rows, aim)
+        self._round_rows(rows, aim)
         self._volume_rows(rows)
         hard = rows.count
         walls = self.walls
@@ -227,6 +238,29 @@ class Program:
                 sign * sr * c * jerk - rate_roll * cr * c * push,
                 rate_roll * gravity * (cr * c)[..., 0],
             )
+
+    def _round_rows(self, rows: Rows, aim: Aim) -> None:
+        """Level speed and accelerations; discs by tangents about the iterate."""
+        limits = self.aircraft.limits
+        push = self.basis.acceleration
+        if limits.acceleration:
+            self._disc(rows, push, self.bearing, limits.acceleration * aim.acceleration)
+        if limits.acceleration_up:
+            rows.add_axis(2, push, limits.acceleration_up * aim.acceleration)
+        if limits.acceleration_down:
+            rows.add_axis(2, -push, limits.acceleration_down * aim.acceleration)
+        if limits.rounds_speed:
+            velocity = self.basis.velocity[:, :-1]
+            bound = limits.level_speed * aim.acceleration
+            self._disc(rows, velocity, self.course, bound)
+
+    @staticmethod
+    def _disc(rows: Rows, values: FloatArray, toward: FloatArray, bound: float) -> None:
+        """Keep the level part of ``values`` within a disc, by ``_TANGENTS`` of it."""
+        for number in range(_TANGENTS):
+            angle = toward + 2.0 * np.pi * number / _TANGENTS
+            x, y = np.cos(angle)[..., None], np.sin(angle)[..., None]
+            rows.add(x * values, y * values, 0.0, np.full(values.shape[:2], bound))
 
     def _volume_rows(self, rows: Rows) -> None:
         """Walls of the flight volume that are near enough to matter."""

@@ -76,10 +76,14 @@ class Relaxation:
         rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0, 0, 1]])
         return np.asarray(vectors @ rotation)
 
-    def thrust_support(
+    def thrust_supports(
         self, multiplier: FloatArray, roll: FloatArray, pitch: FloatArray
-    ) -> FloatArray:
-        """Greatest ``multiplier . u`` over U with the given caps, shape (...).
+    ) -> list[FloatArray]:
+        """Greatest ``multiplier . u`` over each of the sets that U lies in, (...).
+
+        The first is the cone of thrusts with the given caps. Where accelerations are
+        limited, the second is the cone of directions within the cylinder of these
+        limits. An integral takes the least of both, cell by cell.
 
         Parameters
         ----------
@@ -97,19 +101,54 @@ class Relaxation:
         else:
             most = _arc(_arc(lz, np.abs(lx), pitch), np.abs(ly), roll)
         least_thrust, most_thrust = self.specific_thrust
-        return np.asarray(np.maximum(most_thrust * most, least_thrust * most))
+        found = [np.asarray(np.maximum(most_thrust * most, least_thrust * most))]
+        if not self.limits.limits_acceleration:
+            return found
+        low, high = self.vertical(roll, pitch)
+        radius = min(self.limits.acceleration or most_thrust, most_thrust)
+        if self.yaw == "free":
+            turned = np.stack([across, np.zeros_like(lz), lz], axis=-1)
+            slopes = np.tan(cone), np.zeros_like(lz)
+        else:
+            slopes = np.tan(pitch), np.tan(roll) / np.cos(pitch)
+        found.append(_cut_cone(turned, slopes, radius, (low, high)))
+        return found
+
+    def vertical(
+        self, roll: FloatArray, pitch: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest vertical part of the thrust over mass [m/s²]."""
+        limits, gravity = self.limits, self.vehicle.gravity
+        least, most = self.specific_thrust
+        level = min(limits.acceleration or most, most)
+        # What thrust there is at least and does not go level goes up.
+        low = np.maximum(
+            least * np.cos(roll) * np.cos(pitch),
+            math.sqrt(max(least**2 - level**2, 0.0)),
+        )
+        low = np.maximum(low, gravity - (limits.acceleration_down or np.inf))
+        high = min(most, gravity + (limits.acceleration_up or math.inf))
+        return low, np.full_like(low, high)
 
     def velocity_support(self, multiplier: FloatArray) -> FloatArray:
-        """Greatest ``multiplier . v`` over the velocity box, shape (...)."""
-        return np.asarray(
-            np.maximum(
-                multiplier * np.asarray(self.limits.velocity_max),
-                multiplier * np.asarray(self.limits.velocity_min),
-            ).sum(axis=-1)
+        """Greatest ``multiplier . v`` over the velocities allowed, shape (...)."""
+        each = np.maximum(
+            multiplier * np.asarray(self.limits.velocity_max),
+            multiplier * np.asarray(self.limits.velocity_min),
         )
+        box = np.asarray(each.sum(axis=-1))
+        if not self.limits.rounds_speed:
+            return box
+        level = np.hypot(multiplier[..., 0], multiplier[..., 1])
+        round_off = self.limits.level_speed * level + each[..., 2]
+        return np.asarray(np.minimum(box, round_off))
 
     def vertices(
-        self, roll: FloatArray, pitch: FloatArray, steps: int = 3
+        self,
+        roll: FloatArray,
+        pitch: FloatArray,
+        steps: int = 3,
+        displacement: FloatArray | None = None,
     ) -> FloatArray:
         """Points of U, shape (k, m, 3) [m/s²], whose hull nearly fills U's.
 
@@ -117,7 +156,15 @@ class Relaxation:
         ----------
         roll, pitch
             Greatest |roll| and |pitch|, shape (k,) [rad].
+        steps
+            Angles of each kind that points are taken at without an envelope.
+        displacement
+            The move, shape (3,) [m]: with an envelope, points lie densest along it.
         """
+        if self.limits.limits_acceleration:
+            way = self.turned(np.zeros(3) if displacement is None else displacement)
+            toward = math.atan2(way[1], way[0])
+            return self._envelope_vertices(roll, pitch, toward)
         least_thrust, most_thrust = self.specific_thrust
         if self.yaw == "free":
             cone = np.arccos(np.cos(roll) * np.cos(pitch))[:, None]
@@ -151,6 +198,126 @@ class Relaxation:
         return np.concatenate(
             [most_thrust * directions, least_thrust * directions], axis=1
         )
+
+    def _envelope_vertices(
+        self, roll: FloatArray, pitch: FloatArray, toward: float
+    ) -> FloatArray:
+        """Points of U where accelerations are limited, shape (k, m, 3) [m/s²].
+
+        Parameters
+        ----------
+        toward
+            Bearing of the move, about which the points lie densest, in the frame of
+            the heading [rad].
+        """
+        least, most = self.specific_thrust
+        low, high = (side[:, None, None] for side in self.vertical(roll, pitch))
+        radius = min(self.limits.acceleration or most, most)
+        bearing = toward + np.radians(_BEARINGS)
+        if self.yaw == "free":
+            cone = np.arccos(np.cos(roll) * np.cos(pitch))[:, None]
+            slope = np.broadcast_to(np.tan(cone), (roll.size, bearing.size))
+        else:
+            ahead = np.tan(pitch)[:, None] / np.maximum(np.abs(np.cos(bearing)), 1e-12)
+            left = np.tan(roll) / np.cos(pitch)
+            left = left[:, None] / np.maximum(np.abs(np.sin(bearing)), 1e-12)
+            slope = np.minimum(ahead, left)
+        slope = slope[..., None]
+        # Tilts that bear corners of U: parts of the greatest one, and those at which
+        # the greatest level thrust meets the least and the greatest vertical one.
+        share = np.broadcast_to(_SHARES, (*slope.shape[:2], _SHARES.size)) * slope
+        meeting = np.minimum(np.concatenate([radius / high, radius / low], -1), slope)
+        tilt = np.arctan(np.concatenate([share, meeting], axis=-1))
+        up, level = np.cos(tilt), np.sin(tilt)
+        longest = np.minimum(high / up, radius / np.maximum(level, 1e-12))
+        longest = np.minimum(longest, most)
+        # Where no thrust fits a tilt, the nearest one stands in.
+        shortest = np.minimum(np.maximum(low / up, least), longest)
+        length = np.stack([longest, shortest], axis=-1)
+        x = length * (level * np.cos(bearing)[:, None])[..., None]
+        y = length * (level * np.sin(bearing)[:, None])[..., None]
+        points = np.stack([x, y, length * up[..., None]], axis=-1)
+        points = points.reshape(roll.size, -1, 3)
+        if self.yaw == "free":
+            return np.asarray(points)
+        cosine, sine = math.cos(self.heading), math.sin(self.heading)
+        rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0, 0, 1]])
+        return np.asarray(points @ rotation.T)
+
+
+_BEARINGS: FloatArray = np.array(
+    [0.0, 15.0, -15.0, 40.0, -40.0, 75.0, -75.0, 120.0, -120.0, 165.0, -165.0, 180.0]
+)
+"""Directions about that of the move in which points of U are taken [deg]. What is left
+out the multipliers suffer from, not the bound."""
+_SHARES: FloatArray = np.array([0.0, 0.5, 1.0])
+"""Parts of the greatest tilt at which points of U are taken."""
+
+
+def _cut_cone(
+    multiplier: FloatArray,
+    slopes: tuple[FloatArray, FloatArray],
+    radius: float,
+    heights: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Greatest ``multiplier . u`` over a cone within a cylinder, shape (...).
+
+    The set: low <= u_z <= high, |u_x| <= p u_z, |u_y| <= q u_z and u_x² + u_y² <= r².
+    At height z the greatest level part is that of a rectangle cut by a disc; as a
+    function of z it is concave, linear where the corner (p z, q z) counts, constant
+    where the disc's own point does, and an ellipse's arc between. So the greatest lies
+    at a border of these stretches or where the slope of an arc vanishes.
+
+    Parameters
+    ----------
+    multiplier
+        Shape (..., 3), frame of the heading.
+    slopes
+        p and q, shape (...), at least 0.
+    radius
+        r [m/s²].
+    heights
+        low and high, shape (...) [m/s²], positive.
+    """
+    x, y = np.abs(multiplier[..., 0]), np.abs(multiplier[..., 1])
+    z, (p, q), (low, high) = multiplier[..., 2], slopes, heights
+    size, tiny = np.hypot(x, y), 1e-300
+    corner = radius / np.maximum(np.hypot(p, q), tiny)
+    stretches = [
+        low,
+        high,
+        corner,
+        radius * x / np.maximum(size * p, tiny),
+        radius * y / np.maximum(size * q, tiny),
+    ]
+    for own, other, slope in ((x, y, p), (y, x, q)):
+        # own slope z + other sqrt(r² - slope² z²) + multiplier_z z is greatest here.
+        gain = own * slope + z
+        arc = np.hypot(gain, other * slope)
+        stretches.append(radius * gain / np.maximum(arc * slope, tiny))
+    best = np.full(np.broadcast_shapes(size.shape, p.shape), -np.inf)
+    for place in stretches:
+        at = np.clip(place, low, high)
+        ahead, left = p * at, q * at
+        wide = np.minimum(ahead, np.sqrt(np.maximum(radius**2 - left**2, 0.0)))
+        deep = np.minimum(left, np.sqrt(np.maximum(radius**2 - ahead**2, 0.0)))
+        free_x = radius * x / np.maximum(size, tiny)
+        free_y = radius * y / np.maximum(size, tiny)
+        disc = (free_x <= ahead) & (free_y <= left)
+        level = np.where(
+            np.hypot(ahead, left) <= radius,
+            x * ahead + y * left,
+            np.where(
+                disc,
+                radius * size,
+                np.maximum(
+                    x * np.minimum(ahead, radius) + y * deep,
+                    x * wide + y * np.minimum(left, radius),
+                ),
+            ),
+        )
+        best = np.maximum(best, z * at + level)
+    return np.asarray(best)
 
 
 def _arc(ahead: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:

@@ -88,7 +88,7 @@ class RelaxedMove:
         intervals, nodes = widths.size, knots.size
         instants = knots * time
         roll, pitch = relaxation.caps(np.minimum(instants, time - instants))
-        corners = relaxation.vertices(roll, pitch)
+        corners = relaxation.vertices(roll, pitch, displacement=self._displacement)
         size = corners.shape[1]
         weight = np.zeros(nodes)
         weight[:-1] += 0.5 * widths

@@ -82,6 +82,7 @@ def strain(  # noqa: PLR0917 - vectorised physics names every quantity
         ),
         axis=1,
     )
+    use = np.maximum(use, _round_strain(limits, displacement, speed, peak))
     roll = np.abs(flat.roll[0]).max(axis=1)
     pitch = np.abs(flat.pitch[0]).max(axis=1)
     use = np.maximum(use, np.maximum(roll, pitch) / limits.tilt)
@@ -114,6 +115,18 @@ def strain(  # noqa: PLR0917 - vectorised physics names every quantity
     base = rotors[0, 0]
     use = np.maximum(use, base * force.max(axis=1) + most)
     return np.where(base * force.min(axis=1) < most, np.inf, use)
+
+
+def _round_strain(
+    limits: Limits, displacement: FloatArray, speed: FloatArray, peak: FloatArray
+) -> FloatArray:
+    """Use of level speed and accelerations by straight flights, shape (n,)."""
+    level = np.hypot(displacement[:, 0], displacement[:, 1])
+    use = level * speed / (limits.level_speed or np.inf)
+    use = np.maximum(use, level * peak / (limits.acceleration or np.inf))
+    # Speeding up and slowing down are alike: a straight move goes both ways.
+    least = min(limits.acceleration_up or np.inf, limits.acceleration_down or np.inf)
+    return np.asarray(np.maximum(use, np.abs(displacement[:, 2]) * peak / least))
 
 
 def least_times(  # noqa: PLR0917 - same

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -41,11 +42,30 @@ class Limits:
     acceleration_down: float = 0.0
     """Greatest -az [m/s²]; 0: no limit."""
 
-    def with_vertical_speed(self, climb: float, descent: float) -> Limits:
-        """Return the same limits with no more than ``climb`` and ``descent`` [m/s]."""
-        lower = (*self.velocity_min[:2], max(self.velocity_min[2], -descent))
-        upper = (*self.velocity_max[:2], min(self.velocity_max[2], climb))
-        return replace(self, velocity_min=lower, velocity_max=upper)
+    @property
+    def limits_acceleration(self) -> bool:
+        """Whether any acceleration is limited."""
+        return bool(self.acceleration or self.acceleration_up or self.acceleration_down)
+
+    @property
+    def rounds_speed(self) -> bool:
+        """Whether the limit of level speed cuts corners off the box of velocities."""
+        x, y = (
+            max(-self.velocity_min[axis], self.velocity_max[axis]) for axis in (0, 1)
+        )
+        return 0.0 < self.level_speed < math.hypot(x, y)
+
+    def upright(self, speed: float) -> Limits:
+        """Return the limits of a vertical flight of at most ``speed`` [m/s].
+
+        No tilt is left, so x and y are held.
+        """
+        return replace(
+            self,
+            velocity_min=(*self.velocity_min[:2], max(self.velocity_min[2], -speed)),
+            velocity_max=(*self.velocity_max[:2], min(self.velocity_max[2], speed)),
+            tilt=0.0,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,14 @@ between the hovers gives
 h being the support functions and d the way. Where the left side is the greater, no
 flight takes that time T, nor a shorter one, since a drone may hover.
 
+Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
+u_z, |u_y| <= q u_z, p and q by the caps, u_x² + u_y² <= r², low <= u_z <= high. At
+height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
+concave function of z: x p z + y q z while the corner lies in the disc, r |(x, y)| while
+the disc's own point lies in the rectangle, else x p z + y sqrt(r² - p² z²) or the same
+with axes changed. So the best z is an end, a change of form, or where the slope of a
+form vanishes. The least of both support functions bounds ``lambda . u``.
+
 The integral is rounded upward: on each cell the caps are taken at their greatest, h_U
 is convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
 """
@@ -68,6 +76,20 @@ class Relaxed:
             lever = np.abs([inertia[1] - inertia[2], inertia[2] - inertia[0]])
             turn = turn + lever / inertia[:2] * self.rate[[1, 0]] * self.rate[2]
         self.acceleration = turn
+        self.level_speed = limits.level_speed or np.inf
+        self.cylinder = self._cylinder(limits)
+
+    def _cylinder(self, limits: Limits) -> tuple[float, float, float] | None:
+        """Greatest level thrust, least and greatest vertical thrust [m/s²]."""
+        up, down = limits.acceleration_up, limits.acceleration_down
+        if not (limits.acceleration or up or down):
+            return None
+        level = min(limits.acceleration or self.most, self.most)
+        upright = np.cos(self.tilt) ** 2
+        # What thrust there is at least and does not go level goes up.
+        rest = np.sqrt(max(self.least**2 - level**2, 0.0))
+        low = max(self.least * upright, rest, self.gravity - (down or np.inf))
+        return level, low, min(self.most, self.gravity + (up or np.inf))
 
     def caps(self, since: FloatArray) -> list[FloatArray]:
         """Greatest |roll| and |pitch| [rad] at times ``since`` [s] after a hover."""
@@ -86,12 +108,18 @@ class Relaxed:
     def velocity_support(self, direction: FloatArray) -> FloatArray:
         """Greatest ``direction . v``; (..., 3) to (...)."""
         best = np.maximum(direction * self.slowest, direction * self.fastest)
-        return np.asarray(best.sum(axis=-1))
+        box = np.asarray(best.sum(axis=-1))
+        if not np.isfinite(self.level_speed):
+            return box
+        level = self.level_speed * np.hypot(direction[..., 0], direction[..., 1])
+        return np.asarray(np.minimum(box, level + best[..., 2]))
 
-    def thrust_support(
+    def thrust_supports(
         self, direction: FloatArray, roll: FloatArray, pitch: FloatArray
-    ) -> FloatArray:
-        """Greatest ``direction . u`` with |roll| and |pitch| capped; (..., 3) to (...).
+    ) -> list[FloatArray]:
+        """Greatest ``direction . u`` over each set that u lies in; (..., 3) to (...).
+
+        |roll| and |pitch| are capped.
 
         With yaw held, u over its length is (cos phi sin theta, -sin phi, cos phi cos
         theta) in the frame of the heading: the best pitch first, then the best roll.
@@ -106,7 +134,61 @@ class Relaxed:
         else:
             cone = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
             length = _within(up, np.hypot(x, y), cone)
-        return np.where(length > 0.0, self.most * length, self.least * length)
+        found = [np.where(length > 0.0, self.most * length, self.least * length)]
+        if self.cylinder is not None:
+            level, low, high = self.cylinder
+            if self.held:
+                slopes = np.tan(pitch), np.tan(roll) / np.cos(pitch)
+            else:
+                ahead, left = np.hypot(x, y), 0.0 * x
+                slopes = np.tan(cone), 0.0 * cone
+            ends = np.full_like(up, low), np.full_like(up, high)
+            found.append(
+                _within_cylinder((np.abs(ahead), np.abs(left), up), slopes, level, ends)
+            )
+        return found
+
+
+def _within_cylinder(
+    direction: tuple[FloatArray, FloatArray, FloatArray],
+    slopes: tuple[FloatArray, FloatArray],
+    radius: float,
+    ends: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Greatest ``direction . u`` over the cone within the cylinder; see above.
+
+    Parameters
+    ----------
+    direction
+        x and y, at least 0, and up, each (...).
+    slopes
+        p and q, each (...).
+    radius
+        r [m/s²].
+    ends
+        Least and greatest u_z, each (...) [m/s²].
+    """
+    (x, y, up), (p, q), size = direction, slopes, np.hypot(*direction[:2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        heights = [
+            *ends,
+            radius / np.hypot(p, q),
+            radius * x / (size * p),
+            radius * y / (size * q),
+            radius * (x * p + up) / (p * np.hypot(x * p + up, y * p)),
+            radius * (y * q + up) / (q * np.hypot(y * q + up, x * q)),
+        ]
+    best = np.full_like(size, -np.inf)
+    for height in heights:
+        z = np.clip(np.nan_to_num(height), *ends)
+        a, b = np.minimum(p * z, radius), np.minimum(q * z, radius)
+        # The rectangle's corner, cut back to the disc along either side.
+        along_a = x * a + y * np.minimum(b, np.sqrt(radius**2 - a**2))
+        along_b = y * b + x * np.minimum(a, np.sqrt(radius**2 - b**2))
+        own = (radius * x <= a * size) & (radius * y <= b * size)
+        level = np.where(own, radius * size, np.maximum(along_a, along_b))
+        best = np.maximum(best, up * z + level)
+    return np.asarray(best)
 
 
 def _within(along: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
@@ -152,8 +234,13 @@ def refutes(
         # The latest moment from a hover within the cell: there the caps are widest.
         latest = np.minimum(np.minimum(high, time - low), 0.5 * time)
         roll, pitch = relaxed.caps(latest)
-        heights = relaxed.thrust_support(vector[:-1], roll, pitch)
-        heights = heights + relaxed.thrust_support(vector[1:], roll, pitch)
+        sides = zip(
+            relaxed.thrust_supports(vector[:-1], roll, pitch),
+            relaxed.thrust_supports(vector[1:], roll, pitch),
+            strict=True,
+        )
+        # Each is convex, their least is not: it is taken after the trapezoids.
+        heights = np.min([before + after for before, after in sides], axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
     gain = float(beta @ way)
     size = abs(gain) + abs(cruise) + abs(thrust) + abs(weight)

@@ -61,6 +61,12 @@ class Digest:
         return bound if bound > 0.0 else None
 
     @property
+    def airframe_bound(self) -> float | None:
+        """No time can be less for the airframe alone [s]; None where it is not said."""
+        found = self.segment.message.certificate.statistics
+        return found.get("airframe_bound")
+
+    @property
     def gap(self) -> float | None:
         """Duration over the greatest single-drone minimum, minus one."""
         least = float(self.segment.message.certificate.single_drone_minimum)

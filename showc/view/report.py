@@ -169,7 +169,27 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         else '<p class="note">Gap: time beyond the longest least time of a single '
         "drone alone.</p>"
     )
+    note += _envelope_cost(digests)
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
+
+
+def _envelope_cost(digests: tuple[Digest, ...]) -> str:
+    """Say how much of the time of the moves the autopilot's envelope may cost."""
+    pairs = [
+        (one.segment.duration, one.airframe_bound)
+        for one in digests
+        if one.airframe_bound is not None
+    ]
+    if not pairs:
+        return ""
+    flown = sum(duration for duration, _ in pairs)
+    least = sum(bound for _, bound in pairs)
+    return (
+        f'<p class="note">These moves take {flown:.1f} s within what the autopilot '
+        f"follows; the airframe alone needs at least {least:.1f} s (proved for the "
+        "slowest drone of each). The autopilot's envelope costs at most "
+        f"{100.0 * (flown / least - 1.0):.0f} %.</p>"
+    )
 
 
 def _move(one: Digest, number: int, nearest: Encounter | None, rule: float) -> str:

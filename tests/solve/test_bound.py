@@ -11,6 +11,7 @@ from solve.handmade import LIMITS, VEHICLE
 from showc.solve.bound import lower_bound, surplus
 from showc.solve.relaxation import Relaxation
 from showc.solve.synchronise import shared_profile
+from showc.vehicle.motion import thrust_direction
 
 
 def relaxation(**changes):
@@ -25,7 +26,7 @@ def test_support_is_the_greatest_over_all_attitudes_and_thrusts(seed):
     cap = rng.uniform(0.0, 1.3, 2)
     multiplier = rng.normal(size=3)
     held = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "held", heading)
-    support = float(held.thrust_support(multiplier, cap[0], cap[1]))
+    (support,) = held.thrust_supports(multiplier, cap[0], cap[1])
     grid = np.linspace(-1.0, 1.0, 81)
     phi, theta = np.meshgrid(cap[0] * grid, cap[1] * grid)
     body = np.stack(
@@ -38,7 +39,40 @@ def test_support_is_the_greatest_over_all_attitudes_and_thrusts(seed):
     assert support >= values.max() - 1e-9
     assert support <= values.max() + 2e-3 * most
     free = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "free")
-    assert float(free.thrust_support(multiplier, cap[0], cap[1])) >= support - 1e-9
+    assert free.thrust_supports(multiplier, cap[0], cap[1])[0] >= support - 1e-9
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), yaw=st.sampled_from(["held", "free"]))
+def test_support_within_an_envelope_is_the_greatest_over_what_keeps_it(seed, yaw):
+    rng = np.random.default_rng(seed)
+    cap, multiplier = rng.uniform(0.0, 0.8, 2), rng.normal(size=3)
+    level, up, down = rng.uniform(0.5, 6.0, 3)
+    limits = replace(
+        LIMITS, acceleration=level, acceleration_up=up, acceleration_down=down
+    )
+    relaxed = Relaxation(VEHICLE, limits, yaw, 0.4)
+    supports = relaxed.thrust_supports(multiplier, cap[0], cap[1])
+    size = 40_000
+    roll = rng.uniform(-cap[0], cap[0], size)
+    pitch = rng.uniform(-cap[1], cap[1], size)
+    edge = rng.random(size) < 0.5
+    pitch = np.where(edge, np.copysign(cap[1], pitch), pitch)
+    edge = rng.random(size) < 0.5
+    roll = np.where(edge, np.copysign(cap[0], roll), roll)
+    heading = 0.4 if yaw == "held" else rng.uniform(-np.pi, np.pi, size)
+    body = np.stack(thrust_direction(roll, pitch, heading), axis=-1)
+    most = relaxed.specific_thrust[1]
+    low = (VEHICLE.gravity - down) / body[:, 2]
+    high = np.minimum((VEHICLE.gravity + up) / body[:, 2], most)
+    high = np.minimum(high, level / np.maximum(np.hypot(body[:, 0], body[:, 1]), 1e-9))
+    thrust = np.where(rng.random(size) < 0.5, high, low)[:, None] * body
+    thrust = thrust[(low <= high) & (low >= relaxed.specific_thrust[0])]
+    reached = (thrust @ multiplier).max(initial=-np.inf)
+    assert reached <= min(supports) + 1e-9
+    if yaw == "held":
+        # And it is no loose superset.
+        assert reached >= min(supports) - 0.15 * np.linalg.norm(multiplier) * level
 
 
 @settings(max_examples=10, deadline=None)

@@ -191,7 +191,10 @@ def test_hovers_outside_the_volume_and_hopeless_thrust_are_refused():
 
 def test_launch_from_a_ground_that_is_the_wall_of_the_volume():
     limits = replace(
-        HELD.limits.with_vertical_speed(2.0, 1.0), position_min=(-50.0, -50.0, 0.0)
+        HELD.limits,
+        velocity_min=(-5.0, -5.0, -1.0),
+        velocity_max=(5.0, 5.0, 2.0),
+        position_min=(-50.0, -50.0, 0.0),
     )
     aircraft = replace(HELD, limits=limits)
     pad, up = np.zeros(3), np.array([0.0, 0.0, 10.0])
@@ -229,7 +232,7 @@ def test_inputs_and_results_travel_between_processes_and_repeat_exactly():
 def test_limits_of_another_leg_do_not_change_the_answer():
     goal = ABOVE + [6.0, 1.0, -2.0]
     first = follow(HELD, ABOVE, goal, 4.0)
-    slow = replace(HELD, limits=HELD.limits.with_vertical_speed(1.0, 1.0))
+    slow = replace(HELD, limits=replace(HELD.limits, velocity_min=(-5.0, -5.0, -1.0)))
     other = follow(slow, ABOVE, goal, 4.0)
     assert other.solved
     lowest = other.trajectory.state.coefficients[:, :, 5].min()

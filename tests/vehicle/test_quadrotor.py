@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -49,8 +51,20 @@ def test_turning_thrust_and_torque_signs():
     assert np.count_nonzero(matrix) == 12
 
 
-def test_limits_take_a_slower_climb_and_descent():
-    limits = PRESETS["formation-625g"].limits.with_vertical_speed(2.0, 1.0)
+def test_upright_limits_leave_no_tilt_and_no_more_than_the_speed():
+    limits = PRESETS["formation-625g"].limits.upright(2.0)
     assert limits.velocity_max == (5.0, 5.0, 2.0)
-    assert limits.velocity_min == (-5.0, -5.0, -1.0)
-    assert limits.with_vertical_speed(9.0, 9.0) == limits
+    assert limits.velocity_min == (-5.0, -5.0, -2.0)
+    assert limits.tilt == 0.0
+    assert limits.upright(9.0) == limits
+
+
+def test_an_envelope_tightens_limits_and_never_loosens_them():
+    preset = PRESETS["formation-625g"]
+    own = replace(preset.limits, acceleration=2.0, acceleration_up=50.0)
+    limits = preset.envelope.within(own)
+    assert limits.acceleration == 2.0
+    assert limits.acceleration_up == preset.envelope.acceleration_up
+    assert limits.acceleration_down == preset.envelope.acceleration_down
+    assert limits.level_speed == preset.envelope.level_speed
+    assert limits.velocity_max == own.velocity_max

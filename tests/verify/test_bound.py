@@ -106,7 +106,7 @@ def test_no_thrust_goes_beyond_the_support_function(direction, roll, pitch, held
             c(phi) * c(theta),
         ]
     )
-    support = relaxed.thrust_support(
+    (support,) = relaxed.thrust_supports(
         np.array(direction), np.array(roll), np.array(pitch)
     )
     reached = np.array(direction) @ thrust

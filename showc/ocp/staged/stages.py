@@ -8,6 +8,7 @@ share of the objective, and to rows that keep every limit at every instant of it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import casadi
@@ -202,7 +203,7 @@ def build_stage(
     if time == "movable":
         rows.append((u[-1], Row(("width",), 1.0)))
         control_scales.append(1.0)
-    rows += _path_rows(cascade, known, points)
+    rows += _path_rows(cascade, known, points, width)
     for group in phase.half_spaces:
         rows += _half_space_rows(phase, group, known, reach, q[slices[group.name]])
 
@@ -307,21 +308,38 @@ def _limit_rows(
 
 
 def _path_rows(
-    cascade: Cascade, known: Mapping[str, list[Symbol]], points: int
+    cascade: Cascade, known: Mapping[str, list[Symbol]], points: int, width: Symbol
 ) -> _Rows:
     """Path constraints: on coefficients where polynomial, else at points."""
     nodes = (0.0, *(float(s) for s in collocation("gauss", points)[0]), 1.0)
     rows: _Rows = []
     for constraint in cascade.phase.path_constraints:
+        row = Row(("path", constraint.name), scale_of(constraint))
+        if names := cascade.phase.rates.get(constraint.name):
+            slopes = _slopes([known[name] for name in names], width)
+            rows += [(value, row) for value in slopes]
+            continue
         made = Composition.of(constraint.symbol, cascade.members)
         values = (
             made.at(known, cascade.members, nodes)
             if made.order is None
             else made.coefficients(known, cascade.members)
         )
-        row = Row(("path", constraint.name), scale_of(constraint))
         rows += [(value, row) for value in values]
     return rows
+
+
+def _slopes(curves: list[list[Symbol]], width: Symbol) -> list[Symbol]:
+    """Coefficients of one curve's rate, or squared lengths of those of several."""
+    degree = max(len(curve) for curve in curves) - 1
+    raised = [elevate(curve, degree) for curve in curves]
+    each = [
+        [(after - before) * (degree / width) for before, after in pairwise(curve)]
+        for curve in raised
+    ]
+    if len(each) == 1:
+        return each[0]
+    return [sum(rate**2 for rate in rates) for rates in zip(*each, strict=True)]
 
 
 def _half_space_rows(

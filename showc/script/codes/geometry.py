@@ -89,4 +89,14 @@ CODES = (
         "limits: {thrust_max: 30 N}    (the rotors give 21 N)",
         Severity.WARNING,
     ),
+    Code(
+        "SHW211",
+        "limit beyond the autopilot",
+        "A limit of speed or acceleration is more than the autopilot was seen to "
+        "follow, so that it never takes effect.",
+        "Lower the limit, or write `envelope: airframe` for a flight that no autopilot "
+        "is known to follow.",
+        "limits: {acceleration: 9}    (the autopilot follows 4.2 m/s²)",
+        Severity.WARNING,
+    ),
 )
