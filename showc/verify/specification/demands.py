@@ -418,12 +418,15 @@ def _vector(values: Sequence[float]) -> pb.Vector3:
 
 
 def _limits(limits: Limits, vertical: float = np.inf) -> pb.Limits:
-    """Limits of a leg that neither climbs nor sinks faster than ``vertical`` [m/s]."""
+    """Limits of a leg that neither climbs nor sinks faster than ``vertical`` [m/s].
+
+    Launch and landing have such a limit: they are upright, so that x and y are held.
+    """
     down, up = limits.velocity_min[2], limits.velocity_max[2]
     return pb.Limits(
         velocity_min=_vector((*limits.velocity_min[:2], max(down, -vertical))),
         velocity_max=_vector((*limits.velocity_max[:2], min(up, vertical))),
-        tilt=limits.tilt,
+        tilt=limits.tilt if np.isinf(vertical) else 0.0,
         body_rate=_vector(limits.body_rate),
         thrust_min=limits.thrust_min,
         thrust_max=limits.thrust_max,
