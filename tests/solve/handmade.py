@@ -56,6 +56,7 @@ def make_leg(
 def make_show(drones, *, separation=None, yaw="held", heading=0.0):
     return SimpleNamespace(
         vehicle=VEHICLE,
+        airframe_limits=None,
         separation=separation or Separation(1.0),
         yaw=yaw,
         heading=heading,
