@@ -82,7 +82,7 @@ def prove(
     show = read_show(log)
     metadata = _metadata(log)
     anchor = read_anchor(log, metadata, script)
-    checks = [*anchor.checks, *_integrity(log), *check_schemas(log)]
+    checks = [*anchor.checks, *_integrity(log), check_schemas(log)]
     lights = None
     if anchor.show is not None:
         demands = hold_against(anchor.show, show)

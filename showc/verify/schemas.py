@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from foxglove_schemas_protobuf import (
     FrameTransforms_pb2,
@@ -20,101 +20,73 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor import FileDescriptor
 
     from showc.verify.logfile import LogFile
-    from showc.verify.records import Schema
 
 _TYPES = {
-    r"/show/rules": "showc.Rules",
-    r"/show/segments": "showc.Segment",
-    r"/show/scene": "foxglove.SceneUpdate",
-    r"/fleet/(state|predicted)": "foxglove.PointCloud",
-    r"/tf": "foxglove.FrameTransforms",
-    r"/drone/\d+/trajectory": "showc.Trajectory",
-    r"/drone/\d+/state": "showc.DroneState",
+    r"/show/rules": showc_pb2.Rules.DESCRIPTOR,
+    r"/show/segments": showc_pb2.Segment.DESCRIPTOR,
+    r"/show/scene": SceneUpdate_pb2.SceneUpdate.DESCRIPTOR,
+    r"/fleet/(state|predicted)": PointCloud_pb2.PointCloud.DESCRIPTOR,
+    r"/tf": FrameTransforms_pb2.FrameTransforms.DESCRIPTOR,
+    r"/drone/\d+/trajectory": showc_pb2.Trajectory.DESCRIPTOR,
+    r"/drone/\d+/state": showc_pb2.DroneState.DESCRIPTOR,
 }
-
-_FILES: dict[str, FileDescriptor] = {
-    "showc.Rules": showc_pb2.DESCRIPTOR,
-    "showc.Segment": showc_pb2.DESCRIPTOR,
-    "showc.Trajectory": showc_pb2.DESCRIPTOR,
-    "showc.DroneState": showc_pb2.DESCRIPTOR,
-    "foxglove.SceneUpdate": SceneUpdate_pb2.DESCRIPTOR,
-    "foxglove.PointCloud": PointCloud_pb2.DESCRIPTOR,
-    "foxglove.FrameTransforms": FrameTransforms_pb2.DESCRIPTOR,
-}
+"""Type of the messages on each topic."""
 
 
-def check_schemas(log: LogFile) -> list[Check]:
+def check_schemas(log: LogFile) -> Check:
     """Hold topics against their types, and types against their definitions.
 
-    A definition of showc's own must be the same to the byte. One of Foxglove's that
-    differs is a warning: another release of its schemas wrote the file.
+    A definition must be the one in memory: with another one, a viewer would read other
+    things out of the same bytes than this verifier.
     """
-    bad, other = [], []
+    bad = []
     for channel in log.channels.values():
+        schema = log.schemas[channel.schema]
         wanted = next(
-            (
-                name
-                for topic, name in _TYPES.items()
-                if re.fullmatch(topic, channel.topic)
-            ),
+            (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic)),
             None,
         )
-        schema = log.schemas[channel.schema]
         if wanted is None:
             bad.append(f"{channel.topic}: showc writes no such topic")
-        elif schema.name != wanted or channel.encoding != "protobuf":
-            bad.append(f"{channel.topic}: {schema.name}, not {wanted}")
-    for schema in log.schemas.values():
-        if schema.name not in _FILES or _same(schema):
-            continue
-        if schema.name.startswith("showc."):
-            bad.append(f"schema {schema.name} is not this verifier's")
-        else:
-            other.append(f"schema {schema.name} is of another release")
-    checks = [
-        Check(
-            "VRF103",
-            "integrity",
-            "message types are showc's and Foxglove's",
-            "fail" if bad else "pass",
-            notes=tuple(bad[:5]),
-        )
+        elif (schema.name, schema.encoding) != (wanted.full_name, "protobuf"):
+            bad.append(f"{channel.topic}: {schema.name}, not {wanted.full_name}")
+        elif not _same(schema.data, cast("FileDescriptor", wanted.file)):
+            bad.append(
+                f"{schema.name} is defined in another way; verify with the release of "
+                "showc that compiled the show, or compile it again"
+            )
+        if channel.encoding != "protobuf" or channel.metadata:
+            bad.append(f"{channel.topic}: the channel says more, or another encoding")
+    used = {channel.schema for channel in log.channels.values()}
+    bad += [
+        f"{log.schemas[n].name} is used by nothing" for n in log.schemas.keys() - used
     ]
-    checks += [
-        Check(
-            "VRF104",
-            "integrity",
-            "schema release",
-            "warning",
-            where=Place(),
-            notes=(note,),
-        )
-        for note in other
-    ]
-    return checks
+    return Check(
+        "VRF103",
+        "integrity",
+        "message types are showc's and Foxglove's",
+        "fail" if bad else "pass",
+        where=Place(),
+        notes=tuple(dict.fromkeys(bad))[:5],
+    )
 
 
-def _same(schema: Schema) -> bool:
-    """Whether the schema holds the same files as the definition in memory."""
-    if schema.encoding != "protobuf":
-        return False
+def _same(data: bytes, wanted: FileDescriptor) -> bool:
+    """Whether a definition holds the same files as the one in memory."""
     try:
-        found = FileDescriptorSet.FromString(schema.data)
+        found = FileDescriptorSet.FromString(data)
     except (DecodeError, RecursionError, MemoryError):
         return False
-    wanted: dict[str, bytes] = {}
-    _gather(_FILES[schema.name], wanted)
-    mine = {
-        file.name: file.SerializeToString(deterministic=True) for file in found.file
-    }
-    return mine == wanted and len(found.file) == len(wanted)
+    files: dict[str, FileDescriptorProto] = {}
+    _gather(wanted, files)
+    return {file.name: file for file in found.file} == files and len(found.file) == len(
+        files
+    )
 
 
-def _gather(file: FileDescriptor, found: dict[str, bytes]) -> None:
-    if file.name in found:
-        return
-    message = FileDescriptorProto()
-    file.CopyToProto(message)
-    found[file.name] = message.SerializeToString(deterministic=True)
-    for imported in file.dependencies:
-        _gather(imported, found)
+def _gather(file: FileDescriptor, found: dict[str, FileDescriptorProto]) -> None:
+    if file.name not in found:
+        found[file.name] = FileDescriptorProto()
+        file.CopyToProto(found[file.name])
+        for imported in file.dependencies:
+            _gather(imported, found)

@@ -1,0 +1,687 @@
+"""Lies with fitting checksums: each changes a whole log, and names the check for it.
+
+A log is taken apart into its messages, attachments and metadata, one thing is changed,
+and another library writes it again, with every CRC, index and hash made to fit. To add
+lies, write a generator of ``Lie`` and name it in ``TABLE``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from showc.log import showc_pb2 as pb
+from showc.log.sample import POINT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+DAMAGE = "damage"
+"""Instead of a code: the log is refused as a whole."""
+
+
+@dataclass
+class Message:
+    """One message, and when it was logged."""
+
+    topic: str
+    time: int
+    data: bytes
+
+
+@dataclass
+class Log:
+    """A log in parts that can be changed."""
+
+    library: str
+    metadata: list[tuple[str, dict[str, str]]]
+    attachments: list[list]
+    """Name, media type, time [ns], content."""
+    schemas: dict[str, tuple[str, str, bytes]]
+    """Of each topic: name, encoding, definition."""
+    messages: list[Message]
+    channel_metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    encoding: str = "protobuf"
+
+    @classmethod
+    def read(cls, data: bytes) -> Log:
+        """Take a log apart."""
+        reader = make_reader(BytesIO(data))
+        schemas, messages = {}, []
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            schemas[channel.topic] = schema.name, schema.encoding, schema.data
+            messages.append(Message(channel.topic, message.log_time, message.data))
+        return cls(
+            reader.get_header().library,
+            [(one.name, dict(one.metadata)) for one in reader.iter_metadata()],
+            [
+                [one.name, one.media_type, one.log_time, one.data]
+                for one in reader.iter_attachments()
+            ],
+            schemas,
+            messages,
+        )
+
+    def bytes(self) -> bytes:
+        """Write it with every checksum and index."""
+        target = BytesIO()
+        writer = Writer(
+            target,
+            chunk_size=1 << 20,
+            compression=CompressionType.ZSTD,
+            enable_data_crcs=True,
+        )
+        writer.start(profile="", library=self.library)
+        for name, content in self.metadata:
+            writer.add_metadata(name, content)
+        for name, media, time, content in self.attachments:
+            writer.add_attachment(time, time, name, media, content)
+        numbers: dict[tuple, int] = {}
+        channels: dict[str, int] = {}
+        counts: dict[str, int] = {}
+        for message in self.messages:
+            schema = self.schemas[message.topic]
+            if schema not in numbers:
+                numbers[schema] = writer.register_schema(*schema)
+            if message.topic not in channels:
+                channels[message.topic] = writer.register_channel(
+                    message.topic,
+                    self.encoding,
+                    numbers[schema],
+                    self.channel_metadata.get(message.topic, {}),
+                )
+            count = counts.get(message.topic, 0)
+            counts[message.topic] = count + 1
+            writer.add_message(
+                channels[message.topic],
+                message.time,
+                message.data,
+                message.time,
+                count,
+            )
+        writer.finish()
+        return target.getvalue()
+
+    def of(self, topic: str) -> list[Message]:
+        """Messages of a topic, in order."""
+        return [message for message in self.messages if message.topic == topic]
+
+    def edit(self, topic: str, number: int, kind: type, change: Callable) -> None:
+        """Change one decoded message."""
+        message = self.of(topic)[number]
+        decoded = kind.FromString(message.data)
+        change(decoded)
+        message.data = decoded.SerializeToString(deterministic=True)
+
+    def attachment(self, name: str) -> list:
+        """Attachment of that name."""
+        return next(one for one in self.attachments if one[0] == name)
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """The metadata of the show."""
+        return self.metadata[0][1]
+
+    def manifest(self, change: Callable) -> None:
+        """Change the manifest, and the hash that the metadata give of it."""
+        entry = self.attachment("manifest.json")
+        content = json.loads(entry[3])
+        change(content)
+        entry[3] = (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
+        self.facts["manifest_sha256"] = hashlib.sha256(entry[3]).hexdigest()
+
+    def script(self, change: Callable[[bytes], bytes]) -> None:
+        """Change the script, and every hash of it."""
+        entry = self.attachment(self.facts["script"])
+        entry[3] = change(entry[3])
+        digest = hashlib.sha256(entry[3]).hexdigest()
+        self.facts["script_sha256"] = digest
+        self.manifest(lambda content: content["show"].update(sha256=digest))
+
+
+@dataclass(frozen=True)
+class Lie:
+    """One change of a log, and the check that must fail for it."""
+
+    name: str
+    code: str
+    """Code of the check, or ``DAMAGE``."""
+    plant: Callable[[Log], None]
+    script: bool = False
+    """Whether it shows only beside the true script."""
+
+    def told(self, log: Log) -> bytes:
+        """Return the bytes of the log with the lie in it."""
+        changed = deepcopy(log)
+        self.plant(changed)
+        return changed.bytes()
+
+
+# Leaves of messages -----------------------------------------------------------------
+
+
+def leaves(message, path=()) -> Iterator[tuple]:
+    """Paths of all scalar fields, and of first and last elements of lists."""
+    for entry in message.DESCRIPTOR.fields:
+        here = (*path, entry.name)
+        value = getattr(message, entry.name)
+        if entry.message_type and entry.message_type.GetOptions().map_entry:
+            continue
+        if entry.is_repeated:
+            yield (*here, "more")
+            if len(value):
+                yield (*here, "fewer")
+            for at in sorted({0, len(value) - 1} if len(value) else ()):
+                if entry.message_type:
+                    yield from leaves(value[at], (*here, at))
+                else:
+                    yield (*here, at)
+        elif entry.message_type:
+            yield from leaves(value, here)
+        else:
+            yield here
+
+
+def other(value):
+    """Return a value that is not this one."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return value + "x"
+    if isinstance(value, bytes):
+        return value + b"x"
+    return value + 1 if isinstance(value, int) else value * 1.5 + 0.01
+
+
+def _first(message) -> None:
+    """Append something to an empty list."""
+    if hasattr(message, "add"):
+        message.add()
+        return
+    for value in (1.0, 1, "x"):
+        with suppress(TypeError):
+            message.append(value)
+            return
+
+
+def mutate(message, path) -> None:
+    """Change the leaf at a path."""
+    *way, last = path
+    for step in way:
+        message = message[step] if isinstance(step, int) else getattr(message, step)
+    if last == "fewer":
+        del message[-1]
+    elif last == "more":
+        if not len(message):
+            _first(message)
+        elif hasattr(message, "add"):
+            message.add().CopyFrom(message[-1])
+        else:
+            message.append(message[-1])
+    elif isinstance(last, int):
+        message[last] = other(message[last])
+    else:
+        setattr(message, last, other(getattr(message, last)))
+
+
+def every_leaf(
+    log: Log, place: tuple[str, int], kind, codes, leave=()
+) -> Iterator[Lie]:
+    """Yield a lie for each leaf of a message; ``codes`` by the start of its path."""
+    topic, number = place
+    decoded = kind.FromString(log.of(topic)[number].data)
+    for path in leaves(decoded):
+        name = ".".join(map(str, path))
+        if any(name.startswith(start) for start in leave):
+            continue
+        code = next(code for start, code in codes.items() if name.startswith(start))
+
+        def plant(found: Log, path=path) -> None:
+            found.edit(topic, number, kind, lambda message: mutate(message, path))
+
+        yield Lie(f"{topic}[{number}].{name}", code, plant)
+
+
+# The table --------------------------------------------------------------------------
+
+
+def rules(log: Log) -> Iterator[Lie]:
+    """Every number that the log claims to be judged by."""
+    codes = {
+        "format_version": DAMAGE,
+        "drones": DAMAGE,
+        "duration": DAMAGE,
+        "": "VRF203|damage",
+    }
+    yield from every_leaf(log, ("/show/rules", 0), pb.Rules, codes)
+
+    def scaled(what, factor):
+        def plant(found):
+            def change(message):
+                for limits in message.limits:
+                    vector = getattr(limits, what)
+                    if isinstance(vector, float):
+                        setattr(limits, what, vector * factor)
+                    else:
+                        vector.x, vector.y, vector.z = (
+                            factor * v for v in (vector.x, vector.y, vector.z)
+                        )
+
+            found.edit("/show/rules", 0, pb.Rules, change)
+
+        return plant
+
+    for what in (
+        *("velocity_min", "velocity_max", "tilt", "body_rate", "thrust_max"),
+        *("torque_max", "position_min", "position_max"),
+    ):
+        yield Lie(f"limits x 3: {what}", "VRF203", scaled(what, 3.0))
+
+    def volume(message):
+        for corner in (message.site.volume_min, message.site.volume_max):
+            corner.x, corner.y, corner.z = 10 * corner.x, 10 * corner.y, 10 * corner.z
+
+    yield Lie(
+        "volume x 10",
+        "VRF203",
+        lambda found: found.edit("/show/rules", 0, pb.Rules, volume),
+    )
+
+    def nearer(message):
+        message.separation.distance = 0.3
+
+    yield Lie(
+        "separation 0.3 m",
+        "VRF203",
+        lambda found: found.edit("/show/rules", 0, pb.Rules, nearer),
+    )
+
+
+def segments(log: Log) -> Iterator[Lie]:
+    """What each kind of leg says of itself."""
+    codes = {
+        "index": DAMAGE,
+        "start": DAMAGE,
+        "duration": "VRF204|VRF335|damage",
+        "drones": DAMAGE,
+        "places": "VRF205|damage",
+        "goals": "VRF205|damage",
+        "certificate.closest": "VRF343|VRF107",
+        "certificate": "VRF107|damage",
+        "": "VRF204|damage",
+    }
+    leave = ("certificate.witness",)
+    for number in (0, 1, 2, 3, 6, 8):
+        yield from every_leaf(log, ("/show/segments", number), pb.Segment, codes, leave)
+
+
+def metadata(log: Log) -> Iterator[Lie]:
+    """Every key of the metadata."""
+    for key in log.facts:
+        code = "VRF201|VRF105" if key == "script" else "VRF105"
+
+        def change(found, key=key):
+            value = found.facts[key]
+            try:
+                found.facts[key] = repr(float(value) * 1.5 + 1.0)
+            except ValueError:
+                found.facts[key] = value + "x"
+
+        yield Lie(f"metadata {key} changed", code, change)
+        yield Lie(
+            f"metadata {key} left out",
+            code,
+            lambda found, key=key: found.facts.pop(key),
+        )
+    yield Lie(
+        "metadata with a key more", "VRF105", lambda found: found.facts.update(more="x")
+    )
+    yield Lie(
+        "a second metadata record",
+        "VRF105",
+        lambda found: found.metadata.append(("showc", dict(found.facts))),
+    )
+    yield Lie(
+        "metadata of another name",
+        "VRF105",
+        lambda found: found.metadata.append(("other", {"a": "b"})),
+    )
+
+
+def attachments(log: Log) -> Iterator[Lie]:
+    """Every attachment: content, name, type, time; more, fewer, twice."""
+    for name, *_ in log.attachments:
+        code = "VRF106|VRF201|VRF202|VRF107"
+        at = [one[0] for one in log.attachments].index(name)
+
+        def change(index, value, at=at):
+            def plant(found):
+                found.attachments[at][index] = value(found.attachments[at][index])
+
+            return plant
+
+        yield Lie(f"{name} renamed", code, change(0, lambda old: old + "x"))
+        yield Lie(f"{name} of another type", "VRF106", change(1, lambda _: "text/html"))
+        yield Lie(f"{name} from another time", "VRF106", change(2, lambda t: t + 1))
+        yield Lie(f"{name} with a byte more", code + "|VRF105", change(3, _longer))
+        yield Lie(
+            f"{name} left out",
+            code + "|VRF105",
+            lambda found, at=at: found.attachments.pop(at),
+        )
+        yield Lie(
+            f"{name} twice",
+            "VRF106",
+            lambda found, at=at: found.attachments.append(list(found.attachments[at])),
+        )
+        yield Lie(
+            f"{name} twice, the second another",
+            "VRF106",
+            lambda found, at=at: found.attachments.append(
+                [*found.attachments[at][:3], b"other"]
+            ),
+        )
+    yield Lie(
+        "a further attachment",
+        "VRF106",
+        lambda found: found.attachments.append(
+            ["more.bin", "application/octet-stream", found.attachments[0][2], b"x"]
+        ),
+    )
+
+
+def _longer(content: bytes) -> bytes:
+    return content + b" "
+
+
+def manifest(log: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """What the manifest says of the flight, with fitting hashes."""
+    content = json.loads(log.attachment("manifest.json")[3])
+
+    def paths(value, way=()):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield from paths(inner, (*way, key))
+        elif isinstance(value, list) and value:
+            yield from paths(value[0], (*way, 0))
+        else:
+            yield way
+
+    for way in paths({k: v for k, v in content.items() if k not in FREE_MANIFEST}):
+        if way[-1] == "assignment":
+            continue
+
+        def change(found, way=way):
+            def inner(whole):
+                *steps, last = way
+                for step in steps:
+                    whole = whole[step]
+                value = whole[last]
+                whole[last] = (
+                    other(value) if isinstance(value, (int, float, str)) else "x"
+                )
+
+            found.manifest(inner)
+
+        yield Lie(f"manifest {'.'.join(map(str, way))}", "VRF107", change)
+    yield Lie(
+        "manifest with a key more",
+        "VRF107",
+        lambda found: found.manifest(lambda whole: whole.update(more=1)),
+    )
+    for key in content:
+        yield Lie(
+            f"manifest without {key}",
+            "VRF107",
+            lambda found, key=key: found.manifest(lambda whole: whole.pop(key)),
+        )
+
+
+FREE_MANIFEST = ("fleet", "versions", "missions")
+"""What the flight does not fix; documented as not covered, or the missions' matter."""
+
+
+def fleet(log: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """What a viewer draws of the fleet."""
+    topic = "/fleet/state"
+    for path in leaves(PointCloud.FromString(log.of(topic)[50].data)):
+        if path == ("data",):
+            continue
+
+        def plant(found, path=path):
+            found.edit(topic, 50, PointCloud, lambda message: mutate(message, path))
+
+        yield Lie(f"{topic} {'.'.join(map(str, path))}", "VRF122", plant)
+    for name in POINT.names or ():
+        colour = POINT[name].itemsize == 1
+
+        def plant(found, name=name, colour=colour):
+            def change(message):
+                points = np.frombuffer(message.data, dtype=POINT).copy()
+                points[name][1] = (
+                    points[name][1] // 2 + 7 if colour else points[name][1] + 2e-3
+                )
+                message.data = points.tobytes()
+
+            found.edit(topic, 99, PointCloud, change)
+
+        yield Lie(f"{topic} {name} of a drone", "VRF125" if colour else "VRF122", plant)
+
+    def nothing(found):
+        def change(message):
+            points = np.frombuffer(message.data, dtype=POINT).copy()
+            points["x"][0] = np.nan
+            message.data = points.tobytes()
+
+        found.edit(topic, 10, PointCloud, change)
+
+    yield Lie(f"{topic} undefined", "VRF122", nothing)
+
+    def swapped(found):
+        for message in found.of(topic):
+            cloud = PointCloud.FromString(message.data)
+            points = np.frombuffer(cloud.data, dtype=POINT)[::-1]
+            cloud.data = points.tobytes()
+            message.data = cloud.SerializeToString(deterministic=True)
+
+    yield Lie(f"{topic} drones changed over", "VRF122", swapped)
+
+
+def states(log: Log) -> Iterator[Lie]:
+    """What is plotted of single drones."""
+    topic = "/drone/0002/state"
+    decoded = pb.DroneState.FromString(log.of(topic)[80].data)
+    for path in leaves(decoded):
+
+        def plant(found, path=path):
+            found.edit(topic, 80, pb.DroneState, lambda m: mutate(m, path))
+
+        yield Lie(f"{topic} {'.'.join(path)}", "VRF123|VRF125", plant)
+
+
+def frames(log: Log) -> Iterator[Lie]:
+    """Frames of drones and of the show."""
+    codes = {"": "VRF124"}
+    yield from every_leaf(log, ("/tf", 0), FrameTransforms, codes)
+    yield from every_leaf(log, ("/tf", 9), FrameTransforms, codes)
+
+
+def scene(log: Log) -> Iterator[Lie]:
+    """Everything drawn around the fleet."""
+    yield from every_leaf(log, ("/show/scene", 0), SceneUpdate, {"": "VRF126"})
+
+
+def timing(log: Log) -> Iterator[Lie]:
+    """Messages more, fewer, at other times, after the end."""
+    every = {message.topic for message in log.messages}
+    for topic in sorted(every):
+        code = "damage|VRF120|VRF121|VRF123|VRF124"
+
+        def gone(found, topic=topic):
+            found.messages = [m for m in found.messages if m.topic != topic]
+
+        def fewer(found, topic=topic):
+            found.messages.remove(found.of(topic)[-1])
+
+        def late(found, topic=topic):
+            again = replace(found.of(topic)[-1])
+            again.time = found.messages[-1].time + 50_000_000
+            found.messages.append(again)
+
+        def moved(found, topic=topic):
+            found.of(topic)[-1].time += 1000
+            found.messages.sort(key=lambda message: message.time)
+
+        yield Lie(f"{topic} left out", code, gone)
+        yield Lie(f"{topic} without its last message", code, fewer)
+        yield Lie(f"{topic} again after the end", code, late)
+        yield Lie(f"{topic} 1 us later", code, moved)
+
+    def unknown(name):
+        def plant(found):
+            found.schemas[name] = found.schemas["/fleet/state"]
+            found.messages.append(replace(found.of("/fleet/state")[-1], topic=name))
+
+        return plant
+
+    for name in ("/other", "/fleet/state2", "/drone/0003/state", "/drone/3/state"):
+        yield Lie(f"a topic more: {name}", "VRF120|VRF103|damage", unknown(name))
+
+
+def channels(_: Log) -> Iterator[Lie]:
+    """Schemas and channels."""
+    for topic in ("/show/rules", "/fleet/state", "/tf", "/show/scene"):
+
+        def named(found, topic=topic):
+            name, encoding, data = found.schemas[topic]
+            found.schemas[topic] = name + "x", encoding, data
+
+        def encoded(found, topic=topic):
+            name, _, data = found.schemas[topic]
+            found.schemas[topic] = name, "jsonschema", data
+
+        def noted(found, topic=topic):
+            found.channel_metadata[topic] = {"more": "x"}
+
+        yield Lie(f"{topic} of another type", "VRF103", named)
+        yield Lie(f"{topic} schema in another encoding", "VRF103|VRF104", encoded)
+        yield Lie(f"{topic} channel with metadata", "VRF103", noted)
+
+    def json_encoding(found):
+        found.encoding = "json"
+
+    yield Lie("messages in another encoding", "VRF103", json_encoding)
+
+    def library(found):
+        found.library = "showc 9.9.9"
+
+    yield Lie("another version in the header", "VRF105", library)
+
+
+def trajectories(log: Log) -> Iterator[Lie]:
+    """The polynomials themselves: numbers, breaks, owners."""
+    topic = "/drone/0001/trajectory"
+    codes = {
+        "segment": DAMAGE,
+        "drone": DAMAGE,
+        "breaks": "damage|VRF335",
+        "state_degree": DAMAGE,
+        "control_degree": DAMAGE,
+        "": "damage|VRF331|VRF301|VRF302|VRF122",
+    }
+    for number in (0, 2):
+        yield from every_leaf(log, (topic, number), pb.Trajectory, codes)
+
+    def component(index, amount):
+        def plant(found):
+            def change(message):
+                for row in range(len(message.state) // 12):
+                    message.state[12 * row + index] += amount
+
+            found.edit(topic, 2, pb.Trajectory, change)
+
+        return plant
+
+    for index, name in enumerate(
+        ("x", "y", "z", "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
+    ):
+        yield Lie(
+            f"{name} of a leg off by 0.01",
+            "VRF122|VRF301|VRF302|VRF331|VRF337",
+            component(index, 0.01),
+        )
+
+
+def script(log: Log) -> Iterator[Lie]:
+    """Another script attached, with every hash made to fit."""
+    words = {
+        "separation: 1": "separation: 0.3",
+        "latitude: 48.1374": "latitude: 48.1375",
+        "longitude: 11.5755": "longitude: 11.5756",
+        "altitude: 520": "altitude: 521",
+        "heading: 30": "heading: 31",
+        "max: [40, 40, 60]": "max: [400, 400, 600]",
+        "[45, 0]": "[46, 0]",
+        "climb_speed: 3": "climb_speed: 9",
+        "descent_speed: 3": "descent_speed: 9",
+        "hold: 1.5": "hold: 1.6",
+        "launch: {altitude: 6": "launch: {altitude: 7",
+        "landing: {altitude: 6": "landing: {altitude: 7",
+        "name: Proved": "name: Improved",
+        "fade: end": "fade: start",
+        "period: 1": "period: 2",
+        "white, dodgerblue": "white, red",
+        "vehicle: formation-625g": "vehicle: {preset: formation-625g, mass: 0.7}",
+        "drones: 2": "drones: 3",
+        "to: level, hold: 1": "to: level, duration: 9, hold: 1",
+        "kind: pulse": "kind: rainbow",
+        "showc: 1": "showc: 1\nseparation_shape: x",
+    }
+    code = "VRF202|VRF203|VRF204|VRF205|VRF125|VRF105|VRF106|VRF126"
+    for old, new in words.items():
+        assert old.encode() in log.attachment(log.facts["script"])[3], old
+
+        def plant(found, old=old, new=new):
+            found.script(lambda text: text.replace(old.encode(), new.encode()))
+
+        yield Lie(f"the script says {new!r}", code, plant)
+    yield Lie("no script at all", "VRF202", lambda found: found.script(lambda _: b""))
+
+    def comment(found):
+        found.script(lambda text: text + b"# the same in other bytes\n")
+
+    yield Lie("another script that says the same", "VRF201", comment, script=True)
+
+    def together(found):
+        found.script(lambda text: text.replace(b"separation: 1", b"separation: 0.3"))
+
+        def change(message):
+            message.separation.distance = 0.3
+
+        found.edit("/show/rules", 0, pb.Rules, change)
+
+    yield Lie("script and rules of 0.3 m together", "VRF201", together, script=True)
+
+
+TABLE = (
+    *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
+    *(scene, timing, channels, trajectories, script),
+)
+"""Generators of lies."""
+
+
+def all_lies(log: Log) -> list[Lie]:
+    """Every lie about a log."""
+    return [lie for tell in TABLE for lie in tell(log)]
