@@ -6,24 +6,38 @@ says so, leaves a file to report, and ends with 70 (sysexits' EX_SOFTWARE).
 
 from __future__ import annotations
 
+import errno
 import gc
+import signal
 import sys
 import traceback
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from showc._version import __version__
 from showc.cli import showc
-from showc.errors import ShowError
+from showc.errors import ShowError, UsageError
+from showc.files import write_file
 
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 70
 REPORT = Path("showc-crash.txt")
+_OF_THE_SYSTEM = {
+    errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG, errno.EMFILE,
+    errno.ENFILE, errno.ENOMEM, errno.EAGAIN,
+}  # fmt: skip
+"""What only the system's owner can mend: full disks, too few files or processes."""
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and end the process with its exit code."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        # Who starts showc so that it ignores one of them, means it.
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
     code = run(sys.argv[1:] if arguments is None else arguments)
     # The process is over: a last search for cycles would free nothing anyone needs.
     gc.freeze()
@@ -46,9 +60,26 @@ def run(arguments: list[str]) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+    except MemoryError:
+        return _said("error: the memory is full; former files are whole")
+    except OSError as error:
+        if error.errno not in _OF_THE_SYSTEM:
+            return _own_fault(arguments)
+        return _said(f"error: {error.strerror}; former files are whole")
     except Exception:  # noqa: BLE001 - the last resort for faults of our own
         return _own_fault(arguments)
     return result if isinstance(result, int) else 0
+
+
+def _said(text: str) -> int:
+    """Say what the system lacks, if it has enough for that; return the exit code."""
+    with suppress(OSError):
+        click.echo(text, err=True)
+    # What still waits to be printed cannot be, and must not end in another fault.
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
+    return UsageError.exit_code
 
 
 def _own_fault(arguments: list[str]) -> int:
@@ -57,9 +88,9 @@ def _own_fault(arguments: list[str]) -> int:
         f"arguments: {arguments}\n\n{traceback.format_exc()}"
     )
     try:
-        REPORT.write_text(report, encoding="utf-8")
+        write_file(REPORT, report.encode(errors="replace"))
         where = f"please report it with the file {str(REPORT)!r}"
-    except OSError:
+    except UsageError:
         where = f"please report it:\n{report}"
     click.echo(f"showc: internal error, not a fault of your show; {where}", err=True)
     return EXIT_INTERNAL
