@@ -2,11 +2,12 @@
 # make test    the whole test suite
 # make lint    linter, formatter, type checker
 # make bench   the benchmark tables (each peer in an environment of its own)
+# make fuzz    long campaign of hostile data and accidents; FUZZ="--cases 100 scripts"
 # make docs    generate schemas, references and tables in the documentation
 # make clean   remove what the above made
 
 .DELETE_ON_ERROR:
-.PHONY: show test lint bench docs clean setup
+.PHONY: show test lint bench fuzz docs clean setup
 
 PYTHON ?= $(firstword $(foreach name,python3 python3.14 python3.13 python3.12 python3.11,$(shell $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $(name))))
 VENV := .venv
@@ -28,6 +29,10 @@ lint: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python tests/benchmarks/run.py
+
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python tests/fuzz/run.py $(FUZZ)
+	$(BIN)/python tests/fuzz/accidents.py
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m grpc_tools.protoc -Ischemas --python_out=showc/log --pyi_out=showc/log schemas/showc.proto

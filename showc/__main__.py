@@ -48,41 +48,49 @@ def run(arguments: list[str]) -> int:
     """Run the command line and return its exit code; nothing escapes."""
     try:
         result = showc.main(arguments, prog_name="showc", standalone_mode=False)
-    except click.exceptions.Abort:
-        click.echo("showc: interrupted; former files are whole", err=True)
-        return EXIT_INTERRUPTED
-    except click.ClickException as error:
-        error.show()
-        return error.exit_code
-    except ShowError as error:
-        click.echo(f"{click.style('error', fg='red', bold=True)}: {error}", err=True)
-        return error.exit_code
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
-    except MemoryError:
-        return _said("error: the memory is full; former files are whole")
-    except OSError as error:
-        if error.errno not in _OF_THE_SYSTEM:
-            return _own_fault(arguments)
-        return _said(f"error: {error.strerror}; former files are whole")
-    except Exception:  # noqa: BLE001 - the last resort for faults of our own
-        return _own_fault(arguments)
+    except Exception as error:  # noqa: BLE001 - the last resort for faults of our own
+        return _answer(error, arguments)
     return result if isinstance(result, int) else 0
 
 
-def _said(text: str) -> int:
-    """Say what the system lacks, if it has enough for that; return the exit code."""
+def _answer(error: Exception, arguments: list[str]) -> int:
+    """Say what ended a command; return the exit code."""
+    code = EXIT_INTERNAL
+    match error:
+        case click.exceptions.Abort():
+            _say("showc: interrupted; former files are whole")
+            code = EXIT_INTERRUPTED
+        case click.ClickException():
+            error.show()
+            code = error.exit_code
+        case ShowError():
+            _say(f"{click.style('error', fg='red', bold=True)}: {error}")
+            code = error.exit_code
+        case BrokenPipeError():
+            sys.stderr.close()
+            code = 0
+        case MemoryError():
+            _say("error: the memory is full; former files are whole")
+            code = UsageError.exit_code
+        case OSError() if error.errno in _OF_THE_SYSTEM:
+            _say(f"error: {error.strerror}; former files are whole")
+            code = UsageError.exit_code
+        case _:
+            _own_fault(arguments)
+    return code
+
+
+def _say(text: str) -> None:
+    """Say a sentence, if the system has enough left for that."""
     with suppress(OSError):
         click.echo(text, err=True)
     # What still waits to be printed cannot be, and must not end in another fault.
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
             stream.flush()
-    return UsageError.exit_code
 
 
-def _own_fault(arguments: list[str]) -> int:
+def _own_fault(arguments: list[str]) -> None:
     report = (
         f"showc {__version__}, Python {sys.version.split()[0]}, {sys.platform}\n"
         f"arguments: {arguments}\n\n{traceback.format_exc()}"
@@ -92,8 +100,7 @@ def _own_fault(arguments: list[str]) -> int:
         where = f"please report it with the file {str(REPORT)!r}"
     except UsageError:
         where = f"please report it:\n{report}"
-    click.echo(f"showc: internal error, not a fault of your show; {where}", err=True)
-    return EXIT_INTERNAL
+    _say(f"showc: internal error, not a fault of your show; {where}")
 
 
 if __name__ == "__main__":

@@ -109,6 +109,8 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
         corners = np.asarray(mesh.triangles, dtype=np.float64)
     except Exception:  # noqa: BLE001 - readers of models raise anything
         raise _unreadable(name, suffix) from None
+    if corners.shape[1:] != (3, 3):
+        raise _unreadable(name, suffix)
     if len(corners) > MAX_TRIANGLES:
         raise _too_much(name, len(corners))
     corners = corners[np.all(np.abs(corners) <= _FARTHEST, axis=(1, 2))]
