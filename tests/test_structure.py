@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light"},
     "mission": FOUNDATION | {"vehicle", "script", "plan", "flight", "light", "log"},
     "vehicle_link": FOUNDATION
-    | {"vehicle", "script", "plan", "flight", "light", "log", "mission"},
+    | {"vehicle", "script", "plan", "flight", "light", "log", "mission", "view"},
     "view": FOUNDATION | {"vehicle", "flight", "log", "ocp"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "solve", "light", "log", "mission"},

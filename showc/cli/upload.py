@@ -21,7 +21,7 @@ from showc.cli.vehicles import connect_option, drones_option, signing_key_option
 @click.option(
     "--audit",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File that keeps who has which file with which hash.  "
+    help="File that keeps which vehicle has which file with which hash.  "
     "[default: OUTPUT/../OUTPUT-audit.json]",
 )
 @click.option(

@@ -1,4 +1,4 @@
-"""Options of the commands that talk to vehicles: over which links, and to whom."""
+"""Options of the commands that talk to vehicles: over which links, to which of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hold what was flown against the plan."""
+"""Hold what was flown against the plan, by leg and by drone."""
 
 from __future__ import annotations
 
@@ -9,27 +9,42 @@ import numpy as np
 
 from showc.errors import UsageError
 from showc.log.reader import read_log
-from showc.vehicle_link.flown import read_flown
+from showc.mission.geodesy import SiteFrame
+from showc.vehicle_link.autopilot_log import ENDINGS, AutopilotTrack, read_autopilot_log
+from showc.vehicle_link.course import Course, Kind, course_of
+from showc.vehicle_link.flown import Track, read_flown
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from showc.log.reader import LoggedShow
-    from showc.trajectory import PiecewisePolynomial
-    from showc.vehicle_link.flown import Track
+    from showc.vehicle_link.course import CourseLeg
 
     FloatArray = NDArray[np.float64]
 
 ARRIVED = 0.3
 """A drone has arrived when it is this near its goal [m]."""
 
+LATEST = 8.0
+"""How long after its moment an arrival is still looked for [s]."""
+
+SETTLED = 0.05
+"""How long before the next leg a drone is looked at [s]."""
+
 LAGS = np.arange(-0.5, 2.001, 0.02)
 """Shifts in time that are tried [s]."""
 
 GRID = 0.05
 """Step of the times at which all drones are looked at together [s]."""
+
+COARSE = 0.25
+"""Step at which the beginning of a flight without a clock is looked for first [s]."""
+
+FAR = 5.0
+"""Distances beyond this count no more in that search [m]."""
 
 SHAPES = ("sphere", "ellipsoid", "any-axis", "all-axes")
 """Names of the separation's shapes, in the order of the log's message."""
@@ -42,7 +57,7 @@ class DroneComparison:
     drone: int
     """Counting from 1."""
     samples: int
-    """Positions it told."""
+    """Positions in its log."""
     start: float
     """Show time of the first of them [s]."""
     end: float
@@ -60,27 +75,71 @@ class DroneComparison:
 
 
 @dataclass(frozen=True, slots=True)
-class ArrivalComparison:
-    """When a drone came to the end of a segment."""
+class LegFlight:
+    """How one drone flew one leg."""
 
-    segment: int
-    """Index of the segment."""
     drone: int
     """Counting from 1."""
-    difference: float | None
-    """Arrival within 0.3 m, less the plan's [s]; None: never."""
-    end_error: float
-    """Distance to the goal at the segment's end [m]."""
+    late: float | None
+    """Arrival within 0.3 m of the goal, less the plan's [s]; None: never, or it was
+    there all along."""
+    at_arrival: float | None
+    """Distance to the plan when it was to arrive [m]; None in climb and landing."""
+    settled: float
+    """Distance to the plan just before the next leg [m]."""
+    greatest_error: float
+    """Greatest distance to the plan during the leg [m]."""
+    rms_error: float
+    """Root of the mean square of it [m]."""
+    speed: float
+    """Greatest speed that was planned [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegComparison:
+    """How a fleet flew one leg."""
+
+    name: str
+    """As in the script."""
+    start: float
+    """When it began [s]."""
+    end: float
+    """When the next one began [s]."""
+    flights: tuple[LegFlight, ...]
+    """By drone; only those whose log covers it."""
+    tightest: float | None
+    """Least distance of two drones that was flown, in the show's metric [m]."""
+    tightest_drones: tuple[int, int] | None
+    """Which two, counting from 1."""
+    tightest_time: float | None
+    """When [s]."""
+    proved: float | None
+    """Least distance that was proved [m]."""
+
+    @property
+    def lateness(self) -> tuple[float, float] | None:
+        """Earliest and latest arrival against the plan [s]."""
+        late = [one.late for one in self.flights if one.late is not None]
+        return (min(late), max(late)) if late else None
+
+    def greatest(self, name: str) -> float | None:
+        """Greatest value of a field of its flights; None where there is none."""
+        values = [
+            value for one in self.flights if (value := getattr(one, name)) is not None
+        ]
+        return max(values) if values else None
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """How a fleet kept to its plan."""
 
+    against: Kind
+    """What the flight was held against."""
     drones: tuple[DroneComparison, ...]
     """By drone."""
-    arrivals: tuple[ArrivalComparison, ...]
-    """By segment and drone."""
+    legs: tuple[LegComparison, ...]
+    """In the order of time."""
     separation: float
     """What the show wants [m]."""
     least_separation: float | None
@@ -105,55 +164,211 @@ class Comparison:
         return asdict(self)
 
 
-def compare_flown(plan: Path, flown: Path) -> Comparison:
-    """Compare the log of a flight with the log of the show it followed.
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """A flight beside its plan: what a comparison is made of."""
+
+    show: LoggedShow
+    course: Course
+    tracks: dict[int, Track]
+    """By drone, counting from 0, in show time."""
+
+    def errors(self, drone: int) -> FloatArray:
+        """Return the distance of ``drone`` to its plan at its times, (n,) [m]."""
+        track = self.tracks[drone]
+        planned = self.course.at(drone, track.times)
+        return np.asarray(np.linalg.norm(track.positions - planned, axis=1))
+
+
+def load_flown(
+    plan: Path, flown: Sequence[Path], *, against: Kind | None = None
+) -> Flown:
+    """Read a plan and a flight, and lay one over the other.
 
     Parameters
     ----------
     plan
         What ``showc compile`` wrote.
     flown
-        What ``showc stream`` wrote.
+        What ``showc stream`` wrote, or logs of autopilots (``.BIN``, ``.tlog``), or
+        folders with such. A drone is the MAVLink system id that its log tells, else
+        the number at the end of the file's name.
+    against
+        What the fleet was to fly; None: missions if an autopilot flew one, else the
+        trajectories.
 
     Raises
     ------
     UsageError
-        If a file cannot be read, or the flight has a drone that the show has not.
+        If a file cannot be read, the flight has a drone that the show has not, or two
+        logs are of one drone.
     DamagedFileError
         If a file is damaged.
     """
-    show, tracks = read_log(plan), read_flown(flown)
-    strangers = [drone for drone in tracks if not 0 <= drone < show.drones]
-    if strangers:
+    show = read_log(plan)
+    recorded: dict[int, Track] = {}
+    logs: list[AutopilotTrack] = []
+    for path in _files(flown):
+        if path.suffix.lower() in ENDINGS:
+            logs += read_autopilot_log(path)
+        else:
+            recorded |= read_flown(path)
+    if logs and recorded:
         raise UsageError(
-            f"{flown}: has drone {strangers[0] + 1}, {plan} has {show.drones}: it is "
-            "not a flight of that show"
+            "logs of autopilots and a log of showc stream were given; wanted one kind"
         )
-    paths = {drone: show.trajectory(drone).state.select([0, 1, 2]) for drone in tracks}
-    least = _least_separation(show, tracks)
+    kind: Kind = against or (
+        "missions" if any(track.missions for track in logs) else "trajectories"
+    )
+    course = course_of(show, kind)
+    sources = {track.system - 1: track.source for track in logs} or {
+        drone: str(path) for drone in recorded for path in flown[:1]
+    }
+    for drone, source in sources.items():
+        if not 0 <= drone < show.drones:
+            raise UsageError(
+                f"{source}: has drone {drone + 1}, {plan} has {show.drones}: it is "
+                "not a flight of that show"
+            )
+    if len(sources) < len(logs):
+        raise UsageError(
+            "two of the logs are of one drone; wanted one log for each, of one flight"
+        )
+    tracks = recorded or _aligned(show, course, logs)
+    return Flown(show, course, {drone: tracks[drone] for drone in sorted(tracks)})
+
+
+def compare_flown(
+    plan: Path, flown: Sequence[Path], *, against: Kind | None = None
+) -> Comparison:
+    """Compare a flight with the show it followed; see :func:`load_flown`."""
+    return compared(load_flown(plan, flown, against=against))
+
+
+def compared(flight: Flown) -> Comparison:
+    """Measure how a flight kept to its plan."""
+    everywhere = _separation(flight, -np.inf, np.inf)
     return Comparison(
-        tuple(_drone(track, paths[drone]) for drone, track in tracks.items()),
-        tuple(_arrivals(show, tracks, paths)),
-        float(show.rules.separation.distance),
-        *least,
+        flight.course.kind,
+        tuple(_drone(flight, drone) for drone in flight.tracks),
+        tuple(_leg(flight, leg) for leg in flight.course.legs),
+        float(flight.show.rules.separation.distance),
+        *everywhere,
     )
 
 
-def _drone(track: Track, path: PiecewisePolynomial) -> DroneComparison:
-    error = np.linalg.norm(track.positions - path(track.times), axis=1)
+def _files(given: Sequence[Path]) -> list[Path]:
+    """Return the logs that are given, those in folders by name."""
+    found: list[Path] = []
+    for path in given:
+        if not path.is_dir():
+            found.append(path)
+            continue
+        inside = sorted(one for one in path.rglob("*") if one.suffix.lower() in ENDINGS)
+        if not inside:
+            raise UsageError(f"{path}: holds no .BIN and no .tlog")
+        found += inside
+    return found
+
+
+# --- one time for plan and flight ---------------------------------------------------
+
+
+def _aligned(
+    show: LoggedShow, course: Course, logs: list[AutopilotTrack]
+) -> dict[int, Track]:
+    """Bring the autopilots' tracks into the show's frame and time."""
+    site = show.rules.site
+    frame = SiteFrame(site.latitude, site.longitude, site.altitude, site.heading)
+    places: dict[int, FloatArray] = {}
+    for track in logs:
+        drone = track.system - 1
+        geodetic = track.geodetic.copy()
+        geodetic[:, 2] = site.altitude
+        places[drone] = frame.from_geodetic(geodetic)
+        places[drone][:, 2] = course.pads[drone, 2] + track.geodetic[:, 2]
+    zero = None
+    if all(track.utc for track in logs):
+        by_drone = {track.system - 1: track.times for track in logs}
+        zero = course.zero(np.concatenate(list(by_drone.values())))
+        if zero is None:
+            zero = _found_zero(course, by_drone, places)
+    tracks = {}
+    for track in logs:
+        drone = track.system - 1
+        own = zero
+        if own is None:
+            own = _found_zero(course, {drone: track.times}, {drone: places[drone]})
+        times = track.times - own
+        inside = (times >= course.start) & (times <= course.end)
+        if not inside.any():
+            raise UsageError(
+                f"{track.source}: was recorded {abs(float(times[0])):.0f} s "
+                f"{'before' if times[0] < 0.0 else 'after'} the show's time 0; wanted "
+                "the log of a flight of this compile"
+            )
+        tracks[drone] = Track(drone, times[inside], places[drone][inside])
+    return tracks
+
+
+def _found_zero(
+    course: Course, times: dict[int, FloatArray], places: dict[int, FloatArray]
+) -> float:
+    """Return the time at which the show began, from where the drones were.
+
+    The best common shift: first in steps of ``COARSE`` by one drone, then in those of
+    ``LAGS`` by all.
+    """
+    grid = np.arange(course.start, course.end, 2.0 * COARSE)
+
+    def misfit(zero: float, drones: list[int]) -> float:
+        total = 0.0
+        for drone in drones:
+            own = np.stack(
+                [
+                    np.interp(grid + zero, times[drone], places[drone][:, axis])
+                    for axis in range(3)
+                ],
+                axis=-1,
+            )
+            off = np.linalg.norm(own - course.at(drone, grid), axis=1)
+            total += float(np.mean(np.minimum(off, FAR) ** 2))
+        return total
+
+    drones = list(times)
+    first = drones[0]
+    candidates = np.arange(
+        times[first][0] - course.end, times[first][-1] - course.start, COARSE
+    )
+    best = min(candidates, key=lambda zero: misfit(float(zero), [first]))
+    step = float(LAGS[1] - LAGS[0])
+    fine = best + np.arange(-2.0 * COARSE, 2.0 * COARSE + step, step)
+    return float(min(fine, key=lambda zero: misfit(float(zero), drones)))
+
+
+# --- measures -----------------------------------------------------------------------
+
+
+def _drone(flight: Flown, drone: int) -> DroneComparison:
+    track, course = flight.tracks[drone], flight.course
+    error = flight.errors(drone)
     # Shift the plan, but only over times that it covers both ways.
-    inner = (track.times - LAGS[-1] >= path.start) & (track.times - LAGS[0] <= path.end)
+    inner = (track.times - LAGS[-1] >= course.start) & (
+        track.times - LAGS[0] <= course.end
+    )
     if not inner.any():
         inner[:] = True
     times, positions = track.times[inner], track.positions[inner]
     shifted = [
-        np.sqrt(np.mean(np.sum((positions - path(times - lag)) ** 2, axis=1)))
+        np.sqrt(
+            np.mean(np.sum((positions - course.at(drone, times - lag)) ** 2, axis=1))
+        )
         for lag in LAGS
     ]
     best = int(np.argmin(shifted))
     worst = int(np.argmax(error))
     return DroneComparison(
-        track.drone + 1,
+        drone + 1,
         int(track.times.size),
         round(float(track.times[0]), 3),
         round(float(track.times[-1]), 3),
@@ -165,82 +380,139 @@ def _drone(track: Track, path: PiecewisePolynomial) -> DroneComparison:
     )
 
 
-def _arrivals(
-    show: LoggedShow,
-    tracks: dict[int, Track],
-    paths: dict[int, PiecewisePolynomial],
-) -> list[ArrivalComparison]:
-    """Arrivals at the ends of all segments that move."""
-    found = []
-    for index, segment in enumerate(show.segments):
-        if segment.kind == "hold":
+def _leg(flight: Flown, leg: CourseLeg) -> LegComparison:
+    flights = []
+    for position, drone in enumerate(leg.drones):
+        track = flight.tracks.get(drone)
+        # A log may begin or end within climb and landing, but not within a leg.
+        if track is None:
             continue
-        start, end = segment.start, segment.start + segment.duration
-        for drone in segment.drones.tolist():
-            track = tracks.get(drone)
-            if track is None or track.times[0] > end or track.times[-1] < end:
-                continue
-            goal = paths[drone](end)
-            fine = np.linspace(start, end, 1001)
-            planned = _entry(fine, paths[drone](fine), goal)
-            during = (track.times >= start) & (track.times <= end + LAGS[-1])
-            actual = _entry(track.times[during], track.positions[during], goal)
-            at_end = np.array(
-                [np.interp(end, track.times, track.positions[:, k]) for k in range(3)]
-            )
-            late = None if actual is None or planned is None else actual - planned
-            found.append(
-                ArrivalComparison(
-                    index,
-                    drone + 1,
-                    None if late is None else round(late, 3),
-                    round(float(np.linalg.norm(at_end - goal)), 4),
-                )
-            )
-    return found
+        arrival = float(leg.arrivals[position]) if leg.arrivals.size else None
+        begin = leg.start if arrival is not None else track.times[0]
+        end = arrival if arrival is not None else begin
+        if track.times[0] <= begin + SETTLED and track.times[-1] >= end - SETTLED:
+            one = _leg_flight(flight, leg, drone, arrival)
+            if one is not None:
+                flights.append(one)
+    return LegComparison(
+        leg.name,
+        round(leg.start, 3),
+        round(leg.until, 3),
+        tuple(flights),
+        *_separation(flight, leg.start, leg.until),
+        leg.proved,
+    )
+
+
+def _leg_flight(
+    flight: Flown, leg: CourseLeg, drone: int, arrival: float | None
+) -> LegFlight | None:
+    track, course = flight.tracks[drone], flight.course
+    during = (track.times >= leg.start) & (track.times < leg.until)
+    if not during.any():
+        return None
+    error = flight.errors(drone)[during]
+    last = max(leg.until - SETTLED, leg.start)
+    fine = np.linspace(leg.start, leg.until, 1001)
+    steps = np.diff(course.at(drone, fine), axis=0) / np.diff(fine)[:, None]
+    return LegFlight(
+        drone + 1,
+        None if arrival is None else _lateness(flight, leg, drone),
+        None if arrival is None else _off(flight, drone, arrival),
+        _off(flight, drone, min(last, float(track.times[-1]))),
+        round(float(error.max()), 4),
+        round(float(np.sqrt(np.mean(error**2))), 4),
+        round(float(np.linalg.norm(steps, axis=1).max()), 2),
+    )
+
+
+def _lateness(flight: Flown, leg: CourseLeg, drone: int) -> float | None:
+    """Arrival near the leg's goal, less the plan's [s]."""
+    track, course = flight.tracks[drone], flight.course
+    goal = course.at(drone, np.array([max(leg.until - SETTLED, leg.start)]))[0]
+    fine = np.linspace(leg.start, leg.until, 1001)
+    planned = _entry(fine, course.at(drone, fine), goal)
+    during = (track.times >= leg.start) & (track.times <= leg.until + LATEST)
+    flown = _entry(track.times[during], track.positions[during], goal)
+    if flown is None or planned is None or planned <= fine[0]:
+        return None
+    return round(flown - planned, 3)
 
 
 def _entry(times: FloatArray, places: FloatArray, goal: FloatArray) -> float | None:
     """First time [s] at which a drone is near ``goal``; None: never."""
-    near = np.linalg.norm(places - goal, axis=1) <= ARRIVED
-    return float(times[np.argmax(near)]) if near.any() else None
+    off = np.linalg.norm(places - goal, axis=1)
+    near = off <= ARRIVED
+    if not near.any():
+        return None
+    first = int(np.argmax(near))
+    if first == 0:
+        return float(times[0])
+    part = (off[first - 1] - ARRIVED) / (off[first - 1] - off[first])
+    return float(times[first - 1] + part * (times[first] - times[first - 1]))
 
 
-def _least_separation(
-    show: LoggedShow, tracks: dict[int, Track]
+def _off(flight: Flown, drone: int, moment: float) -> float:
+    """Distance of a drone to its plan at a moment [m]."""
+    track = flight.tracks[drone]
+    place = [np.interp(moment, track.times, track.positions[:, k]) for k in range(3)]
+    planned = flight.course.at(drone, np.array([moment]))[0]
+    return round(float(np.linalg.norm(np.array(place) - planned)), 4)
+
+
+def _separation(
+    flight: Flown, start: float, end: float
 ) -> tuple[float | None, tuple[int, int] | None, float | None]:
-    """Least distance of two drones on a common grid of times, who and when."""
-    if len(tracks) < 2:
+    """Least distance of two drones on a common grid of times, which and when."""
+    tracks = flight.tracks
+    start = max([start, *(float(track.times[0]) for track in tracks.values())])
+    end = min([end, *(float(track.times[-1]) for track in tracks.values())])
+    if len(tracks) < 2 or end < start:
         return None, None, None
-    rules = show.rules.separation
-    shape = SHAPES[rules.shape]
-    scale = np.ones(3)
-    if shape == "ellipsoid":
-        scale[2] = 1.0 / rules.vertical_stretch
-    start = max(track.times[0] for track in tracks.values())
-    end = min(track.times[-1] for track in tracks.values())
-    times = np.arange(start, max(end, start) + GRID / 2, GRID)
-    names = list(tracks)
-    places = np.stack(
+    times = np.arange(start, end + GRID / 2, GRID)
+    names, places = list(tracks), _places(flight, times)
+    best, pair, when = np.inf, (0, 0), 0.0
+    for index in range(len(names) - 1):
+        distance = _distances(flight.show, places[index] - places[index + 1 :])
+        other, moment = np.unravel_index(int(distance.argmin()), distance.shape)
+        if distance[other, moment] < best:
+            best = float(distance[other, moment])
+            pair = (names[index] + 1, names[index + 1 + int(other)] + 1)
+            when = float(times[moment])
+    return round(best, 4), pair, round(when, 3)
+
+
+def nearest(flight: Flown, times: FloatArray) -> FloatArray:
+    """Return the least distance of two drones at ``times`` (k,), shape (k,) [m]."""
+    places = _places(flight, times)
+    least = np.full(times.size, np.inf)
+    for index in range(len(places) - 1):
+        distance = _distances(flight.show, places[index] - places[index + 1 :])
+        least = np.minimum(least, distance.min(axis=0))
+    return least
+
+
+def _places(flight: Flown, times: FloatArray) -> FloatArray:
+    """Return where the drones were at ``times`` (k,), shape (n, 3, k) [m]."""
+    return np.stack(
         [
             np.stack(
                 [np.interp(times, track.times, track.positions[:, k]) for k in range(3)]
             )
-            for track in tracks.values()
+            for track in flight.tracks.values()
         ]
     )
-    best, who, when = np.inf, (0, 0), 0.0
-    for row in range(len(names) - 1):
-        gap = (places[row] - places[row + 1 :]) * scale[:, None]
-        if shape == "any-axis":
-            distance = np.abs(gap).max(axis=1)
-        elif shape == "all-axes":
-            distance = np.abs(gap).min(axis=1)
-        else:
-            distance = np.linalg.norm(gap, axis=1)
-        other, moment = np.unravel_index(int(distance.argmin()), distance.shape)
-        if distance[other, moment] < best:
-            best = float(distance[other, moment])
-            who = (names[row] + 1, names[row + 1 + int(other)] + 1)
-            when = float(times[moment])
-    return round(best, 4), who, round(when, 3)
+
+
+def _distances(show: LoggedShow, gap: FloatArray) -> FloatArray:
+    """Distances in the show's metric for gaps (n, 3, k), shape (n, k) [m]."""
+    rules = show.rules.separation
+    shape = SHAPES[rules.shape]
+    if shape == "any-axis":
+        return np.asarray(np.abs(gap).max(axis=1))
+    if shape == "all-axes":
+        return np.asarray(np.abs(gap).min(axis=1))
+    scale = np.ones(3)
+    if shape == "ellipsoid":
+        scale[2] = 1.0 / rules.vertical_stretch
+    return np.asarray(np.linalg.norm(gap * scale[:, None], axis=1))

@@ -185,7 +185,7 @@ class Network:
     def poll(self, span: float) -> list[Received]:
         """Wait up to ``span`` [s] for messages; keep the own heartbeat going.
 
-        Reads a bounded number of datagrams, so that a flood takes nobody's turn.
+        Reads a bounded number of datagrams, so that a flood takes no turn.
         """
         now = self.clock.now()
         if now - self._spoke >= HEARTBEAT_PERIOD:

@@ -145,7 +145,7 @@ class Pilot:
         self.tells = Telemetry(frame)
         self.setpoints = 0
         self.parameters: dict[str, float] = {}
-        """What it told of the parameters that matter."""
+        """What it says of the parameters that matter."""
         self.raised: dict[str, float] = {}
         """Former values of parameters that were raised."""
         self._orders: dict[int, _Order] = {}

@@ -105,14 +105,14 @@ class Telemetry:
         """
         assert self._local is not None  # noqa: S101 - see locatable
         assert self.ground is not None  # noqa: S101
-        # What it told before it could place itself does not count.
+        # What it said before it could be placed does not count.
         self.fault = ""
         self._anchor = self.ground - self.from_ned(self._local)
         self._anchor[2] = pad[2] + self._local[2]
 
     @property
     def locatable(self) -> bool:
-        """Whether it has told both its local and its global position."""
+        """Whether both its local and its global position are known."""
         return self._local is not None and self.ground is not None
 
     @property
@@ -136,7 +136,7 @@ class Telemetry:
             return f"has sent no heartbeat for {now - self.beat:.1f} s"
         age = np.inf if self.place is None else now - self.place.moment
         if age > link_timeout:
-            return f"has told no new position for {age:.1f} s"
+            return f"has sent no new position for {age:.1f} s"
         return ""
 
     def local(self, position: FloatArray) -> FloatArray:

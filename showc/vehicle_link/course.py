@@ -1,0 +1,207 @@
+"""What a fleet was to fly, with its legs: trajectories, or the predicted missions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from showc.errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.log.reader import LoggedSegment, LoggedShow
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+
+Kind = Literal["trajectories", "missions"]
+
+HOUR = 3600.0
+"""[s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CourseLeg:
+    """One move of some drones."""
+
+    name: str
+    """For people."""
+    drones: tuple[int, ...]
+    """Counting from 0."""
+    start: float
+    """When the first of them begins [s]."""
+    arrivals: FloatArray
+    """When each is to arrive, shape (n,) [s]."""
+    until: float
+    """When the next leg begins: all are settled just before [s]."""
+    proved: float | None
+    """Least distance of two of them that was proved, in the show's metric [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a fleet was to fly."""
+
+    kind: Kind
+    legs: tuple[CourseLeg, ...]
+    """In the order of time; the climb first and the landing last."""
+    start: float
+    """Where it begins [s]."""
+    end: float
+    """Where it ends [s]."""
+    pads: FloatArray
+    """Where the drones stand, shape (drones, 3), show frame [m]."""
+    paths: tuple[PiecewisePolynomial, ...] | None
+    """Of each drone, for trajectories."""
+    times: FloatArray
+    """Of the predicted places, shape (k,) [s], for missions."""
+    places: FloatArray
+    """Predicted, shape (k, drones, 3) [m]."""
+    begins: datetime | None
+    """UTC of time 0; None: at a minute of any hour, or not known."""
+    minute: int | None
+    """That minute."""
+
+    def at(self, drone: int, times: FloatArray) -> FloatArray:
+        """Return where ``drone`` (counting from 0) is to be, shape (k, 3) [m]."""
+        if self.paths is not None:
+            path = self.paths[drone]
+            return np.asarray(path(np.clip(times, path.start, path.end)))
+        return np.stack(
+            [
+                np.interp(times, self.times, self.places[:, drone, axis])
+                for axis in range(3)
+            ],
+            axis=-1,
+        )
+
+    def zero(self, flown: FloatArray) -> float | None:
+        """Return the UTC of show time 0 [s since 1970] for a flight.
+
+        Parameters
+        ----------
+        flown
+            UTC of the flight's positions [s since 1970]; decides the hour.
+        """
+        if self.begins is not None:
+            return self.begins.timestamp()
+        if self.minute is None:
+            return None
+        middle = float(flown[0] + flown[-1]) / 2.0 - (self.start + self.end) / 2.0
+        offset = 60.0 * self.minute
+        return offset + HOUR * round((middle - offset) / HOUR)
+
+
+def course_of(show: LoggedShow, kind: Kind) -> Course:
+    """Return what the fleet of a logged show was to fly.
+
+    Raises
+    ------
+    UsageError
+        If missions are asked for and the log holds none that were predicted.
+    """
+    return _missions(show) if kind == "missions" else _trajectories(show)
+
+
+def _trajectories(show: LoggedShow) -> Course:
+    paths = tuple(
+        show.trajectory(drone).state.select([0, 1, 2]) for drone in range(show.drones)
+    )
+    moving = [segment for segment in show.segments if segment.kind != "hold"]
+    legs = tuple(_leg_of(segment, moving, show.duration) for segment in moving)
+    launches = [leg.until for leg, one in zip(legs, moving, strict=True)
+                if one.kind == "launch"]  # fmt: skip
+    return Course(
+        "trajectories",
+        legs,
+        max(launches, default=0.0),
+        show.duration,
+        np.array([path(0.0) for path in paths]),
+        paths,
+        np.zeros(0),
+        np.zeros((0, show.drones, 3)),
+        None,
+        None,
+    )
+
+
+def _leg_of(
+    segment: LoggedSegment, moving: list[LoggedSegment], duration: float
+) -> CourseLeg:
+    end = segment.start + segment.duration
+    later = [one.start for one in moving if one.start >= end - 1e-9]
+    certificate = segment.message.certificate
+    proved = None
+    if certificate.HasField("closest"):
+        proved = float(certificate.closest.distance)
+    drones = tuple(int(drone) for drone in segment.drones)
+    return CourseLeg(
+        segment.message.name or segment.kind,
+        drones,
+        segment.start,
+        np.full(len(drones), end),
+        min(later, default=duration),
+        proved,
+    )
+
+
+def _missions(show: LoggedShow) -> Course:
+    prediction: dict[str, Any] = show.manifest.get("missions", {}).get("prediction", {})
+    if not show.predicted_times.size or not prediction.get("legs"):
+        raise UsageError(
+            f"{show.source}: holds no predicted missions; compile the show with "
+            "missions, or compare with --against trajectories"
+        )
+    times = show.predicted_times
+    places = np.stack([show.predicted[name] for name in "xyz"], axis=-1, dtype=float)
+    everyone = tuple(range(show.drones))
+    entries = sorted(prediction["legs"], key=lambda entry: float(entry["slot"]))
+    slots = [float(slot) for entry in entries for slot in entry["slots"]]
+    landing = float(prediction["land_start"])
+    legs = [
+        CourseLeg(
+            "climb",
+            everyone,
+            0.0,
+            np.zeros(0),
+            min(slots),
+            _distance(prediction.get("launch")),
+        )
+    ]
+    for entry in entries:
+        arrivals = np.array(entry["arrivals"], dtype=np.float64)
+        later = [slot for slot in slots if slot > arrivals.max()]
+        legs.append(
+            CourseLeg(
+                str(entry["name"]),
+                tuple(int(drone) - 1 for drone in entry["drones"]),
+                min(float(slot) for slot in entry["slots"]),
+                arrivals,
+                min(later, default=landing),
+                _distance(entry.get("closest")),
+            )
+        )
+    end = float(prediction["duration"])
+    closest = _distance(prediction.get("land"))
+    legs.append(CourseLeg("landing", everyone, landing, np.zeros(0), end, closest))
+    start = prediction.get("start")
+    return Course(
+        "missions",
+        tuple(legs),
+        0.0,
+        end,
+        places[0],
+        None,
+        times,
+        places,
+        None if start is None else datetime.fromisoformat(start).astimezone(UTC),
+        prediction.get("start_minute"),
+    )
+
+
+def _distance(encounter: dict[str, Any] | None) -> float | None:
+    return None if not encounter else float(encounter["distance"])
