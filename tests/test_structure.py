@@ -44,6 +44,8 @@ ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.layout"},
+    # What missions must be follows from the script.
+    "verify/missions": {"verify", "errors", "files", "script", "log.showc_pb2"},
     "verify/samples.py": {"verify", "script", "light", "log.scene"},
     "verify": {"verify", "errors", "_version", "files", "processes"}
     | {"log.showc_pb2"},

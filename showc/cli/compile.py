@@ -6,7 +6,7 @@ import json
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -59,14 +59,18 @@ class UtcTime(click.ParamType[datetime]):
 @click.option(
     "--start",
     type=UtcTime(),
-    help="UTC time at which the missions begin (2026-06-01T20:00:00Z).  Without it the "
-    "missions have relative delays only.",
+    help="UTC time at which the missions begin (2026-06-01T20:00:00Z).  Without it "
+    "they begin at a minute of any hour.",
+)
+@click.option(
+    "--start-minute",
+    type=click.IntRange(0, 59),
+    help="That minute.  [default: mission.start_minute of the script]",
 )
 @click.option(
     "--autopilot",
     type=click.Choice(["ardupilot", "px4"]),
-    default="ardupilot",
-    help="Dialect of the missions.  [default: ardupilot]",
+    help="Dialect of the missions.  [default: mission.autopilot of the script]",
 )
 @click.option(
     "-j",
@@ -98,7 +102,8 @@ def command(
     script: str,
     log: Path,
     start: datetime | None,
-    autopilot: str,
+    start_minute: int | None,
+    autopilot: Literal["ardupilot", "px4"] | None,
     jobs: int | None,
     cluster: str | None,
     no_cache: bool,
@@ -127,6 +132,7 @@ def command(
       showc compile my-show.yaml -o night.mcap --start 2026-06-01T20:00:00Z
     """
     from showc.cli.console import progress
+    from showc.errors import UsageError
     from showc.pipeline.compile import (
         CompileOptions,
         RejectedScriptError,
@@ -134,13 +140,16 @@ def command(
     )
     from showc.solve.options import SolveOptions
 
+    if start is not None and start_minute is not None:
+        raise UsageError("--start names the minute already; leave --start-minute out")
     solve = SolveOptions(
         jobs=jobs, cluster=cluster, cache=cache_dir, use_cache=not no_cache
     )
     options = CompileOptions(
         solve=solve,
         start=start,
-        autopilot="px4" if autopilot == "px4" else "ardupilot",
+        start_minute=start_minute,
+        autopilot=autopilot,
         missions=not no_missions,
         strict=strict,
         allow_outside=allow_outside,

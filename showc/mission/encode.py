@@ -7,8 +7,7 @@ its clock slot, so it stands when the leg begins; its lights between slot and wa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import timedelta
-from math import degrees, floor, nan
+from math import degrees, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +27,12 @@ from showc.mission.lights import (
     light_items,
     pulse_widths,
 )
-from showc.mission.takeoff import RISING, takeoff_times
 from showc.mission.timing import SPIN_UP
-from showc.mission.tracking import law_ends
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
     from numpy.typing import NDArray
 
+    from showc.mission.clock import MissionClock
     from showc.mission.lights import Moment
     from showc.mission.parameters import Parameters
     from showc.mission.stage import Stage
@@ -61,9 +57,10 @@ class Encoder:
     parameters: Parameters
     home_altitude: FloatArray
     """Altitude of each drone's home, shape (drones,) [m]."""
-    start: datetime | None
-    """UTC of mission time 0; None: relative delays."""
+    clock: MissionClock
+    """What slots stand on."""
     autopilot: str
+    """``ardupilot`` or ``px4``."""
 
     def missions(self) -> list[Mission]:
         """Return the mission of every drone, in order."""
@@ -91,10 +88,10 @@ class Encoder:
 
     def _takeoff(self, writers: list[_Writer], home: GlobalPoints) -> None:
         takeoff, staging = self.timeline.takeoff, self.timeline.staging
-        heights, climbs = takeoff.stored.height.tolist(), self._risen(takeoff).tolist()
+        heights, climbs = takeoff.stored.height.tolist(), takeoff.followed.tolist()
         for row, drone in enumerate(takeoff.drones):
             writers[drone].takeoff(home, heights[row], climbs[row])
-        climbs = self._ended(staging).tolist()
+        climbs = staging.followed.tolist()
         launch = self.timeline.launch_leg
         shown = pulse_widths(self.show.mission, leg_colours(self.show, launch))
         for row, drone in enumerate(launch.drones):
@@ -106,24 +103,6 @@ class Encoder:
             writer.clock += climbs[row]
         for writer in writers:
             writer.forget_speeds()
-
-    @property
-    def _by_sums(self) -> bool:
-        """Whether drones go by sums of times, as far as these are known."""
-        return self.start is None and self.autopilot == "ardupilot"
-
-    def _risen(self, takeoff: Stage) -> FloatArray:
-        """When autopilots end take-offs, from the ground on, shape (n,) [s]."""
-        if not self._by_sums:
-            return takeoff.followed
-        return takeoff_times(takeoff.stored.height.tolist(), self.parameters)
-
-    def _ended(self, staging: Stage) -> FloatArray:
-        """When autopilots end the rest of the climb, shape (n,) [s]."""
-        if self.start is not None:
-            return staging.followed
-        ended = law_ends(staging, self.parameters)
-        return ended - RISING if self._by_sums else ended
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
@@ -297,32 +276,20 @@ class _Writer:
 
     def _wait(self, release: float) -> None:
         """Hold until ``release``, mission time [s]."""
-        start = self.encoder.start
-        if start is not None and self.encoder.autopilot == "ardupilot":
-            # Autopilots wait for whole seconds of the clock, and for parts after them.
-            whole = floor(release + 1e-6)
-            part = round(release - whole, 3)
-            moment = start + timedelta(seconds=whole)
-            self.items.append(
-                without_position(
-                    Command.NAV_DELAY,
-                    -1.0,
-                    float(moment.hour),
-                    float(moment.minute),
-                    float(moment.second),
-                )
-            )
-            if part > 0.0:
-                self.items.append(
-                    without_position(Command.NAV_DELAY, part, -1.0, -1.0, -1.0)
-                )
+        if self.encoder.autopilot == "px4":
+            # It waits for no clock: what is left of the time is all that it knows.
+            pause = round(max(release - self.clock, 0.0), 3)
+            if pause > 0.0:
+                self._delay(pause, -1.0, -1.0, -1.0)
+            self.clock = release
             return
-        pause = round(max(release - self.clock, 0.0), 3)
-        if pause > 0.0:
-            self.items.append(
-                without_position(Command.NAV_DELAY, pause, -1.0, -1.0, -1.0)
-            )
-        self.clock = release
+        slot = self.encoder.clock.slot(release)
+        self._delay(-1.0, slot.hour, slot.minute, slot.second)
+        if slot.part > 0.0:
+            self._delay(slot.part, -1.0, -1.0, -1.0)
+
+    def _delay(self, *parameters: float) -> None:
+        self.items.append(without_position(Command.NAV_DELAY, *parameters))
 
     def _lights(self, colour: IntArray) -> list[MissionItem]:
         before = None if self.pulses is None else self.pulses.tolist()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from showc.errors import ExportError, UsageError
+from showc.errors import ExportError
 from showc.mission.boards import check_budget
+from showc.mission.clock import MissionClock
 from showc.mission.encode import Encoder
 from showc.mission.geodesy import SiteFrame
 from showc.mission.lights import lights_left_out
@@ -23,6 +23,8 @@ from showc.mission.waypoints import waypoint_file
 from showc.progress import Silent
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from numpy.typing import NDArray
 
     from showc.flight import Flight
@@ -66,6 +68,7 @@ def mission_files(
     flight: Flight,
     *,
     start: datetime | None = None,
+    start_minute: int | None = None,
     autopilot: Autopilot = "ardupilot",
     progress: Progress = SILENT,
     jobs: int | None = None,
@@ -77,9 +80,10 @@ def mission_files(
     flight
         The solved show.
     start
-        When the missions start, UTC, a whole second: every leg then waits for its slot
-        on the vehicle's clock. None: only relative delays, and nothing but equal
-        starts holds the drones together.
+        When the missions start, UTC, a whole second: every leg waits for its slot on
+        the vehicle's clock. None: slots are minutes and seconds of any hour.
+    start_minute
+        Minute of any hour at which the missions start then; None: the script's.
     autopilot
         Whose dialect the files speak. PX4 cannot wait for a clock time, and its leg
         law is not known, so that nothing is predicted for it.
@@ -93,20 +97,22 @@ def mission_files(
     UsageError
         If ``start`` has no time zone or is no whole second.
     ExportError
-        If a mission has more items than its board holds, or the predicted flights of a
-        leg come too near each other in every encoding.
+        If a mission has more items than its board holds, the predicted flights of a
+        leg come too near each other in every encoding, or slots would come round again
+        while the missions are flown.
     """
-    start = _checked_start(start, autopilot)
     show = flight.itinerary.show
+    minute = show.mission.start_minute if start_minute is None else start_minute
+    clock = MissionClock.of(start, minute)
     frame = SiteFrame.of(show.site)
     parameters = parameters_for(show)
     pads = np.asarray(show.formations[show.pads].points[: show.drones])
     home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
     builder = StageBuilder(frame, home_altitude, parameters)
-    # PX4 goes by no clock either, but how it ends a leg is not known.
-    by_sums = start is None and autopilot == "ardupilot"
-    timeline = build_timeline(flight, builder, progress, jobs, by_sums=by_sums)
-    encoder = Encoder(show, timeline, parameters, home_altitude, start, autopilot)
+    timeline = build_timeline(flight, builder, progress, jobs)
+    if autopilot == "ardupilot":
+        clock.check_span(timeline.land_start)
+    encoder = Encoder(show, timeline, parameters, home_altitude, clock, autopilot)
     missions = encoder.missions()
     home_row = autopilot == "ardupilot"
     for mission in missions:
@@ -126,14 +132,14 @@ def mission_files(
         return MissionSet(files, token, {"clock": "relative"}, notes, None)
     files["missions/ardupilot.parm"] = parameter_file(parameters)
     prediction = prediction_summary(
-        flight, timeline, start, jobs if show.drones >= MANY else 1
+        flight, timeline, clock, jobs if show.drones >= MANY else 1
     )
     return MissionSet(
         files,
         token,
         prediction,
-        _warnings(flight, timeline, prediction),
-        PredictedFlight(timeline, parameters, clocked=start is not None),
+        _warnings(flight, timeline, prediction, clock),
+        PredictedFlight(timeline, parameters),
     )
 
 
@@ -145,21 +151,6 @@ def fleet_token(files: dict[str, bytes]) -> str:
             digest.update(name.encode())
             digest.update(sha256(files[name]).digest())
     return digest.hexdigest()
-
-
-def _checked_start(start: datetime | None, autopilot: Autopilot) -> datetime | None:
-    if start is None or autopilot == "px4":
-        return None
-    if start.tzinfo is None:
-        raise UsageError(
-            f"start {start.isoformat()} has no time zone; write UTC, for instance "
-            "2026-06-01T20:00:00Z"
-        )
-    if start.microsecond:
-        raise UsageError(
-            f"start {start.isoformat()} is no whole second; a clock slot is"
-        )
-    return start.astimezone(UTC)
 
 
 def _plans(
@@ -188,13 +179,11 @@ PX4_WARNINGS = (
 )
 
 
-def _loosest(legs: list[dict[str, Any]]) -> float:
-    """Greatest half width of the releases without a clock [s]."""
-    return max((float(leg["unclocked"]["spread"]) for leg in legs), default=0.0)
-
-
 def _warnings(
-    flight: Flight, timeline: Timeline, prediction: dict[str, Any]
+    flight: Flight,
+    timeline: Timeline,
+    prediction: dict[str, Any],
+    clock: MissionClock,
 ) -> tuple[str, ...]:
     """Say what the user should know, a line each."""
     show = flight.itinerary.show
@@ -206,14 +195,12 @@ def _warnings(
             f"{flight.duration:.0f} s, which `showc stream` flies"
         ),
     ]
-    if prediction["start"] is None:
-        found += _loose_notes(legs, show.separation.distance)
-    elif timeline.legs:
-        begin = datetime.fromisoformat(prediction["start"]).astimezone(UTC)
-        latest = begin + timedelta(seconds=prediction["latest_mission_start"])
+    if timeline.legs:
+        latest = clock.text(prediction["latest_mission_start"])
+        again = "day" if clock.start else "hour"
         found.append(
-            f"start the missions before {latest:%H:%M:%S} UTC: who misses a clock slot "
-            "waits for it until the next day"
+            f"start the missions before {latest}: who misses a clock slot waits for "
+            f"it until the next {again}"
         )
         if show.mission.slack < LEAST_SLACK:
             found.append(
@@ -229,32 +216,6 @@ def _warnings(
         )
     found.extend(lights_left_out(show))
     return tuple(found)
-
-
-def _loose_notes(legs: list[dict[str, Any]], wanted: float) -> list[str]:
-    """Say what it costs that no clock holds the drones together."""
-    found = [
-        (
-            "no start time: separation is proved for legs released together, which "
-            f"only equal starts give; each is ± {_loosest(legs):.1f} s off by the last "
-            "leg"
-        )
-    ]
-    loose = [
-        leg
-        for leg in legs
-        if leg["unclocked"]["closest"] is not None
-        and leg["unclocked"]["closest"]["distance"] < wanted - 0.02
-    ]
-    if loose:
-        worst = min(loose, key=lambda leg: leg["unclocked"]["closest"]["distance"])
-        near = worst["unclocked"]["closest"]
-        found.append(
-            f"without --start {len(loose)} of {len(legs)} legs are not proved apart: "
-            f"{worst['name']}, drones {near['drones'][0]} and {near['drones'][1]}, "
-            f"{near['distance']:.2f} m"
-        )
-    return found
 
 
 __all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]

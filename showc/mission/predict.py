@@ -3,32 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.mission.crew import side_by_side
-from showc.mission.encoding import stage_motion
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
-from showc.mission.separation import closest_encounter
-from showc.mission.timing import (
-    ARRIVAL_SPREAD,
-    CLOCK_LAG,
-    CLOCKED,
-    SPIN_UP,
-    TAKEOFF_SPREAD,
-    Timing,
-)
+from showc.mission.timing import CLOCK_LAG, CLOCKED, SPIN_UP
 from showc.mission.tracking import INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from datetime import datetime
 
     from numpy.typing import ArrayLike, NDArray
 
     from showc.flight import Flight, LegFlight
+    from showc.mission.clock import MissionClock
     from showc.mission.parameters import Parameters
     from showc.mission.separation import Closest
     from showc.mission.stage import Stage
@@ -41,6 +33,9 @@ if TYPE_CHECKING:
         FloatArray | float,
         Callable[[FloatArray], FloatArray],
     ]
+
+CLOCK_LIKELY = 0.5 * CLOCK_LAG
+"""How late the vehicles' clocks most likely are [s]."""
 
 ARRIVED = 0.3
 """A drone has arrived when it is this near its goal [m]."""
@@ -62,8 +57,6 @@ class PredictedFlight:
     """What is flown when."""
     parameters: Parameters
     """The autopilot's."""
-    clocked: bool = True
-    """Whether the missions wait for the vehicles' clocks, which are late."""
 
     @property
     def duration(self) -> float:
@@ -111,13 +104,8 @@ class PredictedFlight:
             yield stage.drones, times - begin, stage.followed, partial(_climbed, stage)
         for scheduled in line.legs:
             for release, stage, track in scheduled.tracked:
-                since = times - release - _clock_lag(self.clocked) - stage.wait
+                since = times - release - CLOCK_LIKELY - stage.wait
                 yield stage.drones, since, track.over, track.places
-
-
-def _clock_lag(clocked: bool) -> float:  # noqa: FBT001
-    """Likely lag of the vehicles' clocks, if legs wait for them [s]."""
-    return 0.5 * CLOCK_LAG if clocked else 0.0
 
 
 def _climbed(stage: Stage, elapsed: FloatArray) -> FloatArray:
@@ -128,7 +116,7 @@ def _climbed(stage: Stage, elapsed: FloatArray) -> FloatArray:
 def prediction_summary(
     flight: Flight,
     timeline: Timeline,
-    start: datetime | None,
+    clock: MissionClock,
     jobs: int | None = 1,
 ) -> dict[str, Any]:
     """Return what the report and the manifest say about the predicted flight.
@@ -139,29 +127,23 @@ def prediction_summary(
     from showc.mission.parameters import FIRMWARE  # noqa: PLC0415
 
     solved = {item.leg.index: item for item in flight.legs}
-    separation = flight.itinerary.show.separation
-    before = list(_looseness(timeline))
 
     def entry_of(number: int) -> dict[str, Any]:
         scheduled = timeline.legs[number]
-        entry = _leg_entry(scheduled, solved[scheduled.leg.index], start)
-        if start is None:
-            positions, spread = before[number]
-            worst = _unclocked(scheduled, positions, separation, spread)
-            entry["unclocked"] = {"spread": round(spread, 3), "closest": worst}
-        return entry
+        return _leg_entry(scheduled, solved[scheduled.leg.index], clock)
 
     legs = side_by_side(entry_of, len(timeline.legs), jobs)
     return {
         "firmware": FIRMWARE,
-        "clock": "UTC" if start is not None else "relative",
-        "start": None if start is None else start.isoformat(),
+        "clock": clock.kind,
+        "start": None if clock.start is None else clock.start.isoformat(),
+        "start_minute": clock.minute if clock.start is None else None,
         "latest_mission_start": _latest(timeline),
         "duration": round(timeline.duration, 3),
-        "delay": round(_typical_delay(timeline, start is not None), 3),
+        "delay": round(_typical_delay(timeline), 3),
         "delay_spread": CLOCKED.spread,
-        "clock_lag": CLOCK_LAG if start is not None else 0.0,
-        "required_separation": separation.distance,
+        "clock_lag": CLOCK_LAG,
+        "required_separation": flight.itinerary.show.separation.distance,
         "launch": _encounter(timeline.launch_closest),
         "legs": legs,
         "land": _encounter(timeline.land_closest),
@@ -169,23 +151,7 @@ def prediction_summary(
     }
 
 
-def _looseness(timeline: Timeline) -> Iterator[tuple[FloatArray, float]]:
-    """Where everyone is before each timed leg, (drones, 3) [m], and how loosely.
-
-    That is half the width of the releases if no clock holds the drones together [s].
-    """
-    spread = TAKEOFF_SPREAD
-    positions = timeline.pads.copy()
-    positions[timeline.takeoff.drones] = timeline.takeoff.end
-    positions[timeline.staging.drones] = timeline.staging.end
-    for scheduled in timeline.legs:
-        yield positions.copy(), spread
-        spread += ARRIVAL_SPREAD * len(scheduled.releases)
-        for _, stage in scheduled.flown:
-            positions[stage.drones] = stage.end
-
-
-def _typical_delay(timeline: Timeline, clocked: bool) -> float:  # noqa: FBT001
+def _typical_delay(timeline: Timeline) -> float:
     """Median of what timed legs are late by, half the clocks' lag included [s]."""
     delays = [
         stage.followed - stage.profile.duration
@@ -193,7 +159,7 @@ def _typical_delay(timeline: Timeline, clocked: bool) -> float:  # noqa: FBT001
         for stage in leg.encoding.stages
     ]
     every = np.concatenate(delays) if delays else np.zeros(1)
-    return float(np.median(every)) + _clock_lag(clocked)
+    return float(np.median(every)) + CLOCK_LIKELY
 
 
 def _latest(timeline: Timeline) -> float | None:
@@ -204,10 +170,10 @@ def _latest(timeline: Timeline) -> float | None:
 
 
 def _leg_entry(
-    scheduled: ScheduledLeg, solved: LegFlight, start: datetime | None
+    scheduled: ScheduledLeg, solved: LegFlight, clock: MissionClock
 ) -> dict[str, Any]:
     """One leg of the summary."""
-    late = _clock_lag(start is not None)
+    late = CLOCK_LIKELY
     arrivals = arrival_times(scheduled, late)
     position, arrival = _difference(scheduled, solved, late, arrivals)
     closest = [
@@ -235,11 +201,9 @@ def _leg_entry(
         "arrival_difference": [round(float(value), 3) for value in arrival],
         "closest": min(near, key=lambda item: item["distance"]) if near else None,
     }
-    if start is not None:
-        from datetime import timedelta  # noqa: PLC0415
-
+    if clock.start is not None:
         entry["slots_utc"] = [
-            (start + timedelta(seconds=release)).isoformat()
+            (clock.start + timedelta(seconds=release)).isoformat()
             for release in scheduled.releases
         ]
     return entry
@@ -322,26 +286,6 @@ def _arrivals(times: FloatArray, flown: FloatArray, goal: FloatArray) -> FloatAr
     part = np.clip((high - ARRIVED) / fall, 0.0, 1.0)
     moment = times[before] + part * (times[after] - times[before])
     return np.where(after == 0, 0.0, moment)
-
-
-def _unclocked(
-    scheduled: ScheduledLeg,
-    positions: FloatArray,
-    separation: Any,  # noqa: ANN401
-    spread: float,
-) -> dict[str, Any] | None:
-    """Nearest encounter when no clock holds the drones together."""
-    worst: Closest | None = None
-    place = positions.copy()
-    for release, stage in scheduled.flown:
-        timing = Timing(CLOCKED.spread + spread)
-        found = closest_encounter(
-            stage_motion(stage, place, timing, release), separation
-        )
-        if found is not None and (worst is None or found.distance < worst.distance):
-            worst = found
-        place[stage.drones] = stage.end
-    return _encounter(worst)
 
 
 def _encounter(found: Closest | None, offset: float = 0.0) -> dict[str, Any] | None:

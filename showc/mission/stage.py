@@ -113,20 +113,6 @@ class Stage:
             **{name: getattr(self, name)[some] for name in STAGE_ROWS},
         )
 
-    def at_speeds(self, speed: FloatArray, parameters: Parameters) -> Stage:
-        """Return the same legs, flown at cruise speeds of up to ``speed`` (n,) [m/s].
-
-        None is slower than autopilots heed.
-        """
-        length = self.profile.length
-        level, climb = length * self.level, length * self.climb
-        displacement = np.stack([level, np.zeros_like(level), climb], axis=1)
-        limits = law.leg_limits(displacement, parameters, speed)
-        steering = np.where(self.by_climb, np.abs(self.climb), self.level)
-        command = _commanded(speed * steering)
-        profile = law.profile(limits, parameters, command / steering)
-        return replace(self, profile=profile, command=command)
-
     def waiting(self, wait: FloatArray) -> Stage:
         """Return the same legs, leaving ``wait`` (n,) [s] after the release."""
         return replace(self, wait=wait)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
-from showc.mission.calm import calmed
 from showc.mission.crew import side_by_side
 from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
 from showc.mission.following import SETTLING
@@ -37,10 +36,6 @@ if TYPE_CHECKING:
 
 MANY = 200
 """Fleets of so many drones are worth several processes."""
-
-UNCALMED = 200
-"""Without a clock, no leg of fleets of so many drones is made to end on time: they
-would need a clock anyway, and it takes too long."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
@@ -118,14 +113,11 @@ def build_timeline(
     builder: StageBuilder,
     progress: Progress,
     jobs: int | None = None,
-    *,
-    by_sums: bool = False,
 ) -> Timeline:
     """Lay out the missions of ``flight``.
 
     Legs of many drones are looked at in ``jobs`` processes (None: one for each core),
-    which changes nothing in what is found. Who goes by sums of times (``by_sums``), not
-    by a clock, flies no leg that ends at a time that nobody knows.
+    which changes nothing in what is found.
 
     Raises
     ------
@@ -144,7 +136,7 @@ def build_timeline(
             "a mission goes from one launch of all drones to one landing of all; "
             f"found {', '.join(item.leg.kind for item in moves)}"
         )
-    return _Layout(flight, builder, progress, jobs, by_sums=by_sums).run(moves)
+    return _Layout(flight, builder, progress, jobs).run(moves)
 
 
 class _Layout:
@@ -156,15 +148,12 @@ class _Layout:
         builder: StageBuilder,
         progress: Progress,
         jobs: int | None,
-        *,
-        by_sums: bool,
     ) -> None:
         self.flight = flight
         self.builder = builder
         self.progress = progress
         self.jobs = jobs
         self.show = flight.itinerary.show
-        self.calm = by_sums and self.show.drones < UNCALMED
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
         self.arrival = 0.0
@@ -181,8 +170,6 @@ class _Layout:
         positions[staging.drones] = staging.end
         self.progress.advance()
         found, places = self._encodings(moves[1:-1], positions)
-        if self.calm:
-            staging, found = self._calmed(staging, found, places)
         climbed = SPIN_UP + takeoff.finish() + staging.finish()
         self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
         encodings = iter(zip(found, places[1:], strict=True))
@@ -297,37 +284,6 @@ class _Layout:
         jobs = self.jobs if self.show.drones >= MANY else 1
         found = side_by_side(encode, len(moves), jobs, self.progress.advance)
         return found, places
-
-    def _calmed(
-        self, staging: Stage, encodings: list[Encoding], places: list[FloatArray]
-    ) -> tuple[Stage, list[Encoding]]:
-        """Fly slower what would end at a time that nobody knows, if it stays apart.
-
-        ``places`` are those before each encoding; the climb is apart at any timing.
-        """
-        every = [stage for encoding in encodings for stage in encoding.stages]
-        slower = iter(calmed([staging, *every], self.builder.parameters))
-        staging, found = next(slower), []
-        for encoding, before in zip(encodings, places, strict=False):
-            around = Surroundings(before, self.show.separation, CLOCKED, self.pause)
-            stages, nearest = [], []
-            for stage, closest in zip(encoding.stages, encoding.closest, strict=True):
-                chosen, near = next(slower), closest
-                if chosen is not stage:
-                    near = closest_encounter(
-                        stage_motion(chosen, around.positions, around.timing),
-                        around.separation,
-                        enough=around.required,
-                    )
-                    if near is not None and near.distance < around.required:
-                        chosen, near = stage, closest
-                stages.append(chosen)
-                nearest.append(near)
-                positions = around.positions.copy()
-                positions[stage.drones] = stage.end
-                around = replace(around, positions=positions)
-            found.append(Encoding(encoding.name, tuple(stages), tuple(nearest)))
-        return staging, found
 
     def _timed(
         self, item: LegFlight, planned_start: float, encoding: Encoding

@@ -31,13 +31,3 @@ their time to 0.2 s, real ones report it when it has passed."""
 
 SPIN_UP = 2.25
 """Time on the ground between the start of a mission and lift-off [s]: 2.0 to 2.5."""
-
-TAKEOFF_SPREAD = 0.5
-"""Take-off is not timed better than this [s]."""
-
-ARRIVAL_SPREAD = 0.8
-"""What every leg adds to the uncertainty when no clock starts the next one [s].
-
-The next item begins when the leg's own time, held back while the drone settles, has
-ended: 0.1 s sooner to 1.6 s later than the drone most likely arrives.
-"""

@@ -160,19 +160,6 @@ def tracks(
     return found
 
 
-def law_ends(stage: Stage, parameters: Parameters) -> FloatArray:
-    """When the law's own time ends for drones that fly ``stage`` from rest, (n,) [s].
-
-    From their own releases, as ``Tracks.ended``.
-    """
-    found = [np.zeros(0)]
-    for begin in range(0, stage.drones.size, TOGETHER):
-        some = np.arange(begin, min(begin + TOGETHER, stage.drones.size))
-        flight = _Flight(stage, some, parameters, states_at_rest(some.size))
-        found.append(flight.follow())
-    return np.concatenate(found)
-
-
 def _steps(stage: Stage, until: FloatArray) -> int:
     """How many steps drones of ``stage`` fly, the next leg's first one included."""
     lasting = np.minimum(until + STEP, stage.profile.duration + TAIL)
@@ -233,16 +220,6 @@ class _Flight:
         self.half_way, self.ended = np.full((2, some.size), np.inf)
         self.places = np.empty((CHUNK + 1, TIME + 1, some.size))
         self.places[0] = self.loops.state[: TIME + 1]
-
-    def follow(self) -> FloatArray:
-        """Fly until the law's time has ended; return when that is, (n,) [s]."""
-        steps = max(int(np.ceil((self.due + TAIL).max(initial=0.0) / STEP)), 1)
-        while self.step < steps and np.any(self.moves & np.isinf(self.ended)):
-            for _ in range(self._next(steps)):
-                self._advance()
-            self._note()
-        ended = np.where(np.isinf(self.ended), steps * STEP, self.ended)
-        return np.where(self.moves, ended, 0.0)
 
     def draw(self, track: Tracks) -> FloatArray:
         """Fly till the next legs, and put where the drones are into ``track``.

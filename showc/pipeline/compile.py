@@ -43,9 +43,11 @@ class CompileOptions:
     solve: SolveOptions = field(default_factory=SolveOptions)
     """How to solve."""
     start: datetime | None = None
-    """UTC time at which the missions begin; None: relative delays only."""
-    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Dialect of the missions."""
+    """UTC time at which the missions begin; None: at a minute of any hour."""
+    start_minute: int | None = None
+    """That minute; None: the script's."""
+    autopilot: Literal["ardupilot", "px4"] | None = None
+    """Dialect of the missions; None: the script's."""
     missions: bool = True
     """Whether to make mission files; without them the log alone can be streamed."""
     strict: bool = False
@@ -107,6 +109,7 @@ def compile_script(
         raise RejectedScriptError(result)
     if accepted is not None:
         accepted(result)
+    autopilot = options.autopilot or result.show.mission.autopilot
     itinerary = build_itinerary(result.show, watcher)
     flight = solve_itinerary(itinerary, options.solve, watcher)
     missions = _missions(flight, options, watcher)
@@ -114,7 +117,7 @@ def compile_script(
         flight,
         token=missions.fleet_token,
         missions={
-            "autopilot": options.autopilot if options.missions else None,
+            "autopilot": autopilot if options.missions else None,
             "start": None if options.start is None else options.start.isoformat(),
             "warnings": list(missions.warnings),
             "prediction": missions.prediction,
@@ -150,7 +153,8 @@ def _missions(flight: Flight, options: CompileOptions, watcher: Progress) -> Mis
         return mission_files(
             flight,
             start=options.start,
-            autopilot=options.autopilot,
+            start_minute=options.start_minute,
+            autopilot=options.autopilot or flight.itinerary.show.mission.autopilot,
             progress=watcher,
             jobs=options.solve.jobs,
         )

@@ -101,6 +101,7 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
         volume_max=high,
         fence=fence,
         fence_margin=settings.number("fence_margin"),
+        wind=settings.number("wind"),
     )
 
 
@@ -374,6 +375,8 @@ def _mission(settings: Settings) -> MissionOptions:
         light_pwm=(round(dark), round(full)),
         slack=settings.number("slack"),
         board=settings.text("board"),
+        start_minute=settings.integer("start_minute"),
+        autopilot="px4" if settings.text("autopilot") == "px4" else "ardupilot",
     )
 
 

@@ -92,6 +92,13 @@ SITE = Section(
             "Distance from the fence that every drone keeps at every instant.",
             default=0.0,
         ),
+        Field(
+            "wind",
+            Quantity("m/s", minimum=0.0, maximum=30.0),
+            "Wind in which missions are to keep time: their slots wait for drones that "
+            "it delays. More than 8 m/s was not measured, and is refused.",
+            default=0.0,
+        ),
     ),
 )
 
@@ -227,6 +234,20 @@ MISSION = Section(
             Quantity("s", minimum=0.0, maximum=60.0),
             "Time between the predicted end of a leg and the next clock slot.",
             default=3.0,
+        ),
+        Field(
+            "autopilot",
+            Choice(("ardupilot", "px4")),
+            "Whose missions to write. How PX4 flies a mission is not known: naming it "
+            "here accepts missions about which nothing is proved.",
+            default="ardupilot",
+        ),
+        Field(
+            "start_minute",
+            Integer(0, 59),
+            "Minute of any hour at which the missions begin, where no start time is "
+            "given.",
+            default=0,
         ),
         Field(
             "board",

@@ -66,6 +66,8 @@ class Site:
     """Geofence, shape (corners, 2), show frame [m]; None: the volume's walls."""
     fence_margin: float = 0.0
     """Distance from the fence that every drone keeps [m]."""
+    wind: float = 0.0
+    """Wind in which missions are to keep time [m/s]."""
 
     @property
     def room(self) -> tuple[Vector, Vector]:
@@ -177,6 +179,10 @@ class MissionOptions:
     """Time between the predicted end of a leg and the next clock slot [s]."""
     board: str = "pixhawk"
     """Autopilot board, for the item budget."""
+    start_minute: int = 0
+    """Minute of any hour at which missions without a start time begin, 0 to 59."""
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Whose dialect they speak; how PX4 flies them is not known, nor proved."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

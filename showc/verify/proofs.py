@@ -13,7 +13,7 @@ from showc.verify.damage import Damage
 from showc.verify.decode import read_show
 from showc.verify.kernel.dynamics import Tube, ties, tube
 from showc.verify.limits import TOLERANCE, Extreme, extremes
-from showc.verify.missions import mission_parts
+from showc.verify.missions import parts_of_script
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
@@ -51,7 +51,6 @@ BEGUN = (
 def prove(
     log: LogFile,
     watch: Progress,
-    flight: Callable[[], list[Check]] | None,
     *,
     missions: bool,
     jobs: int | None,
@@ -65,8 +64,6 @@ def prove(
         The log, every byte of it accounted for.
     watch
         Is told of the course of the work.
-    flight
-        Check of what the missions fly; None if there is nothing to fly.
     missions
         Whether to check the files beside the log.
     jobs
@@ -97,7 +94,7 @@ def prove(
         "choreography": [partial(check_choreography, show)],
         "samples": samples.parts(),
         "certificates": [partial(check_certificates, show)],
-        "missions": mission_parts(log, show, flight) if missions else [],
+        "missions": parts_of_script(log, show, anchor.show) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += _segments(show, found["segments"])

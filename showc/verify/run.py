@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.crew import Ahead
 from showc.verify.damage import Damage, DamagedLogError
-from showc.verify.decode import read_rules
 from showc.verify.mcap import open_log
-from showc.verify.missions import flight_part
 from showc.verify.progress import Progress, Silent
 
 if TYPE_CHECKING:
@@ -79,11 +75,6 @@ def _verify(
     jobs: int | None,
     script: Path | None,
 ) -> Verification:
-    # What the missions fly needs little of the log, and takes longest of all: it is
-    # begun before anything else is read, or even loaded.
-    flight = flight_part(log, read_rules(log), jobs) if missions else None
-    ahead = nullcontext() if flight is None else Ahead(flight, jobs)
-    with ahead as begun:
-        from showc.verify.proofs import prove  # noqa: PLC0415 - heavy
+    from showc.verify.proofs import prove  # noqa: PLC0415 - heavy
 
-        return prove(log, watch, begun, missions=missions, jobs=jobs, script=script)
+    return prove(log, watch, missions=missions, jobs=jobs, script=script)

@@ -212,27 +212,47 @@ def test_fades_place_the_servo_items(fade, neighbours):
         assert place[2] == pytest.approx(7.0, abs=0.03)
 
 
-def test_without_a_start_delays_are_relative_and_it_is_said(flight):
-    missions = mission_files(flight)
-    table = rows(text(missions))
-    delays = [row[4:8] for row in table if row[3] == DELAY]
-    assert all(delay[0] > 0 for delay in delays)
-    assert missions.prediction["start"] is None
-    assert any("no start time" in line for line in missions.warnings)
-    spreads = [leg["unclocked"]["spread"] for leg in missions.prediction["legs"]]
-    assert spreads == sorted(spreads) and spreads[-1] > spreads[0]
+def test_without_a_start_slots_are_minutes_and_seconds_of_any_hour(flight, missions):
+    open_hour = mission_files(flight)
+    for drone in range(1, 7):
+        named, left_open = (
+            [row[4:8] for row in rows(text(one, drone)) if row[3] == DELAY]
+            for one in (missions, open_hour)
+        )
+        # The start is a full hour: but for the hour, the same slots.
+        assert left_open == [[a, -1 if a < 0 else b, c, d] for a, b, c, d in named]
+    assert open_hour.prediction["start"] is None
+    assert open_hour.prediction["clock"] == "hour"
+    assert any("past the hour" in line for line in open_hour.warnings)
 
 
-def test_relative_delays_add_up_to_the_slots(flight):
-    missions = mission_files(flight)
-    legs = missions.prediction["legs"]
-    delays = [
-        row[4] for row in rows(text(missions)) if row[3] == DELAY and row[5] == -1
+def test_the_minute_comes_from_the_caller_or_the_script(flight):
+    options = replace(LIGHTS, start_minute=30)
+    for missions, minute in (
+        (mission_files(with_options(flight, options)), 30),
+        (mission_files(with_options(flight, options), start_minute=59), 59),
+    ):
+        slots = [r[6:8] for r in rows(text(missions)) if r[3] == DELAY and r[4] < 0]
+        assert missions.prediction["start_minute"] == minute
+        assert slots[0][0] == minute
+        assert slots[-1][0] in {minute, (minute + 1) % 60}
+
+
+def test_a_show_longer_than_an_hour_needs_a_date(flight):
+    legs = [
+        replace(part, duration=4000.0) if part.leg.kind == "hold" else part
+        for part in flight.legs
     ]
-    assert len(delays) == 3
-    for before, after, pause in zip(legs, legs[1:], delays[1:], strict=False):
-        # An autopilot takes the next item when its own time for the leg has ended.
-        assert before["ended"][0] + pause == pytest.approx(after["slot"], abs=0.02)
+    long = Flight(flight.itinerary, tuple(legs), 5000.0 * np.arange(len(legs)))
+    with pytest.raises(ExportError, match="--start"):
+        mission_files(long)
+    assert mission_files(long, start=START).prediction["duration"] > 3600.0
+
+
+def test_px4_waits_for_what_is_left_of_the_time(flight):
+    missions = mission_files(flight, autopilot="px4")
+    delays = [row[4:8] for row in rows(text(missions)) if row[3] == DELAY]
+    assert all(delay[0] > 0 for delay in delays)
 
 
 def test_the_predicted_flight_goes_from_pad_to_pad(missions, flight):
@@ -478,16 +498,6 @@ def test_missions_without_lights_say_so(missions):
     assert not any("carry no lights" in line for line in missions.warnings)
     dark = mission_files(shift_flight(2), start=START)
     assert any("carry no lights" in line for line in dark.warnings)
-
-
-def test_without_a_clock_the_cost_is_in_the_report(flight):
-    missions = mission_files(flight)
-    legs = missions.prediction["legs"]
-    spreads = [leg["unclocked"]["spread"] for leg in legs]
-    assert spreads == sorted(spreads)
-    assert spreads[0] == 0.5
-    said = next(line for line in missions.warnings if "no start time" in line)
-    assert f"± {spreads[-1]:.1f} s off by the last leg" in said
 
 
 def test_every_speed_is_said_again_before_the_first_timed_leg(missions):

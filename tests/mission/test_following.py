@@ -13,7 +13,7 @@ from showc.mission.following import (
 )
 from showc.mission.law import leg_limits, profile
 from showc.mission.parameters import Parameters
-from showc.verify.autopilot import Law, profiles
+from showc.verify.missions.law import Law, profiles
 
 PARAMETERS = Parameters()
 LAW = Law(

@@ -14,9 +14,7 @@ from showc.mission.loops import STEP
 from showc.mission.parameters import Parameters
 from showc.mission.speeds import fitting_speed, speed_for
 from showc.mission.stage import Stage
-from showc.mission.tracking import TAIL, law_ends, tracks
-from showc.verify.autopilot import Law, profiles
-from showc.verify.tracked import Fleet
+from showc.mission.tracking import TAIL, tracks
 
 TUNED = Parameters()
 STOCK = replace(TUNED, acceleration=2.5, jerk=1.0)
@@ -193,27 +191,6 @@ def replace_ends(stage):
     return replace(stage, begin=stage.end, end=stage.begin, profile=stage.profile)
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.lists(st.tuples(ways, st.floats(0.3, 8.0)), min_size=1, max_size=4))
-def test_the_checker_works_out_the_same(legs):
-    # One drone flies them all, each a little before it has settled.
-    stages, release = [], 0.0
-    for way, speed in legs:
-        stage = stage_of([way], [speed])
-        stages.append((release, stage))
-        release = round(release + stage.profile.duration[0] + 2.0, 1)
-    ours = tracks(stages, 1, TUNED)
-    law = Law(TUNED.acceleration, TUNED.acceleration_vertical, TUNED.jerk, TUNED.snap)
-    fleet = Fleet(1, TUNED.acceleration / TUNED.jerk)
-    for (_, stage), mine in zip(stages, ours, strict=True):
-        leg = stage.profile
-        level = np.maximum(leg.speed * stage.level, 1e-9)
-        upright = np.maximum(leg.speed * np.abs(stage.climb), 1e-9)
-        flights = profiles(stage.end, level, upright, law)
-        theirs = fleet.fly(np.array([0]), flights, stage.end, until=mine.until)
-        assert np.abs(theirs.ways.transpose(0, 2, 1) - mine.ways).max() < 1e-3
-
-
 def show_of_many(drones=11, seed=5):
     """Stages of some or all drones, released sooner or later than they have settled."""
     random = np.random.default_rng(seed)
@@ -287,9 +264,3 @@ def part(stage, some):
         climb=stage.climb[some],
         wait=stage.wait[some],
     )
-
-
-def test_ends_of_the_law_are_those_of_the_whole_flight():
-    for _, stage in show_of_many():
-        (track,) = tracks([(0.0, stage)], 11, TUNED)
-        np.testing.assert_array_equal(law_ends(stage, TUNED), track.ended)

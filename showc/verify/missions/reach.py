@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import SETTLING, SPREAD
+from showc.verify.missions.law import SETTLING, SPREAD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.verify.autopilot import Profiles
-    from showc.verify.stretches import Stretch
+    from showc.verify.missions.law import Profiles
+    from showc.verify.missions.stretches import Stretch
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.legs import joined
-from showc.verify.parts import (
+from showc.verify.missions.distances import (
     metric_scale,
     near_pairs,
     nearest_places,
     part_distance,
 )
-from showc.verify.reach import Reach
-from showc.verify.stretches import stretches
+from showc.verify.missions.legs import joined
+from showc.verify.missions.reach import Reach
+from showc.verify.missions.stretches import stretches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log import showc_pb2 as pb
-    from showc.verify.autopilot import Profiles
-    from showc.verify.legs import MissionLegs
-    from showc.verify.stretches import Stretch
+    from showc.verify.missions.law import Profiles
+    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.stretches import Stretch
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

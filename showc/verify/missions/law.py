@@ -91,8 +91,6 @@ class Profiles:
     pi / tau [1/s], shape (n, 15, 6)."""
     level: FloatArray
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
-    climb: FloatArray
-    """Vertical part of the direction, upwards positive, shape (n,)."""
     overshoot: FloatArray
     """How far a drone may fly beyond its end, shape (n,) [m]."""
 
@@ -105,11 +103,6 @@ class Profiles:
         """Return the legs from ``begin`` up to ``end``."""
         names = self.__dataclass_fields__
         return Profiles(*(getattr(self, name)[begin:end] for name in names))
-
-    def chosen(self, rows: NDArray[np.int64]) -> Profiles:
-        """Return the legs of some rows, in that order."""
-        names = self.__dataclass_fields__
-        return Profiles(*(getattr(self, name)[rows] for name in names))
 
     def law_time(self, leg: NDArray[np.int64], since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
@@ -163,15 +156,6 @@ class Profiles:
         begun = (t[:, None] >= edges[:, 1:-1]).view(np.uint8)
         phase = begun.sum(axis=1, dtype=np.uint8).astype(np.int64)
         since = t - edges.ravel().take((PHASES + 1) * np.arange(t.size) + phase)
-        return self.advanced(leg, phase, since)
-
-    def advanced(
-        self, leg: NDArray[np.int64], phase: NDArray[np.int64], since: FloatArray
-    ) -> FloatArray:
-        """Distance, speed, acceleration (3, m) some time after phases begin.
-
-        ``phase`` (m,) are those of the legs ``leg`` (m,), ``since`` (m,) the time [s].
-        """
         table = self.phases.reshape(-1, self.phases.shape[2])
         return _advanced(table.take(PHASES * leg + phase, axis=0).T, since)
 
@@ -186,7 +170,6 @@ def profiles(
     """
     length = np.linalg.norm(displacement, axis=1)
     length = np.where(length > _SHORTEST, length, 0.0)
-    climb = displacement[:, 2] / np.where(length > 0.0, length, 1.0)
     unit = np.abs(displacement) / np.where(length > 0.0, length, 1.0)[:, None]
     flat = np.hypot(unit[:, 0], unit[:, 1])
     with np.errstate(divide="ignore", over="ignore"):
@@ -206,7 +189,7 @@ def profiles(
     edges, phases = _assembled(length, speed, _ramp(speed, push, law))
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    return Profiles(length, speed, edges, phases, flat, climb, beyond)
+    return Profiles(length, speed, edges, phases, flat, beyond)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.log import showc_pb2 as pb
-from showc.verify.parts import near_pairs, nearest_places, part_distance
+from showc.verify.missions.distances import near_pairs, nearest_places, part_distance
 
 SHAPES = pb.Separation.Shape.values()
 

@@ -8,23 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.autopilot import SPREAD
+from showc.verify.missions.law import SPREAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from showc.verify.autopilot import Profiles
-    from showc.verify.legs import MissionLegs
+    from showc.verify.missions.law import Profiles
+    from showc.verify.missions.legs import MissionLegs
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
 TOGETHER = 0.5
 """Legs that begin within this time of each other are looked at together [s]."""
-
-DAY = 86400.0
 
 
 class OverlappingLegsError(Exception):
@@ -122,14 +120,9 @@ def stretches(
 def _timed_legs(
     missions: Sequence[MissionLegs], followed: FloatArray, first_leg: IntArray
 ) -> _Timed:
-    """Legs of all drones, those behind midnight after those before it."""
+    """Return the legs of all drones, those that are timed."""
     timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
     shape = len(missions), max((rows.size for rows in timed), default=0) or 1
-    moments = [
-        float(one.release[rows[0]]) if rows.size else 0.0
-        for one, rows in zip(missions, timed, strict=True)
-    ]
-    late = max(moments, default=0.0)
     legs = np.zeros(shape, dtype=np.int64)
     release, begin, along = (
         np.zeros(shape),
@@ -137,9 +130,7 @@ def _timed_legs(
         np.zeros((*shape, 3)),
     )
     first, last = np.full(shape, np.inf), np.full(shape, -np.inf)
-    for drone, (one, rows, moment) in enumerate(
-        zip(missions, timed, moments, strict=True)
-    ):
+    for drone, (one, rows) in enumerate(zip(missions, timed, strict=True)):
         # A drone without timed legs waits where its last leg begins.
         some = rows if rows.size else np.array([one.release.size - 1])
         part = slice(some.size)
@@ -147,8 +138,7 @@ def _timed_legs(
         begin[drone, part] = one.places[some]
         along[drone, part] = one.places[some + 1] - one.places[some]
         if rows.size:
-            day = DAY if moment < late - DAY / 2.0 else 0.0
-            release[drone, part] = one.release[rows] + day
+            release[drone, part] = one.release[rows]
             first[drone, part] = release[drone, part] - SPREAD
             last[drone, part] = release[drone, part] + followed[legs[drone, part]]
     return _Timed(legs, release, first, last, begin, along)

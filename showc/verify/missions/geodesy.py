@@ -69,3 +69,13 @@ def to_east_north_up(site: Site, points: FloatArray) -> FloatArray:
     cosine, sine = np.cos(bearing), np.sin(bearing)
     x, y, z = np.moveaxis(np.asarray(points), -1, 0)
     return np.stack([x * cosine + y * sine, y * cosine - x * sine, z], axis=-1)
+
+
+def to_show_frame(site: Site, places: FloatArray) -> FloatArray:
+    """Show-frame points (..., 3) [m] of east, north, up: the inverse of the above."""
+    bearing = np.radians(site.heading)
+    cosine, sine = np.cos(bearing), np.sin(bearing)
+    east, north, up = np.moveaxis(np.asarray(places), -1, 0)
+    return np.stack(
+        [east * cosine - north * sine, east * sine + north * cosine, up], axis=-1
+    )

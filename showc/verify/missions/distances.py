@@ -150,12 +150,12 @@ def part_distance(
             gap.max(axis=0) if rules.shape == rules.ANY_AXIS else gap.min(axis=0)
         )
     scale = metric_scale(rules)[:, None]
-    return _segment_distance(
+    return segment_distance(
         one[0] * scale, one[1] * scale, other[0] * scale, other[1] * scale
     )
 
 
-def _segment_distance(
+def segment_distance(
     a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray
 ) -> FloatArray:
     """Least distance (m,) of the segments from ``a`` to ``b`` and from ``c`` to ``d``.

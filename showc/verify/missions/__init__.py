@@ -1,0 +1,16 @@
+"""The missions beside a log, proved from their bytes.
+
+``language`` is what may stand in a mission, ``folder`` holds every file against the
+script, ``legs`` and ``law`` say what an autopilot makes of the rows, ``flight`` proves
+separation, time and space of that, and ``drawn`` what the log shows of it.
+"""
+
+from __future__ import annotations
+
+from showc.verify.missions.folder import (
+    check_missions,
+    mission_parts,
+    parts_of_script,
+)
+
+__all__ = ["check_missions", "mission_parts", "parts_of_script"]

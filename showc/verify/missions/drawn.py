@@ -1,0 +1,179 @@
+"""The predicted fleet that the log draws, held against the missions' own legs.
+
+A drawn flight is an estimate: where on its leg a drone most likely is. What is proved
+of it is that it lies where the proof of the separation has the drone: on the part of
+its line between the greatest and the least delay, overshoot included, no farther beside
+it than drones were flown.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+from showc.verify.decode import parse
+from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
+from showc.verify.missions.legs import joined
+from showc.verify.report import Check, Place
+from showc.verify.sample import point_layout, points_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.verify.kernel.show import LoggedShow
+    from showc.verify.logfile import LogFile
+    from showc.verify.missions.legs import MissionLegs
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+TOPIC = "/fleet/predicted"
+
+NAME = "predicted fleet drawn within the proved flights"
+
+BESIDE, BESIDE_FAST = 0.3, 0.06
+"""How far beside its part of a line a drone may be drawn [m], and by how much more for
+each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
+
+PLACES = ("x", "y", "z")
+
+BLOCK = 8192
+"""Places that are looked at together: they fit the processor's cache."""
+
+
+def check_drawn(log: LogFile, show: LoggedShow, missions: list[MissionLegs]) -> Check:
+    """Hold every place on ``/fleet/predicted`` against the missions."""
+    channels = {
+        number for number, channel in log.channels.items() if channel.topic == TOPIC
+    }
+    tubes = _Tubes(missions)
+    worst, where, count, last = 0.0, Place(), 0, -np.inf
+    layout: np.dtype[np.void] | None = None
+    for data, m, offset in log.read(channels):
+        times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
+        drawn = np.empty((3, times.size, show.drones))
+        for row, (start, size) in enumerate(
+            zip(m.payload.tolist(), m.size.tolist(), strict=True)
+        ):
+            cloud = parse(PointCloud, data[start : start + size], offset)
+            layout = layout or point_layout(cloud, offset, PLACES)
+            points = points_of(cloud, layout, show.drones, offset)
+            for axis, name in enumerate(PLACES):
+                drawn[axis, row] = points[name]
+        for first in range(0, times.size, max(1, BLOCK // show.drones)):
+            rows = slice(first, first + max(1, BLOCK // show.drones))
+            over = tubes.outside(times[rows], drawn[:, rows])
+            # Whatever is no number on the drawn side must not pass for a small gap.
+            over[np.isnan(over)] = np.inf
+            count, last = count + over.size, max(last, float(times[rows].max()))
+            if over.max(initial=0.0) > worst:
+                row, drone = divmod(int(over.argmax()), show.drones)
+                worst = float(over.max())
+                where = Place(drone=drone + 1, time=float(times[first + row]))
+    whole = last >= tubes.last
+    note = (
+        f"{count:,} places, each within {BESIDE:g} m + {BESIDE_FAST:g} s of its speed "
+        "beside where the proof has the drone"
+    )
+    missing = () if whole else ("the log does not draw the missions to their end",)
+    return Check(
+        "VRF421",
+        "missions",
+        NAME,
+        "pass" if worst <= 0.0 and whole else "fail",
+        worst,
+        0.0,
+        "m outside",
+        where,
+        (*missing, note),
+    )
+
+
+class _Tubes:
+    """Where each drone of a fleet may be at any time."""
+
+    def __init__(self, missions: Sequence[MissionLegs]) -> None:
+        self._table, first = joined(missions)
+        timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
+        most = max(rows.size for rows in timed)
+        count = len(missions)
+        self._release = np.full((count, most + 1), np.inf)
+        self._leg = np.zeros((count, most), dtype=np.int64)
+        self._begin, self._end = np.zeros((2, 3, count, most))
+        # A drone is on its climb before its first timed leg, on its descent after the
+        # last one: each a line that it may be on at any time.
+        self._climb = np.stack([_side(one, timed[k]) for k, one in enumerate(missions)])
+        self._descent = np.stack([one.places[-2:] for one in missions])
+        self._timed = np.array([rows.size for rows in timed])
+        for drone, (one, rows) in enumerate(zip(missions, timed, strict=True)):
+            self._release[drone, : rows.size] = one.release[rows]
+            self._leg[drone, : rows.size] = first[drone] + rows
+            self._begin[:, drone, : rows.size] = one.places[rows].T
+            self._end[:, drone, : rows.size] = one.places[rows + 1].T
+        followed = self._table.followed(0.0)
+        self._over = np.where(
+            np.isfinite(self._release[:, :-1]), followed[self._leg], 0.0
+        )
+        ends = self._release[:, :-1] + self._over
+        self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
+        """When the last timed leg has been flown [s]."""
+
+    def outside(self, times: FloatArray, drawn: FloatArray) -> FloatArray:
+        """How far outside its tube each drone is ``drawn`` (3, m, n) [m], 0 inside.
+
+        ``times`` (m,) [s]; the result (m, n).
+        """
+        shape = times.size, self._timed.size
+        leg = (self._release[:, :-1] <= times[:, None, None]).sum(axis=2) - 1
+        drone = np.broadcast_to(np.arange(self._timed.size), shape)
+        leg, drone, place = leg.ravel(), drone.ravel(), drawn.reshape(3, -1)
+        row = np.maximum(leg, 0)
+        own = self._leg[drone, row]
+        since = np.repeat(times, shape[1]) - self._release[drone, row]
+        late = self._table.law_time(own, since - CLOCK_LAG) - SPREAD
+        early = self._table.law_time(own, since) + SPREAD
+        rear, slow = self._table.fraction(own, late)
+        front, fast = self._table.fraction(own, early)
+        # Between these the speed is greatest nearest to the leg's middle.
+        between = np.clip(0.5 * self._table.duration[own], late, early)
+        middle = self._table.fraction(own, between)[1]
+        speed = np.maximum.reduce([slow, fast, middle]) * self._table.length[own]
+        settles = late < self._table.duration[own] + SETTLING
+        front *= np.where(settles, self._table.excess[own], 1.0)
+        begin, end = self._begin[:, drone, row], self._end[:, drone, row]
+        along = end - begin
+        off = _distance(place, begin + rear * along, begin + front * along)
+        # On the ground, on its climb or its descent a drone may be at any time.
+        for some, lines in (
+            (leg < 0, self._climb),
+            (
+                (leg == self._timed[drone] - 1) & (since > self._over[drone, row]),
+                self._descent,
+            ),
+        ):
+            rows = np.flatnonzero(some)
+            one, other = lines[drone[rows]].transpose(1, 2, 0)
+            there = _distance(place[:, rows], one, other)
+            waits = leg[rows] < 0
+            off[rows] = np.where(waits, there, np.minimum(there, off[rows]))
+        over = off - BESIDE - BESIDE_FAST * speed
+        return np.asarray(np.maximum(over, 0.0).reshape(shape))
+
+
+def _side(mission: MissionLegs, timed: IntArray) -> FloatArray:
+    """Return pad and end (2, 3) [m] of a climb."""
+    climbed = int(timed[0]) if timed.size else 2
+    return mission.places[[0, climbed]]
+
+
+def _distance(point: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Distances (n,) of points from lines between two places, all (3, n) [m]."""
+    along, way = other - one, point - one
+    size = np.einsum("an,an->n", along, along)
+    share = np.einsum("an,an->n", along, way) / np.where(size > 0.0, size, 1.0)
+    gap = way - np.clip(share, 0.0, 1.0) * along
+    return np.asarray(np.sqrt(np.einsum("an,an->n", gap, gap)))

@@ -1,0 +1,345 @@
+"""What the autopilots will make of the missions, proved again from the files' bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.verify.missions.language import MissionFormatError
+from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
+from showc.verify.missions.legs import DAY, HOUR, Clock
+from showc.verify.missions.separation import (
+    RESOLUTION,
+    Nearest,
+    nearest_timed,
+    nearest_untimed,
+)
+from showc.verify.missions.space import ROUNDING as BOUNDARY
+from showc.verify.missions.space import Inside, inside_fence, inside_volume
+from showc.verify.missions.stretches import OverlappingLegsError
+from showc.verify.report import Check, Place, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.verify.kernel.show import LoggedShow
+    from showc.verify.missions.legs import MissionLegs
+
+    FloatArray = NDArray[np.float64]
+
+GROUP = "missions"
+
+APART = "predicted flights keep the separation at every delay"
+
+CLAIMED = "predicted flights as near as the manifest says"
+
+ENDS = "missions end their legs where the trajectory does"
+
+SLOTS = "slots leave time for every leg and hold, and no more"
+
+VOLUME, FENCE = "missions stay in the flight volume", "missions stay inside the fence"
+
+ROUNDING = 0.02
+"""How much nearer two places can be by the mission's rounding [m]."""
+
+AGREEMENT = 0.01
+"""How far the manifest's nearest encounter may be off: both have their resolutions,
+and delays are written in whole milliseconds [m]."""
+
+PLACE_RESOLUTION = np.array([0.0112, 0.0112, 0.012])
+"""1e-7 degrees, level, and a centimetre with the 2 mm that keep it, upright [m]."""
+
+LIFT_OFF = 0.9
+"""Time from the start of a mission to leaving the ground, once armed [s]."""
+
+SPIN_UP = 3.25
+"""By how much that may be longer, if a vehicle is armed straight before [s]."""
+
+TICK = 0.1
+"""Slots are whole multiples of this [s]."""
+
+SAME = 1e-3
+"""Times that differ by less are the same: slots are written in milliseconds [s]."""
+
+
+def mission_clock(described: Mapping[str, Any]) -> Clock:
+    """Return what slots count from, by what the manifest says of the missions.
+
+    Raises
+    ------
+    MissionFormatError
+        If it names neither a start of whole seconds nor a minute.
+    """
+    start = described.get("start")
+    prediction = described.get("prediction")
+    minute = prediction.get("start_minute") if isinstance(prediction, dict) else None
+    if start is None and type(minute) is int and 0 <= minute < 60:
+        return Clock(60.0 * minute, HOUR)
+    try:
+        moment = datetime.fromisoformat(start) if isinstance(start, str) else None
+        moment = None if moment is None else moment.astimezone(UTC)
+    except (ValueError, OverflowError):
+        moment = None
+    if moment is None or moment.microsecond:
+        raise MissionFormatError("the manifest names no start of the missions")
+    return Clock(3600.0 * moment.hour + 60.0 * moment.minute + moment.second, DAY)
+
+
+def check_flight(
+    missions: Sequence[MissionLegs],
+    show: LoggedShow,
+    described: Mapping[str, Any],
+    slack: float,
+) -> list[Check]:
+    """Prove what ArduCopter will make of a fleet's missions.
+
+    Parameters
+    ----------
+    missions
+        Of every drone.
+    show
+        The log's rules and segments.
+    described
+        What the manifest says of the missions.
+    slack
+        What slots leave after the latest end of a leg, by the script [s].
+    """
+    rules = show.rules
+    ends, stops = _check_ends(missions, show)
+    checks = [
+        ends,
+        _check_slots(missions, stops, show, max(slack, SETTLING)),
+        _boundary("VRF415", VOLUME, inside_volume(missions, rules.site)),
+    ]
+    fenced = inside_fence(missions, rules.site)
+    if fenced is not None:
+        checks.append(_boundary("VRF416", FENCE, fenced))
+    if len(missions) < 2:
+        note = "one drone flies alone"
+        return [*checks, Check("VRF411", GROUP, APART, "pass", notes=(note,))]
+    wanted = rules.separation
+    try:
+        timed = nearest_timed(missions, wanted)
+    except OverlappingLegsError as error:
+        note = f"{error} is released before the leg before it has surely ended"
+        place = Place(error.drone + 1)
+        return [
+            *checks,
+            Check("VRF411", GROUP, APART, "fail", where=place, notes=(note,)),
+        ]
+    checks.append(_verdict("VRF411", APART, timed, wanted.distance))
+    for code, name, landing in (
+        ("VRF412", "take-off", False),
+        ("VRF413", "landing", True),
+    ):
+        found = nearest_untimed(missions, wanted, landing=landing)
+        text = f"{name} keeps the separation at any timing"
+        checks.append(_verdict(code, text, found, wanted.distance))
+    return [*checks, _as_claimed(timed, described)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stops:
+    """Where one drone ends its moves."""
+
+    rows: NDArray[np.int64]
+    """Place of the mission that is the end of each move, shape (n,)."""
+    holds: FloatArray
+    """For how long the log holds it there, shape (n,) [s]."""
+
+
+def _check_ends(
+    missions: Sequence[MissionLegs], show: LoggedShow
+) -> tuple[Check, list[_Stops]]:
+    """Whether each mission visits the ends of its drone's moves in order.
+
+    Also returns which places those are, as far as they were found.
+    """
+    worst, where, count, found = 0.0, Place(), 0, list[_Stops]()
+    notes: tuple[str, ...] = ()
+    for drone, (mission, moves) in enumerate(zip(missions, _moves(show), strict=True)):
+        off = np.abs(mission.places[None] - moves.ends[:, None]) / PLACE_RESOLUTION
+        ratios = off.max(axis=2)
+        rows, at = [], 0
+        for number, ratio in enumerate(ratios):
+            fits = np.flatnonzero(ratio[at:] <= 1.0)
+            # The pad is the first place, and the last one is the landing.
+            first = number == 0 and fits.size > 0 and fits[0] == 0
+            if not (first or (number > 0 and fits.size)):
+                worst, where = float(ratio[at:].min(initial=np.inf)), Place(drone + 1)
+                notes = (f"no item flies to {moves.names[number]} in its turn",)
+                break
+            at += int(fits[0])
+            rows.append(at)
+            worst = max(worst, float(ratio[at]))
+        else:
+            if at != len(mission.places) - 1:
+                worst, where = np.inf, Place(drone + 1)
+                notes = ("flies on after its landing in the log",)
+        count += len(rows)
+        ended = np.array(rows[1:], dtype=np.int64)
+        found.append(_Stops(ended, moves.holds[: ended.size]))
+        if notes:
+            break
+    notes = notes or (f"{count:,} places, to 1e-7 degrees and 1.2 cm of height",)
+    verdict: Verdict = (
+        "pass" if worst <= 1.0 and len(found) == len(missions) else "fail"
+    )
+    unit = "of the resolution"
+    return Check("VRF404", GROUP, ENDS, verdict, worst, 1.0, unit, where, notes), found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moves:
+    """The moves of one drone in the log."""
+
+    ends: FloatArray
+    """Where it stands first, and the end of each move, shape (n + 1, 3) [m]."""
+    names: list[str]
+    """What these are called."""
+    holds: FloatArray
+    """For how long it is held after each move, shape (n,) [s]."""
+
+
+def _moves(show: LoggedShow) -> list[_Moves]:
+    """Return the moves of every drone in the log, in order."""
+    ends: list[list[FloatArray]] = [[] for _ in range(show.drones)]
+    names: list[list[str]] = [[] for _ in range(show.drones)]
+    holds: list[list[float]] = [[] for _ in range(show.drones)]
+    for segment in sorted(show.segments, key=lambda one: one.start):
+        first, last = segment.ends()
+        for row, drone in enumerate(segment.drones.tolist()):
+            if segment.holds:
+                if holds[drone]:
+                    holds[drone][-1] += segment.duration
+                continue
+            if not ends[drone]:
+                ends[drone].append(first[row, :3])
+                names[drone].append("the pad")
+            ends[drone].append(last[row, :3])
+            names[drone].append(f"the end of “{segment.message.name}”")
+            holds[drone].append(0.0)
+    return [
+        _Moves(np.array(rows).reshape(-1, 3), labels, np.array(times))
+        for rows, labels, times in zip(ends, names, holds, strict=True)
+    ]
+
+
+def _check_slots(
+    missions: Sequence[MissionLegs],
+    stops: Sequence[_Stops],
+    show: LoggedShow,
+    pause: float,
+) -> Check:
+    """Whether each drone reaches its slots in time, and nobody waits for nothing.
+
+    The latest end of a leg, with the spread of its delay and the lag of the clock, lies
+    ``pause`` [s] before the next slot; what the log holds is held. The fleet as a whole
+    waits no longer than that, so no slot is an hour late.
+    """
+    worst, where, note = np.inf, Place(), ""
+    legs, climbed = [], 0.0
+    for drone, (mission, own) in enumerate(zip(missions, stops, strict=False)):
+        surely = mission.profiles.followed(SPREAD)
+        likely = mission.profiles.followed(0.0)
+        held = np.zeros(mission.release.size)
+        held[own.rows - 1] = own.holds
+        free = LIFT_OFF + float(likely[:2].sum()) + 2.0 * SPREAD + pause
+        climbed, line = max(climbed, free), int(mission.lines[1])
+        for leg in np.flatnonzero(np.isfinite(mission.release)).tolist():
+            release = float(mission.release[leg])
+            if release - free < worst:
+                worst, where = release - free, Place(drone + 1, time=release)
+                note = f"released {free - release:.2f} s too early after line {line}"
+            free = release + max(
+                float(surely[leg]) + CLOCK_LAG + pause,
+                float(likely[leg]) + 0.5 * CLOCK_LAG + float(held[leg]),
+            )
+            legs.append((release, free))
+            line = int(mission.lines[leg])
+    idle, moment = _longest_idle(legs, climbed)
+    # Holds of formations, and colours that change while no drone moves.
+    patience = max(one.duration for one in show.segments) + 2.0 * TICK + SPIN_UP
+    if worst < -SAME:
+        return _slots_fail(worst, where, note)
+    if not idle <= patience:
+        text = f"no drone flies for {idle:.1f} s longer than slots need"
+        return _slots_fail(-idle, Place(time=moment), text)
+    notes = (f"{len(legs):,} slots, at least {pause:g} s after the latest end",)
+    found = worst if np.isfinite(worst) else 0.0
+    return Check("VRF408", GROUP, SLOTS, "pass", found, 0.0, "s", where, notes)
+
+
+def _slots_fail(value: float, where: Place, note: str) -> Check:
+    return Check("VRF408", GROUP, SLOTS, "fail", value, 0.0, "s", where, (note,))
+
+
+def _longest_idle(
+    legs: list[tuple[float, float]], climbed: float
+) -> tuple[float, float]:
+    """Longest time that no drone needs before a slot, and when it ends [s].
+
+    From ``legs`` (release, when the drone was free after it), and when all had
+    ``climbed`` [s].
+    """
+    idle, moment, free = 0.0, 0.0, climbed
+    for release, after in sorted(legs):
+        if release - free > idle:
+            idle, moment = release - free, release
+        free = max(free, after)
+    return idle, moment
+
+
+def _boundary(code: str, name: str, found: Inside) -> Check:
+    note = f"with what is flown beyond the ends of legs, to {BOUNDARY:g} m of rounding"
+    return Check(
+        code,
+        GROUP,
+        name,
+        "pass" if found.spare >= -BOUNDARY else "fail",
+        found.spare,
+        0.0,
+        "m to spare",
+        Place(found.drone + 1),
+        (f"tightest on the way to the place of line {found.line}", note),
+    )
+
+
+def _verdict(code: str, name: str, found: Nearest | None, wanted: float) -> Check:
+    if found is None:
+        return Check(code, GROUP, name, "pass", notes=("no drone moves on time",))
+    limit = wanted - ROUNDING - 3.0 * RESOLUTION
+    bound = found.distance - RESOLUTION
+    verdict: Verdict = "pass" if bound >= limit else "fail"
+    note = (
+        f"{wanted:g} m less {100.0 * ROUNDING:g} cm of the format's rounding and "
+        f"{3000.0 * RESOLUTION:g} mm of the proofs' resolution"
+    )
+    pair = found.pair[0] + 1, found.pair[1] + 1
+    place = Place(pair=pair, time=found.time if found.time > 0.0 else None)
+    return Check(code, GROUP, name, verdict, bound, limit, "m", place, (note,))
+
+
+def _as_claimed(found: Nearest | None, described: Mapping[str, Any]) -> Check:
+    """Hold the manifest's own nearest encounter against what was found here."""
+    prediction = described.get("prediction")
+    legs = prediction.get("legs") if isinstance(prediction, dict) else None
+    try:
+        claims = [
+            float(leg["closest"]["distance"])
+            for leg in legs or []
+            if leg.get("closest") is not None
+        ]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        note = "the manifest's prediction cannot be read"
+        return Check("VRF414", GROUP, CLAIMED, "fail", notes=(note,))
+    claimed = min(claims, default=np.inf)
+    actual = np.inf if found is None else found.distance
+    off = 0.0 if claimed == actual else abs(claimed - actual)
+    verdict: Verdict = "pass" if off <= AGREEMENT else "fail"
+    return Check("VRF414", GROUP, CLAIMED, verdict, off, AGREEMENT, "m")

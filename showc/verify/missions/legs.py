@@ -1,0 +1,188 @@
+"""The legs that a mission flies, read from its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.missions.geodesy import east_north_up, to_show_frame
+from showc.verify.missions.language import MissionFormatError
+from showc.verify.missions.law import METRES_PER_DEGREE, Law, Profiles, profiles
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Site
+    from showc.verify.missions.language import Item, Mission
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+DAY, HOUR = 86400.0, 3600.0
+"""After these the clock shows the same, with and without the hour named [s]."""
+
+LEVEL, CLIMB, DESCENT = 1, 2, 3
+"""First parameter of a speed item."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionLegs:
+    """What one drone flies: a take-off, the rest of the climb, timed legs, a landing.
+
+    Legs 0 and 1 and the last one wait for no clock; all others do.
+    """
+
+    places: FloatArray
+    """Pad, and every place flown to, show frame, shape (n + 1, 3) [m]."""
+    release: FloatArray
+    """When each leg is released, on the missions' clock, shape (n,) [s]; NaN: when the
+    one before it has ended."""
+    profiles: Profiles
+    """How each leg is planned, n of them."""
+    lines: IntArray
+    """Line in the file of each leg's row, shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """What the slots of missions count from."""
+
+    begin: float
+    """Mission time 0, of the day, or of the hour if that is open [s]."""
+    period: float
+    """``DAY`` or ``HOUR``."""
+
+    def time(self, slot: Item) -> float:
+        """Mission time of a slot [s]: the first after the missions begin.
+
+        Raises
+        ------
+        MissionFormatError
+            If it names an hour and the hour is open, or the other way round.
+        """
+        _, hour, minute, second = slot.parameters
+        if (hour < 0.0) != (self.period == HOUR):
+            raise MissionFormatError("a slot names an hour, or none, unlike the start")
+        moment = 3600.0 * max(hour, 0.0) + 60.0 * minute + second
+        return (moment - self.begin) % self.period
+
+
+def mission_legs(
+    missions: Sequence[Mission], site: Site, values: Mapping[str, float], clock: Clock
+) -> list[MissionLegs]:
+    """Return what a fleet of ArduPilot's flies under one set of parameters.
+
+    Raises
+    ------
+    MissionFormatError
+        If a parameter is missing, or slots do not follow each other; names the drone.
+    """
+    law = Law.of(values)
+    read = []
+    for drone, mission in enumerate(missions):
+        try:
+            read.append(_Flown.of(mission, site, values, clock))
+        except MissionFormatError as error:
+            raise MissionFormatError(f"drone {drone + 1}: {error}") from None
+    if not read:
+        return []
+    # All legs of the fleet at once: a call for each drone would take far longer.
+    step = np.concatenate([one.steps for one in read])
+    limits = np.concatenate([one.limits for one in read])
+    every = profiles(step, limits[:, 0], limits[:, 1], law)
+    edges = np.cumsum([0, *(len(one.steps) for one in read)]).tolist()
+    return [
+        MissionLegs(one.places, one.release, every.part(begin, end), one.lines)
+        for one, (begin, end) in zip(read, pairwise(edges), strict=True)
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flown:
+    """What the rows of one mission say, before anything is flown."""
+
+    places: FloatArray
+    release: FloatArray
+    steps: FloatArray
+    """Straight ways in the autopilot's metric, shape (n, 3) [m]."""
+    limits: FloatArray
+    """Speeds in force, level and vertical, shape (n, 2) [m/s]."""
+    lines: IntArray
+
+    @classmethod
+    def of(
+        cls, mission: Mission, site: Site, values: Mapping[str, float], clock: Clock
+    ) -> _Flown:
+        home = mission.home
+        assert home is not None  # noqa: S101 - ArduPilot's grammar has one
+        speeds = {
+            LEVEL: values["WPNAV_SPEED"] / 100.0,
+            CLIMB: values["WPNAV_SPEED_UP"] / 100.0,
+            DESCENT: values["WPNAV_SPEED_DN"] / 100.0,
+        }
+        flown, releases, in_force, lines = [home], [], [], []
+        release, before = np.nan, 0.0
+        for line, item in enumerate(mission.items, start=3):
+            if item.word == "S":
+                speeds[int(item.parameters[0])] = item.parameters[1]
+            elif item.word == "C":
+                release = clock.time(item)
+                if release < before:
+                    raise MissionFormatError(
+                        f"line {line}: this slot comes before the one before it"
+                    )
+                before = release
+            elif item.word == "F":
+                release += item.parameters[0]
+            elif item.word in "TWL":
+                in_force.append([speeds[LEVEL], speeds[CLIMB], speeds[DESCENT]])
+                releases.append(np.nan if item.word == "L" else release)
+                flown.append(item)
+                lines.append(line)
+                release = np.nan
+        latitude = np.array([item.latitude for item in flown]) * 1e-7
+        longitude = np.array([item.longitude for item in flown]) * 1e-7
+        heights = _stored([0.0, *(item.height for item in flown[1:])])
+        places = east_north_up(site, latitude, longitude, heights + home.height)
+        shrink = np.cos(np.radians(site.latitude))
+        steps = np.stack(
+            [
+                np.diff(latitude) * METRES_PER_DEGREE,
+                np.diff(longitude) * METRES_PER_DEGREE * shrink,
+                np.diff(heights),
+            ],
+            axis=1,
+        )
+        level, climb, descent = np.array(in_force).T
+        vertical = np.where(steps[:, 2] > 0.0, climb, descent)
+        return cls(
+            to_show_frame(site, places),
+            np.array(releases),
+            steps,
+            np.stack([level, vertical], axis=1),
+            np.array(lines),
+        )
+
+
+def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
+    """All legs of all drones in one table, and where each drone's begin."""
+    counts = [mission.release.size for mission in missions]
+    parts = [mission.profiles for mission in missions]
+    table = Profiles(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in Profiles.__dataclass_fields__
+        )
+    )
+    return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
+
+
+def _stored(heights: Sequence[float]) -> FloatArray:
+    """Heights as they are stored: whole centimetres, truncated, shape (n,) [m]."""
+    centimetres = np.trunc(np.array(heights, dtype=np.float32) * np.float32(100.0))
+    return np.asarray(centimetres.astype(np.float64) / 100.0)

@@ -1,0 +1,216 @@
+"""The ``.plan`` file of a mission: every key of it follows from the other files."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.verify.missions.geodesy import east_north_up, to_show_frame
+from showc.verify.missions.language import MISSION, MissionFormatError
+from showc.verify.missions.terms import CRUISE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Site
+    from showc.verify.missions.language import Item, Mission
+    from showc.verify.missions.terms import Terms
+
+    FloatArray = NDArray[np.float64]
+
+FIRMWARE = {"ardupilot": 3, "px4": 12}
+"""MAV_AUTOPILOT values."""
+
+CORNER = 0.02
+"""How far a corner of the fence may be off: seven decimals of a degree [m]."""
+
+_STATION = re.compile(r"showc \d[\w.+-]{0,40}")
+
+
+def check_plan(
+    content: bytes, mission: Mission, site: Site, terms: Terms, token: str
+) -> None:
+    """Hold a plan against its mission.
+
+    Parameters
+    ----------
+    content
+        The file's bytes.
+    mission
+        The drone's ``.waypoints``.
+    site
+        Whose fence it carries.
+    terms
+        What the script asks for.
+    token
+        The compile it belongs to.
+
+    Raises
+    ------
+    MissionFormatError
+        If a key is missing, is one too many, or has another value; names it.
+    """
+    try:
+        plan = json.loads(content.decode("utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise MissionFormatError(f"is not JSON ({str(error)[:80]})") from None
+    pad = mission.home or mission.items[0]
+    where = _at(plan, "mission", "plannedHomePosition")
+    height = where[2] if mission.home is None and _triple(where) else pad.height
+    home = [pad.latitude / 1e7, pad.longitude / 1e7, height]
+    station = _at(plan, "groundStation")
+    if not isinstance(station, str) or not _STATION.fullmatch(station):
+        raise MissionFormatError("groundStation is not showc's")
+    fence = _at(plan, "geoFence", "polygons", 0, "polygon")
+    _check_fence(fence, site)
+    wanted = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": station,
+        "fleetToken": token,
+        "mission": {
+            "version": 2,
+            "firmwareType": FIRMWARE[terms.autopilot],
+            "vehicleType": 2,
+            "cruiseSpeed": CRUISE,
+            "hoverSpeed": CRUISE,
+            "globalPlanAltitudeMode": 1,
+            "plannedHomePosition": home,
+            "items": [_entry(n, item) for n, item in enumerate(mission.items, 1)],
+        },
+        "geoFence": {
+            "version": 2,
+            "circles": [],
+            "polygons": [{"version": 1, "inclusion": True, "polygon": fence}],
+        },
+        "rallyPoints": {
+            "version": 2,
+            "points": [[home[0], home[1], terms.rally_height]],
+        },
+    }
+    different = _difference(plan, wanted, "")
+    if different:
+        raise MissionFormatError(different)
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number")
+
+
+def _at(value: Any, *keys: str | int) -> Any:  # noqa: ANN401 - any JSON
+    """Return what lies under ``keys``; None where there is nothing."""
+    for key in keys:
+        if isinstance(value, dict) and isinstance(key, str):
+            value = value.get(key)
+        elif isinstance(value, list) and isinstance(key, int) and key < len(value):
+            value = value[key]
+        else:
+            return None
+    return value
+
+
+def _triple(value: Any) -> bool:  # noqa: ANN401 - any JSON
+    numbers = isinstance(value, list) and len(value) == 3
+    return numbers and all(type(one) in {int, float} for one in value)
+
+
+def _entry(number: int, item: Item) -> dict[str, Any]:
+    """Return QGroundControl's form of an item."""
+    height = round(item.height, 3)
+    entry: dict[str, Any] = {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": item.command,
+        "doJumpId": number,
+        "frame": item.frame,
+        "params": [
+            *item.parameters,
+            item.latitude / 1e7,
+            item.longitude / 1e7,
+            height,
+        ],
+    }
+    if item.frame != MISSION:
+        entry |= {
+            "AMSLAltAboveTerrain": None,
+            "Altitude": height,
+            "AltitudeMode": 1,
+        }
+    return entry
+
+
+def _difference(found: Any, wanted: Any, path: str) -> str:  # noqa: ANN401 - any JSON
+    """Name the first place where two documents differ; empty if none does."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key in sorted(found.keys() ^ wanted.keys()):
+            missing = "is missing" if key in wanted else "does not belong here"
+            return f"{path}{key} {missing}"
+        inside = (
+            _difference(found[key], wanted[key], f"{path}{key}.") for key in wanted
+        )
+        return next(filter(None, inside), "")
+    if isinstance(wanted, list) and isinstance(found, list):
+        if len(found) != len(wanted):
+            return f"{path}: {len(found)} entries, the mission has {len(wanted)}"
+        differences = (
+            _difference(one, other, f"{path}{number}.")
+            for number, (one, other) in enumerate(zip(found, wanted, strict=True))
+        )
+        return next(filter(None, differences), "")
+    # True is no 1 here; 1 and 1.0 are one number.
+    same = found == wanted and isinstance(found, bool) == isinstance(wanted, bool)
+    return "" if same else f"{path[:-1]} is {str(found)[:40]!r}, not {wanted!r}"
+
+
+def _check_fence(found: Any, site: Site) -> None:  # noqa: ANN401 - any JSON
+    """Hold the corners of a fence against the site's, clockwise from above."""
+    pairs = isinstance(found, list) and all(
+        isinstance(corner, list)
+        and len(corner) == 2
+        and all(type(one) in {int, float} for one in corner)
+        for corner in found
+    )
+    wanted = fence_corners(site)
+    if not pairs or len(found) != len(wanted):
+        raise MissionFormatError(
+            f"geoFence: the script's fence has {len(wanted)} corners, this another"
+        )
+    if not all(math.isfinite(value) for corner in found for value in corner):
+        raise MissionFormatError("geoFence: a corner is nowhere")
+    corners = np.array(found, dtype=np.float64)
+    altitude = np.full(len(corners), site.altitude)
+    places = east_north_up(site, corners[:, 0], corners[:, 1], altitude)
+    level = to_show_frame(site, places)[:, :2]
+    # A tangent plane has no corner off by its curve within any fence of a show.
+    off = np.linalg.norm(level - wanted, axis=1)
+    if off.max() > CORNER:
+        number = int(off.argmax())
+        raise MissionFormatError(
+            f"geoFence: corner {number + 1} is {off[number]:.2f} m off the script's"
+        )
+
+
+def fence_corners(site: Site) -> FloatArray:
+    """Return the corners (n, 2) of the site's fence, show frame [m], clockwise.
+
+    The volume's walls where the site has no fence.
+    """
+    low, high = site.volume_min, site.volume_max
+    walls = [(low.x, low.y), (low.x, high.y), (high.x, high.y), (high.x, low.y)]
+    corners = np.array(site.fence, dtype=np.float64).reshape(-1, 2)
+    if not len(corners):
+        return np.array(walls)
+    return corners if _area(corners) <= 0.0 else corners[::-1]
+
+
+def _area(corners: FloatArray) -> float:
+    """Twice the area within corners, positive if they go round to the left."""
+    x, y = corners.T
+    after: Sequence[FloatArray] = np.roll(x, -1), np.roll(y, -1)
+    return float(np.sum(x * after[1] - after[0] * y))

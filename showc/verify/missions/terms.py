@@ -1,0 +1,104 @@
+"""What a script asks of the missions of its show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, tan
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from showc.script.show import Show
+
+FIRMWARE = "ArduCopter 4.6"
+"""The firmware whose parameter names, units and leg law are known."""
+
+GRAVITY = 9.80665
+"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
+
+CRUISE = 8.0
+"""Fastest leg of any mission [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What missions and the files beside them must say, by the script."""
+
+    autopilot: str
+    """Whose missions they are: ``ardupilot`` or ``px4``."""
+    wind: float
+    """In which they keep time [m/s]."""
+    start_minute: int
+    """Minute of any hour at which they begin, where no start time is named."""
+    servos: tuple[int, ...]
+    """Outputs that carry lights; none if empty."""
+    pulses: tuple[int, int]
+    """Least and greatest pulse width [us]."""
+    pause: float
+    """Hover before the landing [s]."""
+    slack: float
+    """What slots leave after the latest end of a leg [s]."""
+    rally_height: float
+    """Of the rally point above home [m]."""
+    parameters: dict[str, str]
+    """Value of each autopilot parameter, as it is written."""
+
+    @classmethod
+    def of(cls, show: Show) -> Terms:
+        """Return the terms of a show, read from its script."""
+        mission = show.mission
+        return cls(
+            mission.autopilot,
+            show.site.wind,
+            mission.start_minute,
+            mission.light_servos or (),
+            mission.light_pwm,
+            round(max(show.landing.hold, 1.0), 2),
+            mission.slack,
+            round(show.landing.altitude, 2),
+            _parameters(show),
+        )
+
+
+def _parameters(show: Show) -> dict[str, str]:
+    """Parameters under which the leg law holds, within the show's limits.
+
+    Accelerations and speeds are in cm/s² and cm/s: the measured ones, or less where
+    tilt and velocities of the show allow no more.
+    """
+    limits = show.limits
+    values = {
+        "ATC_ACCEL_P_MAX": 110000,
+        "ATC_ACCEL_R_MAX": 110000,
+        "ATC_INPUT_TC": 0.15,
+        "ATC_RATE_P_MAX": 0,
+        "ATC_RATE_R_MAX": 0,
+        "LAND_ALT_LOW": 400,
+        "LAND_SPEED": 50,
+        "LAND_SPEED_HIGH": _heeded(3.0, show.landing.descent_speed),
+        "PSC_JERK_XY": 20,
+        "WPNAV_ACCEL": max(50, min(350, floor(100.0 * GRAVITY * tan(limits.tilt)))),
+        "WPNAV_ACCEL_C": 0,
+        "WPNAV_ACCEL_Z": 250,
+        "WPNAV_JERK": 20,
+        "WPNAV_SPEED": 1000,
+        "WPNAV_SPEED_DN": _heeded(3.0, -limits.velocity_min[2]),
+        "WPNAV_SPEED_UP": _heeded(4.0, limits.velocity_max[2]),
+        "WP_YAW_BEHAVIOR": 0,
+    }
+    return {name: f"{value:g}" for name, value in values.items()}
+
+
+def _heeded(measured: float, allowed: float) -> int:
+    """Speed [cm/s]: the measured one, or what is allowed; none below 10 is heeded."""
+    return max(10, floor(100.0 * min(measured, allowed) + 1e-7))
+
+
+def parameter_file(terms: Terms) -> bytes:
+    """Return the bytes that ``ardupilot.parm`` must have."""
+    lines = [
+        f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
+        "# Names, units and the law of a leg differ between versions: load this file",
+        "# onto that firmware only, and before the missions.",
+        *(f"{name},{terms.parameters[name]}" for name in sorted(terms.parameters)),
+    ]
+    return ("\n".join(lines) + "\n").encode("ascii")

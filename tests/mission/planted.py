@@ -1,0 +1,115 @@
+"""A compiled show on disk, and lies planted in it with all hashes made to fit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+
+from showc.log.writer import write_log
+from showc.mission import mission_files
+from showc.mission.fleet import fleet_token
+from showc.pipeline.manifest import build_manifest
+from showc.verify.decode import read_show
+from showc.verify.mcap import open_log
+from showc.verify.missions import check_missions, mission_parts
+from showc.verify.missions.terms import Terms
+
+
+class OtherManifest:
+    """A log with another manifest attached."""
+
+    def __init__(self, log, manifest):
+        self.log, self.manifest = log, manifest
+        self.path, self.channels, self.read = log.path, log.channels, log.read
+
+    def attachment(self, name):
+        return self.manifest if name == "manifest.json" else self.log.attachment(name)
+
+
+class Case:
+    """Missions on disk beside their log, and what is needed to check them."""
+
+    def __init__(self, folder, flight, start=None, **options):
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / "output.mcap"
+        self.folder = folder / "output"
+        self.missions = mission_files(flight, start=start, **options)
+        self.described = {
+            "autopilot": options.get("autopilot", "ardupilot"),
+            "start": None if start is None else start.isoformat(),
+            "prediction": self.missions.prediction,
+        }
+        self.files = dict(self.missions.files)
+        self.manifest = build_manifest(
+            flight,
+            token=self.missions.fleet_token,
+            missions=self.described,
+            files=self.files,
+        )
+        with self.path.open("wb") as stream:
+            write_log(
+                flight,
+                stream,
+                manifest=self.manifest,
+                predicted=self.missions.predicted,
+            )
+        self.log = open_log(self.path)
+        self.show = read_show(self.log)
+        self.terms = Terms.of(flight.itinerary.show)
+        self._write(self.files, self.manifest)
+
+    def _write(self, files, manifest):
+        for name, content in files.items():
+            path = self.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        (self.folder / "manifest.json").write_bytes(manifest)
+
+    def checks(self, terms=None):
+        """All checks of the missions, by code."""
+        found = check_missions(self.log, self.show, terms or self.terms)
+        assert max(Counter(check.code for check in found).values()) == 1
+        return {check.code: check for check in found}
+
+    def failures(self, *, drawn=True):
+        """Codes of the checks that fail; those of what the log draws if ``drawn``."""
+        parts = mission_parts(self.log, self.show, self.terms)
+        found = [check for part in parts[: None if drawn else 2] for check in part()]
+        return {check.code for check in found if check.verdict == "fail"}
+
+    def caught(self, changed=(), manifest=lambda content: content, *, drawn=False):
+        """Codes that fail with files changed, names to contents; puts all back."""
+        files = {**self.files, **dict(changed)}
+        token = fleet_token(files)
+        for name, content in files.items():
+            if name.endswith(".plan") and name not in dict(changed):
+                files[name] = content.replace(
+                    self.missions.fleet_token.encode(), token.encode()
+                )
+        wanted = json.loads(self.manifest)
+        wanted["fleet"] = token
+        wanted["missions"]["files"] = {
+            name: hashlib.sha256(content).hexdigest() for name, content in files.items()
+        }
+        content = json.dumps(manifest(wanted)).encode()
+        whole = self.log
+        self._write(files, content)
+        self.log = OtherManifest(whole, content)
+        try:
+            return self.failures(drawn=drawn)
+        finally:
+            self.log = whole
+            for name in set(files) - set(self.files):
+                (self.folder / name).unlink()
+            self._write(self.files, self.manifest)
+
+    def with_row(self, drone, change):
+        """Mission of a drone with its rows (lists of fields) passed through."""
+        name = f"missions/drone_{drone:04d}.waypoints"
+        head, *rows = self.files[name].decode().splitlines()
+        changed = change([row.split("\t") for row in rows])
+        for number, row in enumerate(changed):
+            row[0] = str(number)
+        lines = [head, *("\t".join(row) for row in changed)]
+        return {name: ("\n".join(lines) + "\n").encode()}

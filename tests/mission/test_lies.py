@@ -1,0 +1,437 @@
+"""Lies in mission files, with every hash made to fit: each is caught."""
+
+import json
+import os
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mission.flights import START, shift_flight
+from mission.planted import Case
+
+from showc.errors import ShowError
+from showc.script.show import MissionOptions
+from showc.verify.missions.folder import _check_parameters
+from showc.verify.missions.language import read_mission
+from showc.verify.missions.plan import check_plan
+from showc.verify.missions.terms import parameter_file
+
+LIGHTS = MissionOptions(light_servos=(9, 10, 11))
+MISSION, PLAN = "missions/drone_0002.waypoints", "missions/drone_0002.plan"
+PARAMETERS = "missions/ardupilot.parm"
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return Case(
+        tmp_path_factory.mktemp("lies"),
+        shift_flight(4, options=LIGHTS, fades=("linear", "end")),
+    )
+
+
+def test_a_compiled_show_passes_whole(case):
+    assert case.failures() == set()
+    assert case.caught() == set()
+
+
+def row(command, frame, *fields):
+    """One row: parameters, latitude, longitude, height; what is left out is zero."""
+    values = [*fields, *["0"] * (4 - len(fields)), *["0.00000000"] * 2, "0.000"]
+    return ["0", "0", str(frame), str(command), *map(str, values), "1"]
+
+
+def inserted(at, *rows):
+    return lambda old: [*old[:at], *(list(one) for one in rows), *old[at:]]
+
+
+def place_of(number, command=None):
+    """Turn row ``number`` into one with another command, at its own place."""
+
+    def change(old):
+        old[number][3] = str(command)
+        return old
+
+    return change
+
+
+def index(rows, command, which=0):
+    return [n for n, one in enumerate(rows) if one[3] == str(command)][which]
+
+
+def moved(command, field, change, which=0):
+    def edit(old):
+        one = old[index(old, command, which)]
+        one[field] = change(one[field])
+        return old
+
+    return edit
+
+
+STRANGERS = {
+    "return to launch": (20, 2),
+    "loiter": (17, 3),
+    "loiter, turns": (18, 3),
+    "loiter, time": (19, 3, 5),
+    "spline": (82, 3),
+    "jump": (177, 2, 1, 5),
+    "termination": (185, 2, 1),
+    "home": (179, 2, 1),
+    "mode": (176, 2, 1, 5),
+    "parachute": (208, 2, 2),
+    "relay": (181, 2, 0, 1),
+    "gripper": (211, 2, 0, 1),
+    "guided": (92, 2, 1),
+    "fence off": (207, 2, 0),
+    "auxiliary function": (218, 2, 31, 2),
+    "yaw": (115, 2, 90),
+    "region of interest": (201, 3),
+    "land start": (189, 2),
+    "script": (42702, 2, 1),
+    "payload": (94, 3),
+    "absolute waypoint": (16, 0),
+    "terrain waypoint": (16, 10),
+    "a second take-off": (22, 3),
+    "a second landing": (21, 3),
+    "a free waypoint": (16, 3),
+    "a relative delay": (93, 2, 3, -1, -1, -1),
+    "a pause": (93, 2, 3),
+    "an hour": (93, 2, -1, 3, 0, 0),
+    "a throttle": (178, 2, 1, 5, 50),
+    "a speed of no kind": (178, 2, 4, 5, -1),
+    "a speed that is not heeded": (178, 2, 1, "0.05", -1),
+}
+
+
+@pytest.mark.parametrize("at", [1, 2, 5, -2, -1, 10_000])
+@pytest.mark.parametrize("lie", STRANGERS)
+def test_items_that_showc_does_not_write_there_are_findings(case, lie, at):
+    content = case.with_row(2, inserted(at, row(*STRANGERS[lie])))[MISSION]
+    with pytest.raises(ShowError):
+        read_mission(content)
+
+
+CHANGES = {
+    "a hold": moved(16, 4, lambda _: "60", 1),
+    "an acceptance radius": moved(16, 5, lambda _: "1000", 1),
+    "a pass radius": moved(16, 6, lambda _: "5", 1),
+    "a yaw": moved(16, 7, lambda _: "90", 1),
+    "a waypoint 1 cm off": moved(16, 8, lambda t: f"{float(t) + 3e-7:.8f}", 2),
+    "a waypoint 560 m off": moved(16, 8, lambda t: f"{float(t) + 5e-3:.8f}", 2),
+    "a waypoint 3 cm up": moved(16, 10, lambda t: f"{float(t) + 0.03:.3f}", 2),
+    "a waypoint at 500 m": moved(16, 10, lambda _: "500.002", 2),
+    "a waypoint 20 m under ground": moved(16, 10, lambda _: "-20.002", 2),
+    "no take-off": lambda rows: [rows[0], *rows[2:]],
+    "take-off to 40 m": moved(22, 10, lambda _: "40.002"),
+    "take-off elsewhere": moved(22, 8, lambda t: f"{float(t) + 1e-4:.8f}"),
+    "landing beside the pad": moved(21, 9, lambda t: f"{float(t) + 5e-7:.8f}"),
+    "landing twice": lambda rows: [*rows, list(rows[-1])],
+    "no landing": lambda rows: rows[:-2],
+    "a longer pause before landing": moved(93, 4, lambda _: "30", -1),
+    "a slot in another minute": moved(93, 6, lambda t: str((int(t) + 1) % 60)),
+    "a slot 20 minutes late": moved(93, 6, lambda t: str((int(t) + 20) % 60), 3),
+    "a slot too soon": moved(93, 7, lambda t: str(int(t) - 3), 2),
+    "a slot that names the hour": moved(93, 5, lambda _: "20"),
+    "a slot without a minute": moved(93, 6, lambda _: "-1"),
+    "a slot at second 61": moved(93, 7, lambda _: "61"),
+    "a half second": moved(93, 7, lambda t: f"{t}.5"),
+    "a light on a motor": moved(183, 4, lambda _: "1"),
+    "a light at 2400 us": moved(183, 5, lambda _: "2400"),
+    "home elsewhere": moved(16, 8, lambda t: f"{float(t) + 1e-4:.8f}"),
+    "home 3 m up": moved(16, 10, lambda t: f"{float(t) + 3.0:.3f}"),
+    "not current": moved(16, 1, lambda _: "0"),
+    "another one current": moved(16, 1, lambda _: "1", 1),
+    "no autocontinue": moved(16, 11, lambda _: "0", 1),
+    "an altitude frame": moved(16, 2, lambda _: "0", 1),
+    "a frame of terrain": moved(16, 2, lambda _: "10", 1),
+    "not a number": moved(16, 8, lambda _: "nan", 1),
+    "infinite": moved(178, 5, lambda _: "inf"),
+    "written otherwise": moved(178, 5, lambda t: f"+{t}"),
+    "far too fast": moved(178, 5, lambda _: "30"),
+}
+
+
+@pytest.mark.parametrize("lie", CHANGES)
+def test_changed_items_are_findings(case, lie):
+    changed = case.with_row(2, CHANGES[lie])
+    assert changed[MISSION] != case.files[MISSION]
+    assert case.caught(changed)
+
+
+ADMISSIBLE = {
+    ("S", 5): "speeds: any at which legs keep apart and in time",
+    ("C", 6): "slots: any that leave time for the legs and keep them apart",
+    ("C", 7): "slots: any that leave time for the legs and keep them apart",
+    ("F", 4): "slots: any that leave time for the legs and keep them apart",
+    ("D", 4): "when during a leg lights change",
+    ("V", 4): "which of the script's outputs a light item sets",
+    ("V", 5): "pulse widths within the script's range",
+}
+"""Words and fields of rows that may have other values, within what is proved."""
+
+
+def other_values(text):
+    """Values that a field could have instead."""
+    value = float(text)
+    found = [value + 1, value - 1, -value, 1.1 * value, 0.0, 1e9]
+    known = {f"{one:.8f}".rstrip("0").rstrip(".") for one in found} - {"-0"}
+    return sorted(known | {"nan", "inf", "-inf", "", "x", f"{text}0", f" {text}"})
+
+
+def test_every_field_of_every_row_is_caught_or_admissible(case):
+    """Whatever is not caught keeps all that is proved: it is in the table above."""
+    names = read_mission(case.files[MISSION])
+    words = "H" + "".join(item.word for item in names.items)
+    lines = case.files[MISSION].decode().splitlines()
+    through, asked = set(), Counter()
+    for number, word in enumerate(words):
+        fields = lines[number + 1].split("\t")
+        for field, old in enumerate(fields):
+            for new in other_values(old):
+                if new == old:
+                    continue
+                changed = [*fields[:field], new, *fields[field + 1 :]]
+                text = [*lines[: number + 1], "\t".join(changed), *lines[number + 2 :]]
+                content = ("\n".join(text) + "\n").encode()
+                try:
+                    read_mission(content)
+                except ShowError:
+                    continue
+                # A sentence of the language: then it is the flight that tells.
+                asked[word, field] += 1
+                known = (word, field) in through or asked[word, field] > 6
+                if known or case.caught({MISSION: content}):
+                    continue
+                through.add((word, field))
+    assert through <= set(ADMISSIBLE)
+
+
+def test_rows_that_change_places_are_caught(case):
+    rows = [line.split("\t") for line in case.files[MISSION].decode().splitlines()[1:]]
+    for first in range(len(rows) - 1):
+
+        def swapped(old, first=first):
+            old[first], old[first + 1] = old[first + 1], old[first]
+            return old
+
+        changed = case.with_row(2, swapped)
+        if changed[MISSION] == case.files[MISSION]:
+            continue
+        if not case.caught(changed):
+            # Speeds of two kinds, or lights, may come in any order.
+            pair = {rows[first][3], rows[first + 1][3]}
+            assert pair <= {"178"} or pair <= {"183"}
+
+
+def test_every_parameter_line_is_caught(case):
+    wanted = parameter_file(case.terms)
+    assert wanted == case.files[PARAMETERS]
+    lines = wanted.decode().splitlines()
+
+    def verdict(*lines):
+        content = "\n".join(lines) + "\n"
+        return _check_parameters(content.encode(), wanted).verdict
+
+    assert verdict(*lines) == "pass"
+    for number, line in enumerate(lines):
+        name = line.partition(",")[0]
+        others = [name, f"{name},nan", f"{name},inf", f"{name},1e3", f"{line}0", ""]
+        for other in set(others) - {line}:
+            assert verdict(*lines[:number], other, *lines[number + 1 :]) == "fail"
+        assert verdict(*lines[:number], *lines[number + 1 :]) == "fail"
+    for more in ("LAND_SPEED,500", "ARMING_CHECK,0", "FENCE_ENABLE,0", "\x1b[31m"):
+        assert verdict(*lines, more) == "fail"
+    assert "VRF407" in case.caught({PARAMETERS: wanted + b"FENCE_ENABLE,0\n"})
+
+
+def leaves(value, path=()):
+    """Paths of all that is no container in a JSON document, and of all keys."""
+    if isinstance(value, dict):
+        for key, inside in value.items():
+            yield (*path, key)
+            yield from leaves(inside, (*path, key))
+    elif isinstance(value, list):
+        for number, inside in enumerate(value):
+            yield from leaves(inside, (*path, number))
+    else:
+        yield path
+
+
+def changed_at(document, path, change):
+    copy = json.loads(json.dumps(document))
+    inside = copy
+    for key in path[:-1]:
+        inside = inside[key]
+    change(inside, path[-1])
+    return copy
+
+
+def test_every_key_of_a_plan_is_caught(case):
+    document = json.loads(case.files[PLAN])
+    token, site = case.missions.fleet_token, case.show.rules.site
+    rest = read_mission(case.files[MISSION]), site, case.terms, token
+    check_plan(case.files[PLAN], *rest)
+    free = []
+
+    def other(inside, key):
+        value = inside[key]
+        inside[key] = value + 1 if isinstance(value, int | float) else [value]
+
+    def gone(inside, key):
+        del inside[key]
+
+    def more(inside, key):
+        if isinstance(inside, dict):
+            inside[f"{key}2"] = inside[key]
+        else:
+            inside.append(inside[key])
+
+    for path in sorted(set(leaves(document)), key=str):
+        for change in (other, gone, more):
+            content = json.dumps(changed_at(document, path, change)).encode()
+            try:
+                check_plan(content, *rest)
+            except ShowError:
+                continue
+            free.append((path, change.__name__))
+    assert free == []
+    assert "VRF406" in case.caught({PLAN: b"{}"})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m["missions"].update(autopilot="px4"),
+        lambda m: m["missions"].update(autopilot=None),
+        lambda m: m["missions"].update(start="2026-06-01T20:00:00+00:00"),
+        lambda m: m["missions"].update(start=[]),
+        lambda m: m["missions"].update(prediction=None),
+        lambda m: m["missions"]["prediction"].update(start_minute=7),
+        lambda m: m["missions"]["prediction"].update(start_minute=True),
+        lambda m: m["missions"]["prediction"]["legs"].clear(),
+        lambda m: m["missions"]["files"].pop(MISSION),
+        lambda m: m["missions"]["files"].update({"../x": "0" * 64}),
+        lambda m: m.update(fleet="0" * 64),
+        lambda m: m.update(missions=[]),
+    ],
+)
+def test_a_manifest_that_says_something_else_is_caught(case, change):
+    def edited(manifest):
+        change(manifest)
+        return manifest
+
+    assert case.caught(manifest=edited)
+
+
+def test_a_name_cannot_bring_escapes_to_a_terminal(case):
+    def edited(manifest):
+        manifest["missions"]["files"]["\x1b[2J\n::error::x"] = "0" * 64
+        return manifest
+
+    assert "VRF403" in case.caught(manifest=edited)
+
+
+def test_missing_and_foreign_files_are_caught(case):
+    for name in (MISSION, PLAN, PARAMETERS):
+        content = (case.folder / name).read_bytes()
+        (case.folder / name).unlink()
+        assert "VRF401" in case.failures()
+        (case.folder / name).symlink_to("/dev/zero")
+        assert "VRF401" in case.failures()
+        (case.folder / name).unlink()
+        os.mkfifo(case.folder / name)
+        assert "VRF401" in case.failures()
+        (case.folder / name).unlink()
+        (case.folder / name).write_bytes(content)
+    (case.folder / "missions" / "more.txt").write_text("")
+    assert case.failures() == {"VRF401"}
+    (case.folder / "missions" / "more.txt").unlink()
+    assert case.failures() == set()
+
+
+def test_px4_is_unproved_unless_the_script_names_it(tmp_path):
+    flight = shift_flight(2)
+    case = Case(tmp_path, flight, autopilot="px4")
+    assert "VRF410" in case.failures()
+    accepted = replace(case.terms, autopilot="px4")
+    checks = case.checks(accepted)
+    assert checks["VRF410"].verdict == "skipped"
+    assert "VRF411" not in checks
+    assert {c.verdict for k, c in checks.items() if k != "VRF410"} == {"pass"}
+
+
+class Shifted:
+    """A prediction that is elsewhere, or at another time."""
+
+    def __init__(self, flight, *, drone=0, by=(0.0, 0.0, 0.0), late=0.0, until=1.0):
+        self.flight, self.drone, self.by, self.late = flight, drone, by, late
+        self.duration = flight.duration * until
+
+    def position(self, times):
+        places = np.array(self.flight.position(np.asarray(times) - self.late))
+        places[:, self.drone] += self.by
+        return places
+
+
+@pytest.mark.parametrize(
+    "shift",
+    [
+        {"by": (1.0, 0.0, 0.0)},
+        {"by": (0.0, 0.0, -1.0), "drone": 3},
+        {"by": (np.nan, 0.0, 0.0)},
+        {"late": 2.0},
+        {"late": -2.0},
+        {"until": 0.5},
+    ],
+)
+def test_a_fleet_drawn_elsewhere_is_caught(tmp_path, shift, monkeypatch):
+    whole = Case(tmp_path / "whole", shift_flight(4), START)
+    assert whole.checks()["VRF421"].verdict == "pass"
+    from showc.mission import fleet
+
+    real = fleet.PredictedFlight
+    monkeypatch.setattr(
+        fleet, "PredictedFlight", lambda *a, **k: Shifted(real(*a, **k), **shift)
+    )
+    case = Case(tmp_path / "other", shift_flight(4), START)
+    assert case.failures() == {"VRF421"}
+
+
+@settings(
+    deadline=None,
+    max_examples=60,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    st.recursive(
+        st.none()
+        | st.booleans()
+        | st.floats()
+        | st.sampled_from(["ardupilot", "px4", "2026-06-01T20:00:00Z"]),
+        lambda inner: (
+            st.lists(inner, max_size=3)
+            | st.dictionaries(
+                st.sampled_from(
+                    ["missions", "show", "files", "legs", "prediction", "closest"]
+                    + ["autopilot", "start", "start_minute", MISSION]
+                ),
+                inner,
+                max_size=4,
+            )
+        ),
+        max_leaves=12,
+    )
+)
+def test_whatever_stands_in_a_manifest_raises_nothing(case, manifest):
+    assert case.caught(manifest=lambda _: manifest)
+
+
+@settings(deadline=None, max_examples=100, derandomize=True)
+@given(st.binary(max_size=200))
+def test_whatever_is_no_mission_is_refused_in_words(content):
+    for text in (content, b"QGC WPL 110\n" + content):
+        with pytest.raises(ShowError):
+            read_mission(text)

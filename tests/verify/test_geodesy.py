@@ -1,0 +1,39 @@
+"""Geodesy of verify against another library's; what missions say is elsewhere."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.log import showc_pb2 as pb
+from showc.verify.missions.geodesy import (
+    east_north_up,
+    to_east_north_up,
+    to_show_frame,
+)
+
+
+@settings(deadline=None, max_examples=100, derandomize=True)
+@given(
+    st.floats(-80.0, 80.0),
+    st.floats(-180.0, 180.0),
+    st.floats(-100.0, 4000.0),
+    st.floats(0.0, 360.0),
+    st.tuples(st.floats(-2000, 2000), st.floats(-2000, 2000), st.floats(-5, 500)),
+)
+def test_geodesy_agrees_with_another_library(
+    latitude, longitude, altitude, heading, point
+):
+    import pymap3d
+
+    site = pb.Site(
+        latitude=latitude, longitude=longitude, altitude=altitude, heading=heading
+    )
+    enu = to_east_north_up(site, np.array(point))
+    # The show frame's y axis points along the heading.
+    ahead = to_east_north_up(site, np.array([0.0, 1.0, 0.0]))
+    bearing = np.degrees(np.arctan2(ahead[0], ahead[1])) % 360.0
+    assert abs((bearing - heading + 180.0) % 360.0 - 180.0) < 1e-9
+    geodetic = pymap3d.enu2geodetic(*enu, latitude, longitude, altitude)
+    found = east_north_up(site, *geodetic)
+    np.testing.assert_allclose(found, enu, atol=1e-5)
+    np.testing.assert_allclose(to_show_frame(site, found), point, atol=1e-5)
