@@ -35,6 +35,8 @@ MAY_IMPORT = {
     # Most of it imports less: see the rooms of verify.
     "verify": {"errors", "_version", "files", "processes", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.scene", "log.layout"},
+    "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify"},
+    "export": FOUNDATION | {"light", "log", "mission.geodesy", "verify", "foreign"},
 }
 
 # What the rooms of verify may import besides its own reports. The room that reads the

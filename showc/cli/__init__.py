@@ -19,6 +19,7 @@ class Verbs(click.Group):
         "plan": "Say what compile would solve, and bounds on each transition's time.",
         "compile": "Turn a show script into missions and a trajectory log.",
         "verify": "Prove a compiled show again, from its bytes alone.",
+        "export": "Write a compiled show for other systems, proved as written.",
         "view": "Make a page that plays the show in any browser.",
         "report": "Make the page for the person who signs the show off.",
         "diff": "Compare two compiled shows.",

@@ -11,9 +11,7 @@ import click
 
 
 @click.command(name="verify")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
+@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
 @click.option(
     "-j",
     "--jobs",
@@ -58,8 +56,11 @@ def command(
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     from showc.cli.console import colour_wanted, progress
+    from showc.cli.foreign import is_foreign, verify_foreign
     from showc.verify import render_text, verify_log
 
+    if is_foreign(log):
+        return verify_foreign(log, as_json=as_json)
     with progress(quiet=quiet or as_json) as watcher:
         verification = verify_log(
             log,

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.log.showc_pb2 import Separation
     from showc.verify.kernel.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
@@ -85,6 +86,30 @@ def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter]]:
         for measure in measures(wanted)
         for stretch in cut(show)
     ]
+
+
+def closest_in(
+    tracks: Tracks, wanted: Separation, during: str = ""
+) -> Encounter | None:
+    """Enclose the closest encounter of a fleet whose tracks are known.
+
+    Parameters
+    ----------
+    tracks
+        Where all drones are.
+    wanted
+        How distances are measured, and which is asked for.
+    during
+        Name of what is under way, for the record.
+    """
+    if tracks.drones < 2:
+        return None
+    found = []
+    for measure in measures(wanted):
+        search = _Search(measure, wanted.distance)
+        search.stretch(tracks)
+        found.append(search.result((during,) if during else ()))
+    return closest_of(found)
 
 
 def closest_of(found: Sequence[Encounter]) -> Encounter | None:

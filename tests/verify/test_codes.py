@@ -3,16 +3,18 @@
 import re
 from pathlib import Path
 
+import showc.foreign
 import showc.verify
 from showc.verify.codes import ROOMS, codes, explain
 
-SOURCES = Path(showc.verify.__file__).parent
+SOURCES = [Path(room.__file__).parent for room in (showc.verify, showc.foreign)]
 
 
 def test_the_table_holds_exactly_the_codes_of_the_checks():
     used = {
         code
-        for path in SOURCES.rglob("*.py")
+        for source in SOURCES
+        for path in source.rglob("*.py")
         for code in re.findall(r'"(VRF\d{3})"', path.read_text(encoding="utf-8"))
     }
     assert used == set(codes())

@@ -1,7 +1,7 @@
 """Codes of checks: stable names, what each proves, why it fails, what to do.
 
 Each file beside this module is one range of codes: ``container.toml`` 1xx,
-``script.toml`` 2xx, ``kernel.toml`` 3xx, ``missions.toml`` 4xx.
+``script.toml`` 2xx, ``kernel.toml`` 3xx, ``missions.toml`` 4xx, ``foreign.toml`` 5xx.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ ROOMS = {
     "script": "What the script asks for (VRF2xx)",
     "kernel": "The flight (VRF3xx)",
     "missions": "The missions (VRF4xx)",
+    "foreign": "Shows in other formats (VRF5xx)",
 }
 """Files of codes, with the heading of each."""
 

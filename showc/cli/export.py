@@ -1,0 +1,108 @@
+"""``showc export``: a solved show in the formats that other systems fly or draw."""
+
+from __future__ import annotations
+
+import sys
+from hashlib import sha256
+from pathlib import Path
+
+import click
+
+FORMATS = ("skyb", "skyc")
+
+
+@click.command(name="export")
+@click.argument(
+    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
+)
+@click.option(
+    "--to",
+    "form",
+    type=click.Choice(FORMATS),
+    required=True,
+    help="Format to write.",
+)
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Where to put the files.  [default: OUTPUT-FORMAT beside the log]",
+)
+@click.option(
+    "--lead",
+    type=click.FloatRange(0.0, 600.0),
+    default=10.0,
+    help="Seconds that the fleet stands before the show begins.  [default: 10]",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0.001, 1.0),
+    default=0.01,
+    help="Greatest distance of the written flight from the solved one, in metres.  "
+    "[default: 0.01]",
+)
+@click.option(
+    "--separation",
+    type=click.FloatRange(0.0, 100.0),
+    help="Distance that must be left in the air, in metres.  [default: the script's]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the manifest.")
+def command(
+    log: Path,
+    form: str,
+    folder: Path | None,
+    lead: float,
+    tolerance: float,
+    separation: float | None,
+    as_json: bool,
+) -> int:
+    """Write a compiled show in a format that others fly or draw.
+
+    \b
+      skyb   Skybrush's binary files, one a drone, as its firmware reads them
+      skyc   Skybrush's compiled show, for Live, Viewer and the server
+
+    Flights are fitted anew on the format's grid under a stated error. The written bytes
+    are then read back and proved: separation, limits, volume, fence, what the firmware
+    accepts, and whether show mode was measured to follow such a flight. The folder's
+    export.json says what was proved; showc verify FOLDER proves it again.
+
+    Ends with 0 if all is proved, 1 if the proof finds something (the files are written,
+    and their manifest says so).
+
+    \b
+      showc export output.mcap --to skyb
+      showc export output.mcap --to skyc -o night-skyc
+    """
+    from showc.cli.console import colour_wanted
+    from showc.export.solved import solved_show
+    from showc.export.stage import ExportOptions, export
+    from showc.foreign.folder import MANIFEST
+    from showc.log.reader import read_log
+    from showc.verify.report import Verification, render_text
+
+    solved = solved_show(read_log(log))
+    folder = folder or log.with_name(f"{log.stem}-{form}")
+    source = {"log": log.name, "sha256": sha256(log.read_bytes()).hexdigest()}
+    options = ExportOptions(round(lead, 3), tolerance, separation)
+    exported = export(solved, source, form, folder, options)
+    if as_json:
+        click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
+        return 0 if exported.proved else 1
+    result = Verification(
+        str(folder),
+        solved.rules.name,
+        solved.drones,
+        exported.written.duration,
+        exported.checks,
+    )
+    colour = colour_wanted(sys.stdout)
+    click.echo(render_text(result, colour=colour), color=colour)
+    fit = ", ".join(f"{key} {value:g}" for key, value in exported.written.fit.items())
+    click.echo(f"fit: {fit}" if fit else "as solved")
+    for lost in exported.written.lost:
+        click.echo(f"cannot carry: {lost}")
+    click.echo(f"next: showc verify {folder}")
+    return result.exit_code

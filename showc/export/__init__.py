@@ -1,0 +1,1 @@
+"""Solved shows in the formats that other systems fly or draw."""

@@ -1,0 +1,66 @@
+"""The parameters with which show mode was measured to follow showc's flights."""
+
+from __future__ import annotations
+
+FIRMWARE = "Skybrush ArduCopter, branch CMCopter-4.6"
+"""Firmware whose names and units these are."""
+
+AIRFRAME = "the default simulated quadrotor"
+"""Airframe whose gains these are."""
+
+LAND_SPEED = (30, 200)
+"""Least and greatest LAND_SPEED that ArduPilot takes [cm/s]."""
+
+SHOW_MODE: dict[str, float] = {
+    # From the branch: 3 follows the file's acceleration too, which decides.
+    "SHOW_CTRL_MODE": 3,
+    "SHOW_CTRL_RATE": 50,
+    "SHOW_TAKEOFF_ALT": 2.5,
+    # The jerk that the position controller allows must be 15 m/s³ or more.
+    "PSC_JERK_XY": 50,
+    "PSC_JERK_Z": 50,
+    "WPNAV_ACCEL": 500,
+    "WPNAV_ACCEL_Z": 500,
+    "WPNAV_SPEED": 1500,
+    "WPNAV_SPEED_UP": 500,
+    "WPNAV_SPEED_DN": 500,
+    "ATC_ACCEL_P_MAX": 260_000,
+    "ATC_ACCEL_R_MAX": 260_000,
+    "ATC_INPUT_TC": 0.1,
+    "ANGLE_MAX": 4500,
+    # Gains: of this airframe only.
+    "PSC_POSXY_P": 1.5,
+    "PSC_VELXY_P": 4,
+    "PSC_VELXY_I": 2,
+    "PSC_VELXY_FF": 0.2,
+    "PSC_POSZ_P": 1.5,
+    "PSC_VELZ_P": 8,
+}
+"""Name and value in ArduPilot's units, measured to keep within 0.3 m in calm air."""
+
+CLIMB_SPEED, CLIMB_ACCELERATION = 5.0, 5.0
+"""What WPNAV_SPEED_UP [m/s] and WPNAV_ACCEL_Z [m/s²] above stand for: the firmware
+reckons its take-off with them."""
+
+
+def parameter_file(landing_speed: float) -> bytes:
+    """Return the ``.parm`` file to load onto every vehicle.
+
+    Parameters
+    ----------
+    landing_speed
+        How fast the files descend where LAND is commanded [m/s]; the firmware's own
+        landing goes on at this speed.
+    """
+    slowest, fastest = LAND_SPEED
+    values = SHOW_MODE | {
+        "LAND_SPEED": float(min(max(round(100.0 * landing_speed), slowest), fastest))
+    }
+    lines = [
+        f"# Parameters of {FIRMWARE}, measured with {AIRFRAME}.",
+        "# PSC and ATC gains belong to that airframe: tune yours, carry over the rest.",
+        "# SHOW_START_TIME and SHOW_START_AUTH are reset at boot: set them after it.",
+        "# Send the origin with COMMAND_INT 31011: parameters round it to 0.4 m.",
+        *(f"{name},{values[name]:g}" for name in sorted(values)),
+    ]
+    return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,0 +1,168 @@
+"""Write Skybrush's binary show files, one a drone.
+
+Segments are cubic where an axis moves and constant where it does not; a drone that
+stands in every axis gets one long segment. Degree 7 is never written: the firmware
+does not find the take-off height in it and refuses the show.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import ExportError
+from showc.foreign.skyb import (
+    COMMENT,
+    LIGHTS,
+    MAGIC,
+    TRAJECTORY,
+    YAW,
+    checksum,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.export.fit import FittedFleet
+
+    IntArray = NDArray[np.int64]
+
+LONGEST_BLOCK = 65_535
+"""A block's length is 16 bits [bytes]."""
+
+LONGEST_SEGMENT = 4_000
+"""Longest segment that is written [ms]. The format holds 65,535, but Skybrush's server
+shortens some durations by 1 ms; up to here it keeps all multiples of the lengths that
+pieces have (the first that it does not is 4,020)."""
+
+CUBIC = 2
+"""What a header says of an axis with three control points after the first."""
+
+YAW_RESOLUTION = 0.1
+"""Step of the yaw block [deg]."""
+
+
+def skyb_file(
+    trajectory: bytes, lights: bytes | None, yaw: bytes | None, comment: str
+) -> bytes:
+    """Return a whole file, version 2 with its CRC.
+
+    Raises
+    ------
+    ExportError
+        If a block is longer than the format allows.
+    """
+    body = bytearray(MAGIC + bytes([2, 1]) + bytes(4))
+    blocks = (
+        (TRAJECTORY, trajectory),
+        (LIGHTS, lights),
+        (YAW, yaw),
+        (COMMENT, comment.encode()),
+    )
+    for kind, content in blocks:
+        if content is None:
+            continue
+        if len(content) > LONGEST_BLOCK:
+            raise ExportError(
+                f"a block of type {kind} has {len(content)} bytes; the format holds "
+                f"{LONGEST_BLOCK}: a shorter show, or a greater --tolerance"
+            )
+        body += struct.pack("<BH", kind, len(content)) + content
+    body[6:10] = checksum(bytes(body)).to_bytes(4, "little")
+    return bytes(body)
+
+
+def trajectory_block(fitted: FittedFleet, drone: int) -> bytes:
+    """Return the trajectory of one drone: scale, start, segments."""
+    points = fitted.points[drone]
+    scale, begin = int(fitted.scale[drone]), int(fitted.begin[drone])
+    head = struct.pack("<B4h", scale, *points[0, 0].tolist(), 0)
+    first, lengths = runs(points, fitted.step)
+    durations, segments = lengths * fitted.step, points[first]
+    waits = waiting(begin)
+    moving = np.any(segments != segments[:, :1], axis=1)
+    count = moving.sum(axis=1)
+    sizes = 3 + 6 * count
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    data = np.zeros(int(offsets[-1]), dtype=np.uint8)
+    header = (moving * (CUBIC << np.array([0, 2, 4]))).sum(axis=1)
+    data[offsets[:-1]] = header
+    data[offsets[:-1] + 1] = durations & 0xFF
+    data[offsets[:-1] + 2] = durations >> 8
+    before = np.cumsum(moving, axis=1) - moving
+    row, axis = np.nonzero(moving)
+    where = (offsets[:-1] + 3)[row] + 6 * before[row, axis]
+    for index in range(3):
+        value = segments[row, index + 1, axis].astype("<i2").view("<u2")
+        data[where + 2 * index] = value & 0xFF
+        data[where + 2 * index + 1] = value >> 8
+    return (
+        head + b"".join(struct.pack("<BH", 0, wait) for wait in waits) + data.tobytes()
+    )
+
+
+def waiting(begin: int) -> list[int]:
+    """Cut a time [ms] into durations that the server keeps whole."""
+    found = [LONGEST_SEGMENT] * (begin // LONGEST_SEGMENT)
+    rest = begin % LONGEST_SEGMENT
+    if rest == 0:
+        return found
+    if kept_whole(rest):
+        return [*found, rest]
+    part = next(
+        part
+        for part in range(rest - 1, 0, -1)
+        if kept_whole(part) and kept_whole(rest - part)
+    )
+    return [*found, part, rest - part]
+
+
+def kept_whole(milliseconds: int) -> bool:
+    """Whether Skybrush's server turns this duration, written in seconds, into itself.
+
+    It takes the whole part of a thousand times the rounded seconds, in floating point.
+    """
+    return int(round(milliseconds / 1000.0, 3) * 1000.0) == milliseconds
+
+
+def runs(points: IntArray, step: int) -> tuple[IntArray, IntArray]:
+    """First piece of every segment, and of how many pieces of ``step`` [ms] it is made.
+
+    Pieces in which nothing moves are joined, up to the longest segment.
+    """
+    standing = np.all(points == points[:, :1], axis=(1, 2))
+    most = LONGEST_SEGMENT // step
+    first, lengths, index = [], [], 0
+    moving = np.append(np.flatnonzero(~standing), points.shape[0])
+    while index < points.shape[0]:
+        length = 1
+        if standing[index]:
+            ahead = int(moving[np.searchsorted(moving, index)])
+            length = min(ahead - index, most)
+        first.append(index)
+        lengths.append(length)
+        index += length
+    return np.array(first), np.array(lengths)
+
+
+def yaw_block(degrees: Sequence[float], times: Sequence[int]) -> bytes:
+    """Return the block that turns a drone: ``degrees`` clockwise at ``times`` [ms].
+
+    The first stands from the start; of a yaw that never changes there are no steps.
+    """
+    whole = np.rint(np.asarray(degrees) / YAW_RESOLUTION).astype(np.int64)
+    # A yaw is an angle: full turns from the start on say nothing.
+    turn = round(360.0 / YAW_RESOLUTION)
+    whole -= turn * round(int(whole[0]) / turn)
+    body = bytearray(struct.pack("<Bh", 0, int(whole[0])))
+    changes = np.flatnonzero(np.diff(whole))
+    if changes.size:
+        for index in range(1, whole.size):
+            duration = int(times[index]) - (int(times[index - 1]) if index > 1 else 0)
+            delta = int(whole[index] - whole[index - 1])
+            body += struct.pack("<Hh", duration, delta)
+    return bytes(body)

@@ -1,0 +1,349 @@
+"""From a trajectory log to files of another format, proved as they were written."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc._version import __version__
+from showc.errors import UsageError
+from showc.export.fit import TOLERANCE, FittedFleet, fit_fleet
+from showc.export.lights import bytecode, light_nodes
+from showc.export.parameters import parameter_file
+from showc.export.skyb import skyb_file, trajectory_block, yaw_block
+from showc.export.skyc import drone_name, skyc_file
+from showc.foreign.facts import Asked
+from showc.foreign.folder import FORMAT_VERSION, MANIFEST, prove, rules_to_json
+from showc.foreign.show import FencePolygon
+from showc.log.showc_pb2 import Separation
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from showc.export.solved import SolvedShow
+    from showc.verify.report import Check
+
+LEAD = 10.0
+"""How long the fleet stands before the show begins, unless asked [s]: the firmware
+needs it to start motors and climb."""
+
+YAW_STEP = 1000
+"""Length of a step of yaw [ms]: drones turn slowly beside how they move."""
+
+PARAMETERS = "showmode.parm"
+"""Name of the parameter file beside show files."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """What a user may choose about an export."""
+
+    lead: float = LEAD
+    """How long the fleet stands before the show begins [s]."""
+    tolerance: float = TOLERANCE
+    """Greatest distance of the written flight from the solved one [m]."""
+    separation: float | None = None
+    """Distance to keep in the air [m]; None: the script's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Files of one format, before they are on disk."""
+
+    files: Mapping[str, bytes]
+    """Content by name."""
+    fit: Mapping[str, Any]
+    """What the fit cost, for the manifest."""
+    speed_error: float
+    """Greatest error of a velocity [m/s]."""
+    position_error: float
+    """Greatest error of a position [m]."""
+    duration: float
+    """How long the written show is [s]."""
+    lost: tuple[str, ...]
+    """What the format cannot carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """An export on disk."""
+
+    folder: Path
+    """Where it lies."""
+    written: Written
+    """What it holds."""
+    checks: tuple[Check, ...]
+    """What was proved of its bytes."""
+
+    @property
+    def proved(self) -> bool:
+        """Whether no check failed."""
+        return all(check.verdict != "fail" for check in self.checks)
+
+
+def _binary(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make one binary file a drone."""
+    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
+    programs = _programs(show, options.lead)
+    comment = f"showc {__version__}: {show.rules.name}"
+    times = _yaw_times(fitted)
+    files = {
+        f"{drone_name(drone)}.skyb": skyb_file(
+            trajectory_block(fitted, drone),
+            programs[drone],
+            yaw_block(_yaw(fitted, drone, times), times.tolist()),
+            f"{comment}, drone {drone + 1}",
+        )
+        for drone in range(show.drones)
+    }
+    files[PARAMETERS] = parameter_file(_landing_speed(fitted))
+    return _fitted(
+        files,
+        fitted,
+        (
+            "site, fence, cues and validation settings: one file is one drone's",
+            *_LOST_BY_PROGRAMS,
+        ),
+    )
+
+
+def _compiled(show: SolvedShow, options: ExportOptions) -> Written:
+    """Put the whole show in one archive."""
+    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
+    times = _yaw_times(fitted)
+    yaws = [
+        _setpoints(_yaw(fitted, drone, times), times) for drone in range(show.drones)
+    ]
+    archive = skyc_file(show, fitted, _programs(show, options.lead), yaws)
+    files = {
+        "show.skyc": archive,
+        PARAMETERS: parameter_file(_landing_speed(fitted)),
+    }
+    return _fitted(files, fitted, _LOST_BY_PROGRAMS)
+
+
+_LOST_BY_PROGRAMS = (
+    (
+        "lights between their samples: fades are straight within 4 of 255, on a grid "
+        "of 20 ms"
+    ),
+    "attitude, body rates, thrust: the firmware finds its own",
+)
+
+FORMATS: dict[str, Callable[[SolvedShow, ExportOptions], Written]] = {
+    "skyb": _binary,
+    "skyc": _compiled,
+}
+"""Writers by the format's name on the command line."""
+
+
+def _programs(show: SolvedShow, lead: float) -> list[bytes]:
+    return [bytecode(one) for one in light_nodes(show.light_times, show.lights, lead)]
+
+
+def _fitted(
+    files: dict[str, bytes], fitted: FittedFleet, lost: tuple[str, ...]
+) -> Written:
+    error = fitted.error
+    fit = {
+        "pieces_ms": fitted.step,
+        "lead_s": fitted.lead / 1000.0,
+        "grid_mm": int(fitted.scale.max()),
+        "position_error_m": _rounded(error.position.upper),
+        "velocity_error_m_s": _rounded(error.velocity.upper),
+        "acceleration_error_m_s2": _rounded(error.acceleration.upper),
+    }
+    return Written(
+        files,
+        fit,
+        error.velocity.upper,
+        error.position.upper,
+        fitted.duration,
+        lost,
+    )
+
+
+def _rounded(value: float) -> float:
+    """Round up to four decimals: an error bound stays one."""
+    return float(np.ceil(value * 1e4) / 1e4)
+
+
+def _yaw_times(fitted: FittedFleet) -> np.ndarray[Any, np.dtype[np.int64]]:
+    end = round(1000.0 * fitted.duration)
+    return np.arange(0, end + YAW_STEP, YAW_STEP)
+
+
+def _yaw(
+    fitted: FittedFleet, drone: int, times: np.ndarray[Any, np.dtype[np.int64]]
+) -> list[float]:
+    """Degrees clockwise from +x at ``times`` [ms]."""
+    nodes = fitted.times[drone]
+    return [-value for value in np.interp(times, nodes, fitted.yaw[drone]).tolist()]
+
+
+def _setpoints(
+    degrees: list[float], times: np.ndarray[Any, np.dtype[np.int64]]
+) -> list[list[float]]:
+    """Keep the first set point, and those where the yaw changes."""
+    rounded = [round(value, 1) + 0.0 for value in degrees]
+    kept = [0]
+    for index in range(1, len(rounded)):
+        last = index + 1 == len(rounded)
+        if rounded[index] != rounded[kept[-1]] or (
+            not last and rounded[index + 1] != rounded[index]
+        ):
+            kept.append(index)
+    return [[int(times[index]) / 1000.0, rounded[index]] for index in kept]
+
+
+def _landing_speed(fitted: FittedFleet) -> float:
+    """How fast the fleet descends over the last stretch before its pads [m/s]."""
+    height = fitted.points[:, :, 0, 2] * (fitted.scale[:, None] / 1000.0)
+    above = height - height[:, -1:]
+    speed = -np.diff(height, axis=1) / (fitted.step / 1000.0)
+    late = np.arange(speed.shape[1]) >= speed.shape[1] // 2
+    near = (above[:, :-1] < 2.5) & (above[:, :-1] > 1.0) & (speed > 0.0) & late
+    return float(np.median(speed[near])) if near.any() else 1.0
+
+
+def rules_of(show: SolvedShow, written: Written) -> Asked:
+    """Rules of the script, as the written flights must keep them.
+
+    Speeds and walls include the stated error of the fit; the separation does not.
+    """
+    site, speeds = show.rules.site, show.speeds
+    error = written.position_error
+    low, high = site.volume_min, site.volume_max
+    return Asked(
+        "the script's",
+        show.rules.separation,
+        None,
+        speeds.horizontal + written.speed_error,
+        speeds.up + written.speed_error,
+        speeds.down + written.speed_error,
+        (
+            (low.x - error, low.y - error, low.z - error),
+            (high.x + error, high.y + error, high.z + error),
+        ),
+        (FencePolygon(True, show.fence),) if show.rules.site.fence else (),
+    )
+
+
+def export(
+    show: SolvedShow,
+    source: Mapping[str, str],
+    form: str,
+    folder: Path,
+    options: ExportOptions | None = None,
+) -> Exported:
+    """Write a show in a format, prove the bytes, and put the folder in place.
+
+    The former folder stays whole if anything goes wrong; what the proof finds does not
+    keep the new one back, it stands in its manifest.
+
+    Parameters
+    ----------
+    show
+        What was solved.
+    source
+        For the manifest: name and hash of the log.
+    form
+        One of ``FORMATS``.
+    folder
+        Where the files go.
+    options
+        What the user chose.
+
+    Raises
+    ------
+    ExportError
+        If the show does not fit the format.
+    UsageError
+        If the place cannot be written, or holds what is no export.
+    """
+    options = options or ExportOptions()
+    refuse_foreign(folder)
+    written = FORMATS[form](show, options)
+    asked = rules_of(show, written)
+    flown = Separation()
+    flown.CopyFrom(show.rules.separation)
+    if options.separation is not None:
+        flown.distance = options.separation
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise UsageError(f"cannot write {str(folder)!r}: {error.strerror}") from error
+    try:
+        fresh = stage / folder.name
+        fresh.mkdir()
+        for name, content in written.files.items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            (fresh / name).write_bytes(content)
+        checks = tuple(prove(fresh, form, asked, flown))
+        exported = Exported(folder, written, checks)
+        manifest = {
+            "format_version": FORMAT_VERSION,
+            "showc": __version__,
+            "format": form,
+            "source": dict(source),
+            "show": show.rules.name,
+            "drones": show.drones,
+            "duration": round(written.duration, 3),
+            "fit": dict(written.fit),
+            "cannot_carry": list(written.lost),
+            "rules": rules_to_json(asked, flown),
+            "proved": exported.proved,
+            "checks": [check.to_json() for check in checks],
+            "files": {
+                name: sha256(content).hexdigest()
+                for name, content in sorted(written.files.items())
+            },
+        }
+        text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+        (fresh / MANIFEST).write_text(text, encoding="utf-8")
+        _exchange(folder, fresh, stage / "former")
+    except OSError as error:
+        raise UsageError(f"cannot write {str(folder)!r}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+    return exported
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Never replace what showc did not write.
+
+    Raises
+    ------
+    UsageError
+        If there is something at ``folder`` that is no export.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir() or (
+        any(folder.iterdir()) and not (folder / MANIFEST).is_file()
+    ):
+        raise UsageError(
+            f"{str(folder)!r} exists and is no export of showc's (it has no "
+            f"{MANIFEST}); move it away or choose another place with -o"
+        )
+
+
+def _exchange(folder: Path, fresh: Path, former: Path) -> None:
+    """Swap old for new; whatever interrupts it, the old comes back."""
+    had = folder.exists()
+    if had:
+        folder.rename(former)
+    try:
+        fresh.rename(folder)
+    except BaseException:
+        if had:
+            former.rename(folder)
+        raise

@@ -1,0 +1,356 @@
+"""What a file says, proved as it stands: nothing is assumed beyond its polynomials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from showc.foreign.fence import furthest_outside
+from showc.foreign.motion import (
+    Greatest,
+    component,
+    derivative,
+    greatest,
+    jumps,
+    length,
+    over_fleet,
+    owners,
+    place_at,
+)
+from showc.foreign.smoothing import CORNER
+from showc.log.showc_pb2 import Separation
+from showc.verify.report import Check, Place
+from showc.verify.separation import closest_in
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.foreign.show import FencePolygon, ForeignShow
+    from showc.verify.separation import Encounter
+    from showc.verify.tracks import Tracks
+
+    FloatArray = NDArray[np.float64]
+
+GROUP = "what the file says"
+"""Heading of these checks."""
+
+ROUNDING = 1e-6
+"""How far rounding may carry a value over its limit [SI]."""
+
+SPEED_RESOLUTION, LENGTH_RESOLUTION = 1e-4, 1e-4
+"""Widths of the enclosures of speeds [m/s] and of lengths [m]."""
+
+CONTINUOUS = 1e-3
+"""Distance between the end of a piece and the start of the next that is rounding of
+the file's numbers [m]."""
+
+_FINDINGS = 8
+"""Oddities that are spelt out; the rest are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Rules that a show is held against; None and empty: not asked."""
+
+    source: str
+    """Whose rules these are, for people: ``the file's own``, ``asked``."""
+    separation: Separation | None = None
+    """How far drones stay apart."""
+    altitude: float | None = None
+    """Greatest height [m]."""
+    speed_xy: float | None = None
+    """Greatest horizontal speed [m/s]."""
+    speed_up: float | None = None
+    """Greatest speed of climb [m/s]."""
+    speed_down: float | None = None
+    """Greatest speed of descent [m/s]."""
+    volume: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    """Lower and upper corner that positions stay between [m]."""
+    fence: tuple[FencePolygon, ...] = field(default=())
+    """Areas to stay in, or out of."""
+
+
+def own_rules(show: ForeignShow) -> Asked:
+    """Return what the file itself declares."""
+    declared = show.declared
+    separation = None
+    if declared.distance is not None:
+        separation = Separation(distance=declared.distance, vertical_stretch=1.0)
+    return Asked(
+        "the file's own",
+        separation,
+        declared.altitude,
+        declared.speed_xy,
+        declared.speed_up,
+        declared.speed_down,
+        None,
+        show.fences,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What was proved about a file."""
+
+    checks: tuple[Check, ...]
+    """Statements, with verdicts."""
+    closest: Encounter | None
+    """Closest encounter in the measure of the last rules that ask for a separation, as
+    a sphere where none do; None: one drone."""
+
+
+def what_it_says(show: ForeignShow, rules: list[Asked]) -> Facts:
+    """Prove or refute what is asked of the flights of a file, at every instant.
+
+    Parameters
+    ----------
+    show
+        The file.
+    rules
+        Its own and those of others; every one is judged by itself.
+    """
+    tracks = show.tracks
+    velocity = derivative(tracks)
+    checks = [_bytes(show), _continuous(tracks), _corners(velocity)]
+    apart, closest = _separations(show, rules)
+    checks += [*apart, *_speeds(velocity, rules)]
+    height = _highest(tracks)
+    checks += [
+        _limited("VRF506", f"height, {asked.source}", height, asked.altitude, "m")
+        for asked in rules
+        if asked.altitude is not None
+    ]
+    if all(asked.altitude is None for asked in rules):
+        checks.append(_limited("VRF506", "height", height, None, "m"))
+    for asked in rules:
+        if asked.volume is not None:
+            checks.append(_volume(tracks, asked))
+        if asked.fence:
+            outside = over_fleet(tracks, partial(furthest_outside, fence=asked.fence))
+            checks.append(
+                _limited(
+                    "VRF508", f"outside the fence, {asked.source}", outside, 0.0, "m"
+                )
+            )
+    return Facts(tuple(checks), closest)
+
+
+def _bytes(show: ForeignShow) -> Check:
+    """Whether the bytes are what the format wants."""
+    notes = [
+        f"{'' if one.drone is None else f'drone {one.drone}: '}{one.message}"
+        for one in show.oddities[:_FINDINGS]
+    ]
+    if len(show.oddities) > _FINDINGS:
+        notes.append(f"and {len(show.oddities) - _FINDINGS} more")
+    first = show.oddities[0] if show.oddities else None
+    return Check(
+        "VRF501",
+        GROUP,
+        f"bytes are whole and sound ({show.format})",
+        "fail" if show.oddities else "pass",
+        where=Place() if first is None else Place(drone=first.drone, time=first.time),
+        notes=tuple(notes),
+    )
+
+
+def _continuous(tracks: Tracks) -> Check:
+    rows, off = jumps(tracks)
+    size = np.sqrt((off[:, :3] ** 2).sum(axis=1))
+    if size.size == 0 or size.max() <= CONTINUOUS:
+        worst = float(size.max(initial=0.0))
+        return Check(
+            "VRF502",
+            GROUP,
+            "positions go on without a jump",
+            "pass",
+            worst,
+            CONTINUOUS,
+            "m",
+        )
+    index = int(np.argmax(size))
+    return Check(
+        "VRF502",
+        GROUP,
+        "positions go on without a jump",
+        "fail",
+        float(size[index]),
+        CONTINUOUS,
+        "m",
+        Place(
+            drone=int(owners(tracks)[rows[index]]) + 1,
+            time=float(tracks.starts[rows[index]]),
+        ),
+        (f"{int((size > CONTINUOUS).sum())} jumps in all",),
+    )
+
+
+def _corners(velocity: Tracks) -> Check:
+    """How much velocity jumps: no rule, but what smoothing has to round off."""
+    rows, off = jumps(velocity)
+    size = np.sqrt((off[:, :3] ** 2).sum(axis=1))
+    worst = float(size.max(initial=0.0))
+    name = "velocity goes on without a jump"
+    if worst <= CORNER:
+        return Check("VRF503", GROUP, name, "pass", worst, CORNER, "m/s")
+    index = int(np.argmax(size))
+    return Check(
+        "VRF503",
+        GROUP,
+        name,
+        "warning",
+        worst,
+        CORNER,
+        "m/s",
+        Place(
+            drone=int(owners(velocity)[rows[index]]) + 1,
+            time=float(velocity.starts[rows[index]]),
+        ),
+        (
+            (
+                f"{int((size > CORNER).sum())} corners; no aircraft flies one: see "
+                "whether the show can be flown, below"
+            ),
+        ),
+    )
+
+
+def named(show: ForeignShow, drones: Sequence[int]) -> str:
+    """Names of drones, counting from 0, as the file has them."""
+    return " and ".join(show.names[drone] for drone in drones)
+
+
+def closest_pairs(tracks: Tracks, found: Encounter) -> list[tuple[int, int]]:
+    """Pairs that come as near as the closest one at the same instant, in order.
+
+    Shows are often symmetric; which of several equal pairs a search names is chance.
+    """
+    place = place_at(tracks, found.time)
+    pairs = cKDTree(place).query_pairs(found.upper + CONTINUOUS, output_type="ndarray")
+    inside = [(int(first), int(second)) for first, second in np.sort(pairs, axis=1)]
+    return sorted({*inside, found.pair})
+
+
+def _separations(
+    show: ForeignShow, rules: list[Asked]
+) -> tuple[list[Check], Encounter | None]:
+    checks, tracks = [], show.tracks
+    wanted = [asked for asked in rules if asked.separation is not None]
+    if not wanted:
+        wanted = [Asked("", Separation(distance=0.0, vertical_stretch=1.0))]
+    known: dict[tuple[int, float], Encounter | None] = {}
+    found = None
+    for asked in wanted:
+        assert asked.separation is not None  # noqa: S101 - chosen so
+        measure = asked.separation.shape, asked.separation.vertical_stretch
+        if measure not in known:
+            known[measure] = closest_in(tracks, asked.separation)
+        found = known[measure]
+        source = f", {asked.source}" if asked.source else ""
+        name = f"separation of all pairs{source}"
+        if found is None:
+            checks.append(Check("VRF504", GROUP, name, "skipped", notes=("one drone",)))
+            continue
+        limit = asked.separation.distance
+        pairs = closest_pairs(tracks, found)
+        first = pairs[0]
+        notes = [named(show, first)]
+        if len(pairs) > 1:
+            notes.append(f"{len(pairs) - 1} more pairs are as near at that instant")
+        checks.append(
+            Check(
+                "VRF504",
+                GROUP,
+                name,
+                "pass" if found.lower >= limit - ROUNDING else "fail",
+                found.upper,
+                limit if asked.source else None,
+                "m",
+                Place(pair=(first[0] + 1, first[1] + 1), time=found.time),
+                tuple(notes),
+            )
+        )
+    return checks, found
+
+
+def _speeds(velocity: Tracks, rules: list[Asked]) -> list[Check]:
+    found = {
+        "horizontal speed": over_fleet(
+            velocity, lambda part: greatest(part, length((0, 1)), SPEED_RESOLUTION)
+        ),
+        "climb": over_fleet(
+            velocity, lambda part: greatest(part, component(2), SPEED_RESOLUTION)
+        ),
+        "descent": over_fleet(
+            velocity, lambda part: greatest(part, component(2, -1.0), SPEED_RESOLUTION)
+        ),
+    }
+    checks = []
+    for name, field_name in (
+        ("horizontal speed", "speed_xy"),
+        ("climb", "speed_up"),
+        ("descent", "speed_down"),
+    ):
+        judged = [asked for asked in rules if getattr(asked, field_name) is not None]
+        checks += [
+            _limited(
+                "VRF505",
+                f"{name}, {asked.source}",
+                found[name],
+                getattr(asked, field_name),
+                "m/s",
+            )
+            for asked in judged
+        ]
+        if not judged:
+            checks.append(_limited("VRF505", name, found[name], None, "m/s"))
+    return checks
+
+
+def _highest(tracks: Tracks) -> Greatest:
+    return over_fleet(
+        tracks, lambda part: greatest(part, component(2), LENGTH_RESOLUTION)
+    )
+
+
+def _volume(tracks: Tracks, asked: Asked) -> Check:
+    """How far positions leave the volume, the worst of six walls."""
+    assert asked.volume is not None  # noqa: S101 - asked for
+    low, high = asked.volume
+    worst: Greatest | None = None
+    for axis in range(3):
+        for sign, wall in ((1.0, high[axis]), (-1.0, low[axis])):
+            measured = component(axis, sign)
+            one = over_fleet(
+                tracks,
+                partial(greatest, measured=measured, resolution=LENGTH_RESOLUTION),
+            )
+            off = sign * wall
+            one = replace(one, upper=one.upper - off, lower=one.lower - off)
+            if worst is None or one.upper > worst.upper:
+                worst = one
+    assert worst is not None  # noqa: S101 - there are six walls
+    return _limited("VRF507", f"outside the volume, {asked.source}", worst, 0.0, "m")
+
+
+def _limited(
+    code: str, name: str, found: Greatest, limit: float | None, unit: str
+) -> Check:
+    """Hold the greatest value of something against its limit."""
+    bad = limit is not None and found.lower > limit + ROUNDING
+    return Check(
+        code,
+        GROUP,
+        name,
+        "fail" if bad else "pass",
+        found.lower,
+        limit,
+        unit,
+        Place(drone=found.drone + 1, time=found.time),
+    )

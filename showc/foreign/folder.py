@@ -1,0 +1,234 @@
+"""An export of showc's as it lies on disk: proved again from its bytes.
+
+The folder has a manifest, ``export.json``: which rules the files were proved against,
+what was proved, and the hash of every file. Nothing of what it says about the proof is
+believed: files are read, decoded and judged anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+from showc.errors import DamagedFileError
+from showc.files import read_file
+from showc.foreign.document import LARGEST_FILE, parse_json
+from showc.foreign.facts import Asked, what_it_says
+from showc.foreign.firmware import Firmware, what_it_becomes
+from showc.foreign.numbers import array, number
+from showc.foreign.reading import read_show
+from showc.foreign.show import FencePolygon
+from showc.foreign.showmode import what_show_mode_makes
+from showc.foreign.verdict import damaged
+from showc.log.showc_pb2 import Separation
+from showc.verify.report import Check, Verification
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+MANIFEST = "export.json"
+"""Name of the manifest in the folder."""
+
+FORMAT_VERSION = 1
+"""Version of the manifest's format."""
+
+INTEGRITY = "integrity"
+"""Heading of the checks of the files themselves."""
+
+SHOW_MODE = {"skyb", "skyc"}
+"""Formats that show mode flies."""
+
+
+def is_export(path: Path) -> bool:
+    """Whether ``path`` is a folder that ``showc export`` wrote."""
+    return path.is_dir() and (path / MANIFEST).is_file()
+
+
+def rules_to_json(asked: Asked, flown: Separation) -> dict[str, Any]:
+    """Write down the rules that an export is proved against."""
+    separation = asked.separation
+    assert separation is not None  # noqa: S101 - a solved show has one
+    return {
+        "separation": {
+            "distance": separation.distance,
+            "shape": Separation.Shape.Name(separation.shape).lower(),
+            "vertical_stretch": separation.vertical_stretch,
+        },
+        "separation_flown": flown.distance,
+        "speed_xy": asked.speed_xy,
+        "speed_up": asked.speed_up,
+        "speed_down": asked.speed_down,
+        "volume": asked.volume,
+        "fence": [polygon.points.tolist() for polygon in asked.fence],
+    }
+
+
+def rules_from_json(content: Any, name: str) -> tuple[Asked, Separation]:  # noqa: ANN401
+    """Read what :func:`rules_to_json` wrote.
+
+    Raises
+    ------
+    DamagedFileError
+        If it is not that.
+    """
+    try:
+        separation = content["separation"]
+        shape = str(separation["shape"]).upper()
+        kept = Separation(
+            distance=number(separation["distance"], f"{name}: separation"),
+            shape=shape,
+            vertical_stretch=number(separation["vertical_stretch"], f"{name}: stretch"),
+        )
+        flown = Separation()
+        flown.CopyFrom(kept)
+        flown.distance = number(
+            content["separation_flown"], f"{name}: separation flown"
+        )
+        volume = array(content["volume"], (2, 3), f"{name}: volume")
+        level, up, down = (
+            number(content[key], f"{name}: {key}")
+            for key in ("speed_xy", "speed_up", "speed_down")
+        )
+        fence = tuple(
+            FencePolygon(True, array(points, (-1, 2), f"{name}: fence"))
+            for points in content["fence"]
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise DamagedFileError(
+            f"{name}: its rules cannot be read ({error!r})"
+        ) from None
+    (x, y, z), (far_x, far_y, far_z) = volume.tolist()
+    asked = Asked(
+        "the script's",
+        kept,
+        None,
+        level,
+        up,
+        down,
+        ((x, y, z), (far_x, far_y, far_z)),
+        fence,
+    )
+    return asked, flown
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """What ``export.json`` says."""
+
+    format: str
+    """Format by its name on the command line."""
+    show: str
+    """Name of the show."""
+    drones: int
+    """Size of the fleet."""
+    duration: float
+    """Of the written show [s]."""
+    asked: Asked
+    """Rules that the written flights must keep."""
+    flown: Separation
+    """Separation that must be left when show mode flies them."""
+    files: Mapping[str, str]
+    """SHA-256 by name."""
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Read the manifest of an export.
+
+    Raises
+    ------
+    DamagedFileError
+        If it is none of this version.
+    UsageError
+        If it cannot be read.
+    """
+    path = folder / MANIFEST
+    content = parse_json(read_file(path, LARGEST_FILE), str(path))
+    if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
+        raise DamagedFileError(f"{path}: is no manifest of version {FORMAT_VERSION}")
+    asked, flown = rules_from_json(content.get("rules"), str(path))
+    files = content.get("files")
+    if not isinstance(files, dict):
+        raise DamagedFileError(f"{path}: lists no files")
+    return Manifest(
+        str(content.get("format")),
+        str(content.get("show"))[:200],
+        int(number(content.get("drones"), f"{path}: drones")),
+        number(content.get("duration"), f"{path}: duration"),
+        asked,
+        flown,
+        {str(name): str(digest) for name, digest in files.items()},
+    )
+
+
+def verify_export(folder: Path) -> Verification:
+    """Prove an export again from its bytes."""
+    try:
+        manifest = read_manifest(folder)
+    except DamagedFileError as error:
+        return damaged(folder, error)
+    checks = [_hashes(folder, manifest.files)]
+    checks += prove(folder, manifest.format, manifest.asked, manifest.flown)
+    return Verification(
+        str(folder), manifest.show, manifest.drones, manifest.duration, tuple(checks)
+    )
+
+
+def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Check]:
+    """Prove the written files of an export.
+
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    form
+        Format by its name on the command line.
+    asked
+        Rules that the written flights must keep.
+    flown
+        Separation that must be left when show mode flies them.
+    """
+    try:
+        show = read_show(folder)
+    except DamagedFileError as error:
+        return list(damaged(folder, error).checks)
+    facts = what_it_says(show, [asked])
+    checks = list(facts.checks)
+    if form in SHOW_MODE:
+        # The parameter file beside the files makes the firmware climb faster.
+        firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
+        checks = [_strict(check) for check in checks]
+        checks += what_it_becomes(show, firmware)
+        checks += what_show_mode_makes(show.tracks, facts.closest, flown)
+    return checks
+
+
+def _strict(check: Check) -> Check:
+    """Of our own files a jump of velocity is a fault, not a remark."""
+    return replace(check, verdict="fail") if check.verdict == "warning" else check
+
+
+def _hashes(folder: Path, listed: Mapping[str, str]) -> Check:
+    """Whether the folder holds what the manifest lists, and nothing else."""
+    found = {
+        file.relative_to(folder).as_posix()
+        for file in folder.rglob("*")
+        if file.is_file() and file.name != MANIFEST
+    }
+    notes = [f"{name} is missing" for name in sorted(set(listed) - found)]
+    notes += [f"{name} is not in the manifest" for name in sorted(found - set(listed))]
+    for name in sorted(found & set(listed)):
+        digest = sha256((folder / name).read_bytes()).hexdigest()
+        if digest != listed[name]:
+            notes.append(f"{name} was changed since it was written")
+    return Check(
+        "VRF581",
+        INTEGRITY,
+        "files are those of the manifest",
+        "fail" if notes else "pass",
+        float(len(found)),
+        float(len(listed)),
+        "files",
+        notes=tuple(notes[:8]),
+    )

@@ -1,0 +1,162 @@
+"""Skybrush's light programs: bytecode to colours over time.
+
+Durations and instants are variable-length whole numbers of frames of 20 ms. Colours are
+linear light; a fade is linear in each channel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from showc.errors import DamagedFileError
+from showc.foreign.show import LightTrack
+
+FRAME = 0.02
+"""Length of a frame [s]."""
+
+END, NOP, SLEEP, WAIT_UNTIL = 0, 1, 2, 3
+SET_COLOUR, SET_GREY, SET_BLACK, SET_WHITE = 4, 5, 6, 7
+FADE_COLOUR, FADE_GREY, FADE_BLACK, FADE_WHITE = 8, 9, 10, 11
+LOOP_BEGIN, LOOP_END, RESET_CLOCK = 12, 13, 14
+PYRO, PYRO_ALL = 20, 21
+
+MOST_STEPS = 200_000
+"""Commands after which a program is read no further: an hour at the frame rate."""
+
+_DEEPEST = 4
+"""Loops within loops that the firmware keeps."""
+
+
+@dataclass(slots=True)
+class _Loop:
+    begin: int
+    """Where its body begins [byte]."""
+    left: int
+    """Rounds after this one; -1 without end."""
+    frame: int
+    """When this round began."""
+
+
+@dataclass(slots=True)
+class _Player:
+    """Runs one program."""
+
+    program: bytes
+    name: str
+    until: int
+    """Frame after which nothing is wanted."""
+    position: int = 0
+    frame: int = 0
+    times: list[int] = field(default_factory=lambda: [0])
+    colours: list[tuple[int, int, int]] = field(default_factory=lambda: [(0, 0, 0)])
+    loops: list[_Loop] = field(default_factory=list)
+    steps: int = 0
+    """Commands so far."""
+
+    def _byte(self) -> int:
+        if self.position >= len(self.program):
+            raise DamagedFileError(
+                f"{self.name}: the light program ends inside a command"
+            )
+        self.position += 1
+        return self.program[self.position - 1]
+
+    def _number(self) -> int:
+        value = shift = 0
+        while True:
+            byte = self._byte()
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+            if shift > 28:
+                raise DamagedFileError(
+                    f"{self.name}: byte {self.position} of the light program: a number "
+                    "of more than 28 bits"
+                )
+
+    def _colour(self, command: int) -> tuple[int, int, int]:
+        kind = command - (FADE_COLOUR if command >= FADE_COLOUR else SET_COLOUR)
+        if kind == 0:
+            return self._byte(), self._byte(), self._byte()
+        level = {1: -1, 2: 0, 3: 255}[kind]
+        level = self._byte() if level < 0 else level
+        return level, level, level
+
+    def _show(self, colour: tuple[int, int, int], fade: int) -> None:
+        if self.times[-1] != self.frame:
+            self.times.append(self.frame)
+            self.colours.append(self.colours[-1])
+        self.times.append(self.frame + fade)
+        self.colours.append(colour)
+
+    def run(self) -> None:
+        """Play until the end, or until nothing more is wanted."""
+        while (
+            self.position < len(self.program)
+            and self.frame <= self.until
+            and self.steps < MOST_STEPS
+        ):
+            self.steps += 1
+            command = self._byte()
+            if command == END:
+                return
+            self._step(command)
+
+    def _step(self, command: int) -> None:
+        if SET_COLOUR <= command <= FADE_WHITE:
+            colour, duration = self._colour(command), self._number()
+            self._show(colour, duration if command >= FADE_COLOUR else 0)
+            self.frame += duration
+        elif command == SLEEP:
+            self.frame += self._number()
+        elif command == WAIT_UNTIL:
+            self.frame = max(self.frame, self._number())
+        elif command == LOOP_BEGIN:
+            rounds = self._byte()
+            if len(self.loops) >= _DEEPEST:
+                raise DamagedFileError(
+                    f"{self.name}: byte {self.position} of the light program: more than"
+                    f" {_DEEPEST} loops within each other; the firmware keeps no more"
+                )
+            self.loops.append(_Loop(self.position, rounds - 1, self.frame))
+        elif command == LOOP_END:
+            self._again()
+        elif command in {PYRO, PYRO_ALL}:
+            self._byte()
+        elif command not in {NOP, RESET_CLOCK}:
+            raise DamagedFileError(
+                f"{self.name}: byte {self.position - 1} of the light program: command "
+                f"{command} is not known"
+            )
+
+    def _again(self) -> None:
+        if not self.loops:
+            raise DamagedFileError(
+                f"{self.name}: byte {self.position - 1} of the light program: the end "
+                "of a loop that does not begin"
+            )
+        loop = self.loops[-1]
+        if loop.left == 0 or self.frame == loop.frame:
+            # A round that takes no time would go on for ever within one instant.
+            self.loops.pop()
+            return
+        loop.left = max(loop.left - 1, -1)
+        loop.frame, self.position = self.frame, loop.begin
+
+
+def read_lights(program: bytes, name: str, duration: float) -> LightTrack:
+    """Colours that a program shows over ``duration`` [s].
+
+    Raises
+    ------
+    DamagedFileError
+        If it is no program; the message names the byte.
+    """
+    player = _Player(program, name, int(np.ceil(duration / FRAME)))
+    player.run()
+    return LightTrack(
+        np.array(player.times) * FRAME, np.array(player.colours, dtype=np.float64)
+    )

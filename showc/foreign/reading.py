@@ -1,0 +1,104 @@
+"""Open a show of any format that is known here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from showc.errors import DamagedFileError, UsageError
+from showc.files import read_file
+from showc.foreign.document import LARGEST_FILE
+from showc.foreign.show import ForeignShow, fleet
+from showc.foreign.skyb import read_skyb
+from showc.foreign.skyc import read_skyc
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+MOST_FILES = 5000
+"""Drones in a folder."""
+
+SUFFIXES = (".skyc", ".skyb", ".zip", ".csv", ".vviz", ".gltf", ".glb")
+"""Endings of the files that are known here."""
+
+KNOWN = (
+    "a .skyc, a .skyb or a folder of them, a Skybrush CSV zip or folder, a folder of "
+    "poly7 .csv files, a .vviz, a .gltf or .glb"
+)
+"""What is known, for messages."""
+
+
+def read_show(path: Path) -> ForeignShow:
+    """Read a show of any known format.
+
+    Raises
+    ------
+    UsageError
+        If there is nothing there, or nothing that is known.
+    DamagedFileError
+        If the bytes are not what the format wants; the message says where.
+    """
+    if not path.exists():
+        raise UsageError(f"{path}: is not there; wanted {KNOWN}")
+    if path.is_dir():
+        return _folder(path)
+    readers: dict[str, Callable[[Path], ForeignShow]] = {
+        ".skyc": read_skyc,
+        ".skyb": lambda file: _binaries(file, [file]),
+    }
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise UsageError(f"{path}: is of no format that is known; wanted {KNOWN}")
+    return reader(path)
+
+
+def _folder(path: Path) -> ForeignShow:
+    files = sorted(
+        file
+        for file in path.iterdir()
+        if file.is_file() and file.suffix.lower() in SUFFIXES
+    )
+    kinds = {file.suffix.lower() for file in files}
+    if len(files) > MOST_FILES:
+        raise DamagedFileError(
+            f"{path}: has {len(files):,} show files; wanted at most {MOST_FILES:,}"
+        )
+    if kinds == {".skyb"}:
+        return _binaries(path, files)
+    if len(files) == 1:
+        return read_show(files[0])
+    raise UsageError(
+        f"{path}: holds {', '.join(sorted(kinds)) or 'no show files'}; wanted {KNOWN}"
+    )
+
+
+def _binaries(path: Path, files: list[Path]) -> ForeignShow:
+    """One show of the binary files of its drones, in the order of their names."""
+    files = sorted(files, key=lambda file: _natural(file.stem))
+    found = [read_skyb(read_file(file, LARGEST_FILE), file.name) for file in files]
+    return ForeignShow(
+        path=str(path),
+        format=".skyb",
+        title=path.stem,
+        names=tuple(file.stem for file in files),
+        tracks=fleet([one.course for one in found]),
+        lights=tuple(one.lights for one in found),
+        stored=tuple(one.stored for one in found),
+    )
+
+
+def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sort key that puts drone 2 before drone 10."""
+    parts, digits, letters = [], "", ""
+    for letter in name + "\0":
+        if letter.isdigit() and letter.isascii():
+            if letters:
+                parts.append((1, 0, letters))
+                letters = ""
+            digits += letter
+        else:
+            if digits:
+                parts.append((0, int(digits[:18]), ""))
+                digits = ""
+            letters += letter
+    return tuple(parts)

@@ -1,0 +1,172 @@
+"""Whether show mode can follow a file: limits that were measured in flight.
+
+Flown in the simulation of branch CMCopter-4.6 with its default quadrotor, mode 3 at
+50 Hz, and the parameters of :mod:`showc.export.parameters`, in calm air, from the end
+of the take-off to the last descent. Accelerations are those over a quarter of a second:
+shorter peaks, where a file's acceleration jumps, did no harm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from showc.foreign.motion import (
+    derivative,
+    greatest,
+    length,
+    over_fleet,
+)
+from showc.foreign.smoothing import box_acceleration
+from showc.verify.report import Check, Place
+
+if TYPE_CHECKING:
+    from showc.foreign.motion import Greatest
+    from showc.log.showc_pb2 import Separation
+    from showc.verify.separation import Encounter
+    from showc.verify.tracks import Tracks
+
+GROUP = "whether show mode can follow it"
+"""Heading of these checks."""
+
+WINDOW = 0.25
+"""Time over which accelerations are averaged [s]: the length of the pieces flown."""
+
+LOST = 0.06
+"""How much nearer two drones came than their files, at most, in calm air [m]. All fly
+by one clock and err alike: far less than twice the tube."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """How far vehicles were from their files, and up to what they were asked."""
+
+    acceleration: float
+    """Sideways [m/s²]."""
+    speed: float
+    """Horizontal [m/s]."""
+    radius: float
+    """Greatest horizontal error [m]."""
+
+
+TUBES = (Tube(4.2, 8.0, 0.30), Tube(5.0, 9.7, 0.50), Tube(6.0, 10.7, 0.55))
+"""Flown, narrowest first."""
+
+UP, DOWN = 3.0, 3.8
+"""Greatest acceleration up and down that was flown within ``HEIGHT`` [m/s²]."""
+
+HEIGHT = 0.25
+"""Greatest vertical error up to there [m]."""
+
+
+def what_show_mode_makes(
+    tracks: Tracks,
+    closest: Encounter | None,
+    wanted: Separation | None,
+) -> list[Check]:
+    """Hold a file against what was flown.
+
+    Parameters
+    ----------
+    tracks
+        What the file says.
+    closest
+        Its closest encounter.
+    wanted
+        Separation that drones must keep in the air.
+    """
+    velocity = derivative(tracks)
+    speed = over_fleet(velocity, lambda part: greatest(part, length((0, 1)), 1e-3))
+    sideways, up, down = box_acceleration(tracks, WINDOW)
+    last = TUBES[-1]
+    checks = [
+        _check(
+            f"sideways acceleration over {WINDOW:g} s",
+            sideways,
+            last.acceleration,
+            "m/s²",
+        ),
+        _check(f"upward acceleration over {WINDOW:g} s", up, UP, "m/s²"),
+        _check(f"downward acceleration over {WINDOW:g} s", down, DOWN, "m/s²"),
+        _check("horizontal speed", speed, last.speed, "m/s"),
+    ]
+    fits = [
+        tube
+        for tube in TUBES
+        if sideways.lower <= tube.acceleration and speed.lower <= tube.speed
+    ]
+    known = bool(fits) and all(check.verdict == "pass" for check in checks)
+    checks.append(
+        Check(
+            "VRF562",
+            GROUP,
+            "tube around the file",
+            "pass" if known else "fail",
+            fits[0].radius if known else None,
+            last.radius,
+            "m",
+            notes=(f"vertically {HEIGHT:g} m; calm air, as measured",)
+            if known
+            else (
+                (
+                    "no parameters that were tried follow this show: solve it with "
+                    "gentler limits (tilt 15 deg, thrust 0.8 to 1.2 of hover, speed "
+                    "5.5, 5.5, 3)"
+                ),
+            ),
+        )
+    )
+    checks.append(_flown(closest, wanted, known=known))
+    return checks
+
+
+def _flown(
+    closest: Encounter | None, wanted: Separation | None, *, known: bool
+) -> Check:
+    """Separation less what flying costs."""
+    name = "separation as it will be flown"
+    if closest is None or wanted is None:
+        return Check("VRF563", GROUP, name, "skipped", notes=("nothing is asked",))
+    if not known:
+        return Check(
+            "VRF563",
+            GROUP,
+            name,
+            "fail",
+            None,
+            wanted.distance,
+            "m",
+            notes=("the vehicles do not follow the file, so nothing is known",),
+        )
+    value = closest.lower - LOST
+    return Check(
+        "VRF563",
+        GROUP,
+        name,
+        "pass" if value >= wanted.distance else "fail",
+        value,
+        wanted.distance,
+        "m",
+        Place(pair=(closest.pair[0] + 1, closest.pair[1] + 1), time=closest.time),
+        (
+            (
+                f"the file less {LOST:g} m that flying was measured to cost; solve "
+                f"with {wanted.distance + LOST:.2f} m or ask for less with --separation"
+            ),
+        )
+        if value < wanted.distance
+        else (f"the file less {LOST:g} m that flying was measured to cost",),
+    )
+
+
+def _check(name: str, found: Greatest, limit: float, unit: str) -> Check:
+    return Check(
+        "VRF561",
+        GROUP,
+        name,
+        "pass" if found.lower <= limit else "fail",
+        found.lower,
+        limit,
+        unit,
+        Place(drone=found.drone + 1, time=found.time),
+    )

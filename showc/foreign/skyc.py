@@ -1,0 +1,254 @@
+"""Skybrush's compiled shows: a zip of JSON documents."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.errors import DamagedFileError
+from showc.foreign.document import Archive, References, parse_json
+from showc.foreign.numbers import array, number, places, rising
+from showc.foreign.show import (
+    Course,
+    Cue,
+    Declared,
+    FencePolygon,
+    ForeignShow,
+    Location,
+    Oddity,
+    fleet,
+)
+from showc.verify.kernel.bernstein import elevate
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+MOST_DRONES = 5000
+"""Drones that Skybrush's loader reads."""
+
+MOST_POINTS = 200_000
+"""Points of one drone: an hour at 50 a second."""
+
+MOST_INNER = 6
+"""Inner control points of a segment: degree 7."""
+
+
+class _Reading:
+    def __init__(self, path: Path) -> None:
+        self.archive = Archive(path)
+        self.path = path
+        self.references = References(self.archive)
+        self.oddities: list[Oddity] = []
+
+    def mapping(self, value: Any, what: str) -> dict[str, Any]:  # noqa: ANN401
+        """Return the object behind ``value``; an empty one where there is none."""
+        found = self.references.resolved(value)
+        if found is None:
+            return {}
+        if not isinstance(found, dict):
+            raise DamagedFileError(f"{self.path}: {what} is no object")
+        return found
+
+    def items(self, value: Any, what: str) -> list[Any]:  # noqa: ANN401
+        """Return the list behind ``value``; an empty one where there is none."""
+        found = self.references.resolved(value)
+        if found is None:
+            return []
+        if not isinstance(found, list):
+            raise DamagedFileError(f"{self.path}: {what} is no list")
+        return found
+
+    def read(self) -> ForeignShow:
+        """Read the whole show."""
+        if "show.json" not in self.archive.names:
+            raise DamagedFileError(f"{self.path}: has no show.json in its root")
+        name = f"{self.path}:show.json"
+        top = self.mapping(parse_json(self.archive.read("show.json"), name), "the show")
+        if top.get("version") != 1:
+            raise DamagedFileError(
+                f"{name}: version is {top.get('version')!r}; wanted 1"
+            )
+        swarm = self.mapping(top.get("swarm"), "swarm")
+        drones = self.items(swarm.get("drones"), "swarm.drones")
+        if not 1 <= len(drones) <= MOST_DRONES:
+            raise DamagedFileError(
+                f"{name}: has {len(drones)} drones; wanted 1 to {MOST_DRONES}"
+            )
+        settings = self.mapping(top.get("settings"), "settings")
+        meta = self.mapping(top.get("meta"), "meta")
+        environment = self.mapping(top.get("environment"), "environment")
+        names, courses, lights, home, land = [], [], [], [], []
+        for index, entry in enumerate(drones):
+            drone = self.mapping(entry, f"drone {index + 1}")
+            own = self.mapping(drone.get("settings"), f"drone {index + 1}: settings")
+            names.append(str(own.get("name") or f"drone {index + 1}")[:80])
+            course = self._course(own.get("trajectory"), index + 1)
+            courses.append(course)
+            lights.append(self._lights(own.get("lights"), index + 1))
+            first, last = course.position[0, 0], course.position[-1, -1]
+            home.append(self._place(own.get("home"), index + 1, "home", first))
+            land.append(self._place(own.get("landAt"), index + 1, "landAt", last))
+            self.references.forget()
+        return ForeignShow(
+            path=str(self.path),
+            format=".skyc",
+            title=str(meta.get("title") or self.path.stem)[:200],
+            names=tuple(names),
+            tracks=fleet(courses),
+            declared=self._declared(settings),
+            fences=self._fences(settings),
+            lights=tuple(lights),
+            home=np.array(home),
+            land=np.array(land),
+            location=self._location(environment),
+            cues=self._cues(settings),
+            oddities=tuple(self.oddities),
+        )
+
+    def _course(self, value: Any, drone: int) -> Course:  # noqa: ANN401
+        what = f"{self.path}: drone {drone}"
+        trajectory = self.mapping(value, f"drone {drone}: trajectory")
+        points = self.items(trajectory.get("points"), f"drone {drone}: points")
+        if trajectory.get("version") != 1 or not points:
+            raise DamagedFileError(
+                f"{what}: has no trajectory of version 1 with points"
+            )
+        if len(points) > MOST_POINTS:
+            raise DamagedFileError(
+                f"{what}: has {len(points):,} points; wanted at most {MOST_POINTS:,}"
+            )
+        if any(not isinstance(point, list) or len(point) < 2 for point in points):
+            raise DamagedFileError(f"{what}: a point is not [time, place, controls]")
+        shift = number(trajectory.get("takeoffTime") or 0.0, f"{what}: takeoffTime")
+        times = array([point[0] for point in points], (-1,), f"{what}: times") + shift
+        knots = array([point[1] for point in points], (-1, 3), f"{what}: points")
+        rising(times, what)
+        places(knots, what)
+        inner = [
+            list(point[2]) if len(point) > 2 and point[2] else [] for point in points
+        ]
+        counts = np.array([len(one) for one in inner])
+        if counts.max() > MOST_INNER:
+            raise DamagedFileError(
+                f"{what}: a segment has {counts.max()} inner control points; wanted at "
+                f"most {MOST_INNER}"
+            )
+        if times.size == 1:
+            return Course(np.array([times[0], times[0] + 1e-3]), knots[None])
+        top = int(counts[1:].max()) + 1
+        body = np.empty((times.size - 1, top + 1, 3))
+        for count in np.unique(counts[1:]).tolist():
+            rows = np.flatnonzero(counts[1:] == count)
+            part = np.empty((rows.size, count + 2, 3))
+            part[:, 0], part[:, -1] = knots[rows], knots[rows + 1]
+            if count:
+                given = [inner[row + 1] for row in rows]
+                part[:, 1:-1] = places(
+                    array(given, (-1, count, 3), f"{what}: controls"), what
+                )
+            body[rows] = elevate(part, top)
+        return Course(times, body)
+
+    def _lights(self, value: Any, drone: int) -> bytes | None:  # noqa: ANN401
+        lights = self.mapping(value, f"drone {drone}: lights")
+        data = self.references.resolved(lights.get("data"))
+        if data is None:
+            return None
+        try:
+            return base64.b64decode(data, validate=True)
+        except (TypeError, ValueError, binascii.Error):
+            self.oddities.append(Oddity("its light program is no base64", drone))
+            return None
+
+    def _place(
+        self,
+        value: Any,  # noqa: ANN401
+        drone: int,
+        key: str,
+        otherwise: FloatArray,
+    ) -> FloatArray:
+        found = self.references.resolved(value)
+        if found is None:
+            return otherwise
+        what = f"{self.path}: drone {drone}: {key}"
+        return places(array(found, (3,), what), what)
+
+    def _declared(self, settings: dict[str, Any]) -> Declared:
+        validation = self.mapping(settings.get("validation"), "settings.validation")
+
+        def limit(key: str) -> float | None:
+            value = validation.get(key)
+            if value is None:
+                return None
+            return number(value, f"{self.path}: settings.validation.{key}")
+
+        vertical = limit("maxVelocityZ")
+        upward = limit("maxVelocityZUp")
+        return Declared(
+            limit("maxAltitude"),
+            limit("maxVelocityXY"),
+            vertical,
+            vertical if upward is None else upward,
+            limit("minDistance"),
+        )
+
+    def _fences(self, settings: dict[str, Any]) -> tuple[FencePolygon, ...]:
+        fence = self.mapping(settings.get("geofence"), "settings.geofence")
+        found = []
+        for index, entry in enumerate(self.items(fence.get("polygons"), "polygons")):
+            polygon = self.mapping(entry, f"polygon {index + 1}")
+            what = f"{self.path}: polygon {index + 1} of the fence"
+            corners = self.items(polygon.get("points"), what)
+            if not 3 <= len(corners) <= 1000:
+                raise DamagedFileError(
+                    f"{what}: has {len(corners)} corners; wanted 3 up"
+                )
+            flat = [
+                corner[:2] if isinstance(corner, list) else corner for corner in corners
+            ]
+            points = places(array(flat, (-1, 2), what), what)
+            found.append(FencePolygon(bool(polygon.get("isInclusion")), points))
+        return tuple(found)
+
+    def _location(self, environment: dict[str, Any]) -> Location | None:
+        location = self.mapping(environment.get("location"), "environment.location")
+        origin = self.references.resolved(location.get("origin"))
+        if origin is None:
+            return None
+        what = f"{self.path}: environment.location.origin"
+        values = array(origin, (-1,), what)
+        if values.size < 2 or not np.all(np.isfinite(values)):
+            raise DamagedFileError(f"{what}: wanted latitude and longitude")
+        return Location(
+            values[0] * 1e-7,
+            values[1] * 1e-7,
+            float(values[2]) / 1000.0 if values.size > 2 else None,
+            number(location.get("orientation") or 0.0, f"{what}: orientation"),
+        )
+
+    def _cues(self, settings: dict[str, Any]) -> tuple[Cue, ...]:
+        sheet = self.mapping(settings.get("cues"), "settings.cues")
+        found = []
+        for entry in self.items(sheet.get("items"), "settings.cues.items")[:10_000]:
+            cue = self.mapping(entry, "a cue")
+            time = number(cue.get("time"), f"{self.path}: time of a cue")
+            found.append(Cue(time, str(cue.get("name") or "")[:200]))
+        return tuple(sorted(found, key=lambda cue: cue.time))
+
+
+def read_skyc(path: Path) -> ForeignShow:
+    """Read a compiled show.
+
+    Raises
+    ------
+    DamagedFileError
+        If the archive, a document or a number in it is not what the format wants.
+    """
+    return _Reading(path).read()

@@ -1,0 +1,334 @@
+"""Whether a show can be flown: smoothed as little as an aircraft needs.
+
+A file made of straight lines has corners, which no aircraft flies. What it can fly is
+the file's flight averaged over a kernel: four boxes of a quarter of its width each (a
+cubic B-spline; Schoenberg 1946). The average of piecewise polynomials over a box is
+again one, exactly: the difference of its integral at two instants over the width of
+the box. So everything below is known at every instant, without sampling. Averages are
+never faster than what they average.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.foreign.motion import (
+    Greatest,
+    common,
+    derivative,
+    difference,
+    greatest,
+    jumps,
+    length,
+    owners,
+    portions,
+    standing,
+)
+from showc.verify.tracks import Tracks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+GRAVITY = 9.80665
+"""Standard acceleration of free fall [m/s²]."""
+
+BOXES = 4
+"""Boxes that make a kernel: the acceleration of straight lines becomes a cubic."""
+
+CORNER = 0.012
+"""Jump of velocity at a joint that is rounding of handles on a millimetre grid: 3 mm
+over a quarter of a second [m/s]."""
+
+WIDEST = 10.0
+"""Widest kernel that is tried [s]: a wider one makes another show."""
+
+NARROWEST = 0.05
+"""Step of the widths [s]."""
+
+_ANGLE, _THRUST, _LENGTH = 1e-3, 1e-3, 1e-4
+"""Widths of the enclosures of tilt [rad], thrust over weight, and lengths [m]."""
+
+_WORST = 8
+"""Drones with which the width is sought; the rest are proved with it at the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agility:
+    """What an aircraft can do."""
+
+    tilt: float
+    """Greatest angle between thrust and the vertical [rad]."""
+    thrust_min: float
+    """Least vertical thrust over weight."""
+    thrust_max: float
+    """Greatest thrust over weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a flight asks of an aircraft at most."""
+
+    tilt: Greatest
+    """[rad]"""
+    thrust: Greatest
+    """Over weight."""
+    lightest: Greatest
+    """Minus the least vertical thrust over weight."""
+
+    def within(self, agility: Agility) -> bool:
+        """Whether the aircraft can do it."""
+        return (
+            self.tilt.upper <= agility.tilt
+            and self.thrust.upper <= agility.thrust_max
+            and -self.lightest.upper >= agility.thrust_min
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Smoothed:
+    """A fleet's flights as an aircraft can fly them."""
+
+    width: float
+    """Of the kernel [s]; 0: as they are."""
+    demand: Demand
+    """What is left to ask."""
+    tube: Greatest
+    """How far the smoothed flight is from the file's [m]."""
+    corners: tuple[Greatest, ...]
+    """Where it is furthest, one for each drone, worst first."""
+
+
+def integral(tracks: Tracks) -> Tracks:
+    """Integral over time, zero at each drone's start, one degree higher."""
+    points = tracks.position.shape[1]
+    width = (tracks.ends - tracks.starts)[:, None, None] / points
+    steps = np.cumsum(tracks.position * width, axis=1)
+    total = np.concatenate([np.zeros((1, steps.shape[2])), np.cumsum(steps[:, -1], 0)])
+    before = total[:-1] - total[tracks.first[:-1]][owners(tracks)]
+    body = np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
+    return replace(tracks, position=body + before[:, None])
+
+
+def moved(tracks: Tracks, offset: float) -> Tracks:
+    """Return the same flights ``offset`` [s] later."""
+    return Tracks(
+        tracks.begin + offset,
+        tracks.end + offset,
+        tracks.first,
+        tracks.starts + offset,
+        tracks.ends + offset,
+        tracks.position,
+    )
+
+
+def rise(tracks: Tracks, width: float) -> Tracks:
+    """Return what changes over ``width`` [s] around each instant, over that width.
+
+    It is the derivative of the average over a box, on the time that is less by half the
+    width at both ends.
+    """
+    half = 0.5 * width
+    later, earlier = common(
+        moved(tracks, -half),
+        moved(tracks, half),
+        tracks.begin + half,
+        tracks.end - half,
+    )
+    return replace(later, position=(later.position - earlier.position) / width)
+
+
+def average(tracks: Tracks, width: float) -> Tracks:
+    """Average over a box of ``width`` [s] around each instant."""
+    # Near the origin integrals stay small, and their differences exact.
+    origin = tracks.position[tracks.first[:-1], :1]
+    centred = replace(tracks, position=tracks.position - origin[owners(tracks)])
+    result = rise(integral(centred), width)
+    return replace(result, position=result.position + origin[owners(result)])
+
+
+def repeated(
+    tracks: Tracks, change: Callable[[Tracks, float], Tracks], width: float, times: int
+) -> Tracks:
+    """Apply ``change`` over a box ``times`` times."""
+    for _ in range(times):
+        tracks = change(tracks, width)
+    return tracks
+
+
+def widened(tracks: Tracks, width: float) -> Tracks:
+    """Let all drones stand for half of ``width`` [s] longer at both ends."""
+    half = 0.5 * width
+    return standing(tracks, tracks.begin - half, tracks.end + half)
+
+
+def demand_of(tracks: Tracks, width: float) -> Demand:
+    """Return what flights ask of an aircraft, smoothed over ``width`` [s]."""
+    found: list[Demand] = []
+    for first, part in portions(tracks):
+        box = width / BOXES
+        quiet = repeated(widened(part, width), average, box, BOXES - 2)
+        found.append(_demand(repeated(quiet, rise, box, 2), first))
+    return _greatest_demand(found)
+
+
+def _demand(acceleration: Tracks, first: int) -> Demand:
+    """Return what accelerations ask; ``first`` is the number of their first drone."""
+    force = replace(
+        acceleration,
+        position=acceleration.position / GRAVITY + np.array([0.0, 0.0, 1.0]),
+    )
+    found = (
+        greatest(force, _tilt, _ANGLE),
+        greatest(force, length((0, 1, 2)), _THRUST),
+        greatest(force, lambda value: -value[..., 2], _THRUST),
+    )
+    return Demand(*(replace(one, drone=one.drone + first) for one in found))
+
+
+def _greatest_demand(found: list[Demand]) -> Demand:
+    return Demand(
+        max((one.tilt for one in found), key=lambda value: value.upper),
+        max((one.thrust for one in found), key=lambda value: value.upper),
+        max((one.lightest for one in found), key=lambda value: value.upper),
+    )
+
+
+def _tilt(force: FloatArray) -> FloatArray:
+    """Angle between a force and the vertical [rad]; half a turn where it is down.
+
+    Cones of less than a right angle are convex, so the angle is quasi-convex there.
+    """
+    flat = np.hypot(force[..., 0], force[..., 1])
+    angle = np.arctan2(flat, force[..., 2])
+    return np.where(force[..., 2] > 0.0, angle, np.pi)
+
+
+def smoothed(tracks: Tracks, width: float) -> Tracks:
+    """Return the flights averaged over a kernel of ``width`` [s]."""
+    return repeated(widened(tracks, width), average, width / BOXES, BOXES)
+
+
+def least_smoothing(tracks: Tracks, agility: Agility) -> Smoothed | None:
+    """Find the narrowest kernel, in steps of 0.05 s, that an aircraft can follow.
+
+    Returns
+    -------
+    Smoothed or None
+        None if not even the widest kernel is enough.
+    """
+    if smooth_enough(tracks):
+        demand = _unsmoothed(tracks)
+        if demand.within(agility):
+            still = Greatest(0.0, 0.0, 0, tracks.begin)
+            return Smoothed(0.0, demand, still, ())
+    found = _least_width(tracks, agility)
+    if found is None:
+        return None
+    width, demand = found
+    corners = []
+    for first, part in portions(tracks):
+        apart = difference(smoothed(part, width), part)
+        for drone in range(part.drones):
+            rows = slice(int(apart.first[drone]), int(apart.first[drone + 1]))
+            single = Tracks(
+                apart.begin,
+                apart.end,
+                np.array([0, rows.stop - rows.start]),
+                apart.starts[rows],
+                apart.ends[rows],
+                apart.position[rows],
+            )
+            one = greatest(single, length((0, 1, 2)), _LENGTH)
+            corners.append(replace(one, drone=drone + first))
+    corners.sort(key=lambda one: -one.upper)
+    return Smoothed(width, demand, corners[0], tuple(corners))
+
+
+def _least_width(tracks: Tracks, agility: Agility) -> tuple[float, Demand] | None:
+    """Narrowest kernel [s] that is enough for all, and what it leaves to ask."""
+    worst = _hardest(tracks)
+    low, high = 0, round(WIDEST / NARROWEST)
+    if not demand_of(worst, WIDEST).within(agility):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        if demand_of(worst, middle * NARROWEST).within(agility):
+            high = middle
+        else:
+            low = middle
+    while high * NARROWEST <= WIDEST:
+        width = round(high * NARROWEST, 6)
+        demand = demand_of(tracks, width)
+        if demand.within(agility):
+            return width, demand
+        high += max(1, high // 10)
+    return None
+
+
+def smooth_enough(tracks: Tracks) -> bool:
+    """Whether velocity goes on without jumps, but for rounding."""
+    _, off = jumps(derivative(tracks))
+    return bool(np.sqrt((off**2).sum(axis=1)).max(initial=0.0) <= CORNER)
+
+
+def _unsmoothed(tracks: Tracks) -> Demand:
+    """Return what flights without corners ask of an aircraft as they are."""
+    found = [
+        _demand(derivative(derivative(part)), first) for first, part in portions(tracks)
+    ]
+    return _greatest_demand(found)
+
+
+def _hardest(tracks: Tracks) -> Tracks:
+    """Return the drones that turn hardest: they need most smoothing."""
+    size = np.zeros(tracks.drones)
+    for first, part in portions(tracks):
+        change = repeated(widened(part, 2.0), rise, 0.5, 2)
+        reach = np.sqrt((change.position**2).sum(axis=2)).max(axis=1)
+        np.maximum.at(size, owners(change) + first, reach)
+    chosen = np.sort(np.argsort(-size)[:_WORST])
+    rows = np.isin(owners(tracks), chosen)
+    counts = np.diff(tracks.first)[chosen]
+    return Tracks(
+        tracks.begin,
+        tracks.end,
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        tracks.starts[rows],
+        tracks.ends[rows],
+        tracks.position[rows],
+    )
+
+
+def box_acceleration(
+    tracks: Tracks, width: float
+) -> tuple[Greatest, Greatest, Greatest]:
+    """Greatest acceleration sideways, up and down, averaged over ``width`` [s].
+
+    It is the change of velocity over that time, over it: what a controller has to
+    follow of accelerations that jump within one piece of a file.
+    """
+    found: list[tuple[Greatest, ...]] = []
+    for first, part in portions(tracks):
+        velocity = derivative(widened(part, 2.0 * width))
+        change = rise(velocity, width)
+        found.append(
+            tuple(
+                replace(one, drone=one.drone + first)
+                for one in (
+                    greatest(change, length((0, 1)), _THRUST),
+                    greatest(change, lambda value: value[..., 2], _THRUST),
+                    greatest(change, lambda value: -value[..., 2], _THRUST),
+                )
+            )
+        )
+    return tuple(  # type: ignore[return-value]
+        max((one[kind] for one in found), key=lambda value: value.upper)
+        for kind in range(3)
+    )
