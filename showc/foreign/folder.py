@@ -171,7 +171,12 @@ def verify_export(folder: Path) -> Verification:
     checks = [_hashes(folder, manifest.files)]
     checks += prove(folder, manifest.format, manifest.asked, manifest.flown)
     return Verification(
-        str(folder), manifest.show, manifest.drones, manifest.duration, tuple(checks)
+        str(folder),
+        manifest.show,
+        manifest.drones,
+        manifest.duration,
+        f"the rules in {MANIFEST}",
+        tuple(checks),
     )
 
 

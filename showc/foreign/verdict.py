@@ -80,8 +80,9 @@ def verify_foreign(path: Path, questions: Questions | None = None) -> Verificati
         *_flyable(show, facts, rules, questions.agility),
         *what_it_becomes(show, questions.firmware),
     ]
+    trusted = " and ".join(f"{one.source} rules" for one in rules)
     return Verification(
-        str(path), show.title, show.drones, show.duration, tuple(checks)
+        str(path), show.title, show.drones, show.duration, trusted, tuple(checks)
     )
 
 
@@ -94,7 +95,7 @@ def damaged(path: Path, error: DamagedFileError) -> Verification:
         "fail",
         notes=(str(error),),
     )
-    return Verification(str(path), path.stem, 0, 0.0, (check,))
+    return Verification(str(path), path.stem, 0, 0.0, "nothing", (check,))
 
 
 def _flyable(
