@@ -39,6 +39,11 @@ class PhaseMesh:
     path_margins: tuple[float, ...] = ()
     """By how much, in their scale, path constraints are tightened on each interval so
     that they hold between the points; empty means not at all."""
+    path_held: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """For path constraints that are active on whole arcs: on each interval 1 where it
+    is an equation at its upper bound, -1 at its lower, 0 where it is not held. What is
+    an equation holds at the collocation points alone: at more places than the controls
+    have coefficients it would contradict itself."""
 
     def __post_init__(self) -> None:
         if not self.arcs:

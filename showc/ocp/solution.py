@@ -78,6 +78,8 @@ class Multipliers:
     unknowns: FloatArray
     of_bounds: FloatArray
     of_constraints: FloatArray
+    objective_scale: float = 1.0
+    """What the objective was divided by, in its own unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

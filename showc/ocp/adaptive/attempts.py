@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.ocp.adaptive.options import CHEAP, EFFORT, Options
 from showc.ocp.adaptive.proposal import with_ends
-from showc.ocp.audit.optimality import ranges
+from showc.ocp.audit.optimality import objective_size, ranges
 from showc.ocp.collocation.limits import Statement
 from showc.ocp.collocation.transcription import Transcription
 from showc.ocp.solution import Solution
@@ -127,7 +127,6 @@ class Attempts:
 
     def rescale(self, solution: Solution) -> None:
         """Take scales that bounds do not tell from a first trajectory."""
-        size = 0.0
         for phase, part in zip(self.problem.phases, solution.phases, strict=True):
             span = ranges(part.states)
             for i, (name, state) in enumerate(phase.states.items()):
@@ -145,7 +144,18 @@ class Attempts:
             key = f"{phase.name}.duration"
             if key not in self.options.scales:
                 self.scales[key] = max(part.duration, 1e-12)
-            value = np.abs(part.costates).max(axis=0, initial=0.0) * span
-            size = max(size, float(value.max(initial=0.0)))
-        if np.isfinite(size) and size > 0.0:
+        self.weigh(solution)
+
+    def weigh(self, solution: Solution) -> float:
+        """Take the objective's scale from a solution.
+
+        Returns
+        -------
+        float
+            What it was divided by when that was found, over this scale: so many times
+            looser was the solver's tolerance.
+        """
+        size = objective_size(solution)
+        if "objective" not in self.options.scales:
             self.scales["objective"] = size
+        return solution.multipliers.objective_scale / size

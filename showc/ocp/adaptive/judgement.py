@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.adaptive.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.audit.optimality import objective_size
 from showc.ocp.outcome import ErrorEstimate
 from showc.ocp.scaling import of_path
 
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 HUGE = 1e200
 """Errors beyond this are not told apart."""
-_SMALL_OBJECTIVE = 1e-3
-"""Objectives below this are judged by their absolute error over it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +79,7 @@ def judge(
     is the better estimate.
     """
     audits = tuple(a.audit(solution, table) for a in auditors)
-    size = max(abs(solution.objective), _SMALL_OBJECTIVE)
+    size = objective_size(solution)
     lost = [
         a.objective_dynamics
         + a.objective_control
@@ -174,7 +173,7 @@ def _limited(
         control.degree is not None or min(chosen.get(name, (-1,))) >= 0
         for name, control in phase.controls.items()
     )
-    size = max(abs(solution.objective), _SMALL_OBJECTIVE)
+    size = objective_size(solution)
     share = audit.objective_control / size * len(audit.dynamics) / 2.0
     return np.asarray((share > np.maximum(audit.dynamics, tolerance)) & given)
 
@@ -186,6 +185,6 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
         return False
     sign = -1.0 if problem.maximises else 1.0
     loss = sign * (solution.objective - former.solution.objective)
-    size = max(abs(former.solution.objective), _SMALL_OBJECTIVE)
+    size = objective_size(former.solution)
     allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
     return bool(loss / size > allowed)

@@ -15,10 +15,12 @@ from showc.ocp.adaptive.options import (
     CLOSE,
     EFFORT,
     LOOSE,
+    LOOSELY,
     ROUGH,
     SWITCH_TRIALS,
     TRIAL_EFFORT,
     UNEVENNESS,
+    WEIGHINGS,
     Options,
 )
 from showc.ocp.adaptive.proposal import (
@@ -53,7 +55,10 @@ class _Refinement:
             PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
         ]
         self.history = Recorder(self.options.progress)
-        self.trials = SWITCH_TRIALS if self.options.switches else 0
+        # Where a coupling binds is known as a fraction of the phase, which moves with
+        # the borders of arcs.
+        placing = self.options.switches and not self.options.couplings
+        self.trials = SWITCH_TRIALS if placing else 0
         """How often switch times may still be placed."""
         self.refused: list[Structure] = []
         """Structures that did not help."""
@@ -71,7 +76,7 @@ class _Refinement:
         if solution.result is Result.CONTRADICTION:
             return solution
         if solution.result.usable:
-            return self._unsymmetric(solution, guess)
+            return self._unsymmetric(self._weighed(solution), guess)
         best = solution
         base = self.options.solver
         for name, scale in self._other_durations(guess):
@@ -81,7 +86,7 @@ class _Refinement:
             self.attempts.scales[name] = scale
             solution = self.attempts.attempt(mesh, guess)
             if solution.result.usable:
-                return solution
+                return self._weighed(solution)
             del self.attempts.scales[name]
         for other, strategy in (
             (mesh, {"mu_strategy": "monotone"}),
@@ -94,9 +99,27 @@ class _Refinement:
             solver = replace(base, extra=extra, iterations=2 * base.iterations)
             solution = self.attempts.attempt(other, guess, solver=solver)
             if solution.result.usable:
-                return solution
+                return self._weighed(solution)
         self.history.note(solution, None, "the solver failed; no other way is left")
         return best
+
+    def _weighed(self, solution: Solution) -> Solution:
+        """Solve again where the solver's tolerance was loose for what it found.
+
+        The first scale of the objective is a guess. A solver that stops at 1e-8 of a
+        scale that is far too great has not reached anything.
+        """
+        for _ in range(WEIGHINGS):
+            loose = self.attempts.weigh(solution)
+            if loose < LOOSELY:
+                break
+            words = f"the objective's scale was {loose:.1e} times too great; again"
+            self.history.note(solution, None, words)
+            better = self.attempts.attempt(solution.mesh, solution)
+            if not better.result.usable:
+                break
+            solution = better
+        return solution
 
     def _unsymmetric(
         self, solution: Solution, guess: Guess | Solution | None
@@ -242,14 +265,13 @@ class _Refinement:
         few = len(self.history.records) < self.options.meshes - 1
         return few and self.attempts.effort < self.options.effort
 
-    def step(self, current: Judgement) -> tuple[Judgement, bool] | None:
+    def step(self, current: Judgement) -> Judgement | None:
         """Solve the next mesh: one whose arcs are new if there are any, or a finer one.
 
         Returns
         -------
-        tuple or None
-            Its judgement, and whether switch times were placed; ``None``: nothing
-            better was found.
+        Judgement or None
+            ``None``: nothing better was found.
         """
         proposal = self.arcs(current)
         if proposal is not None:
@@ -257,7 +279,7 @@ class _Refinement:
             self.history.note(current.solution, current, proposal)
             fresh = self.take(proposal, current)
             if fresh is not None:
-                return fresh, True
+                return fresh
             self.refused += [s for s in proposal.structures if s is not None]
             if self.attempts.unknowns(proposal.mesh) > CHEAP:
                 self.trials = 0
@@ -268,8 +290,7 @@ class _Refinement:
             proposal = self.finer(current)
             if proposal is not None:
                 self.history.note(current.solution, current, proposal)
-        fresh = None if proposal is None else self.take(proposal, current)
-        return None if fresh is None else (fresh, False)
+        return None if proposal is None else self.take(proposal, current)
 
     def arcs(self, current: Judgement) -> Proposal | None:
         """Return a mesh whose arcs are those of a solution, if they are new."""
@@ -327,10 +348,8 @@ def solve(
         step = work.step(current)
         if step is None:
             break
-        current, placed = step
-        if current.merit < best.merit or placed:
-            best = current
-    best = min(best, current, key=lambda passed: passed.merit)
+        current = step
+        best = min(best, current, key=lambda passed: passed.merit)
     if current is not best and not work.history.knows(current.solution):
         work.history.note(current.solution, current, "an earlier mesh was better")
     done = best.greatest <= chosen.tolerance

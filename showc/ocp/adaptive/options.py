@@ -45,6 +45,11 @@ VAGUE = 3e-2
 """Relative error of the objective above which a solution has not yet found its arcs."""
 UNEVENNESS = (1e-3, 5e-2)
 """Differences within a guessed control, over its range, that break a symmetry."""
+LOOSELY = 100.0
+"""Scale of the objective in a program over the objective found, above which the program
+is solved again: the solver's tolerance of 1e-8 means 1e-6 then."""
+WEIGHINGS = 3
+"""How often that is done."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

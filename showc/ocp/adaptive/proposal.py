@@ -118,7 +118,10 @@ def place_switches(
             for j, (name, control) in enumerate(auditor.phase.controls.items())
             if control.degree is None
         ]
-        mesh, durations = arc_mesh(part, structure, free)
+        names = [constraint.name for constraint in auditor.phase.path_constraints]
+        mesh, durations = arc_mesh(
+            part, structure, free, names, auditor.principle.entries
+        )
         meshes.append(mesh)
         arcs.append(durations)
         structures.append(structure)

@@ -26,7 +26,7 @@ from numpy.polynomial import legendre
 
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import PhaseMesh
-from showc.ocp.nodes import bernstein_values
+from showc.ocp.nodes import bernstein_values, fitting_points
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
@@ -58,6 +58,8 @@ class Cell:
     """Degrees of controls set by the mesh."""
     path_points: tuple[float, ...] = ()
     path_margin: float = 0.0
+    held: tuple[tuple[str, int], ...] = ()
+    """Path constraints that are equations."""
 
 
 def cells_of(mesh: PhaseMesh) -> list[Cell]:
@@ -77,6 +79,7 @@ def cells_of(mesh: PhaseMesh) -> list[Cell]:
                 degrees,
                 mesh.path_points[k],
                 mesh.path_margins[k],
+                tuple((name, h[k]) for name, h in mesh.path_held.items()),
             )
         )
         position = right
@@ -89,6 +92,7 @@ def mesh_of(cells: list[Cell]) -> PhaseMesh:
     widths = np.array([cell.right - cell.left for cell in cells])
     widths = widths / np.bincount(arcs, weights=widths)[arcs]
     names = [name for name, _ in cells[0].degrees]
+    held = [name for name, _ in cells[0].held]
     return PhaseMesh(
         tuple(float(w) for w in widths),
         tuple(cell.points for cell in cells),
@@ -96,6 +100,7 @@ def mesh_of(cells: list[Cell]) -> PhaseMesh:
         {name: tuple(dict(cell.degrees)[name] for cell in cells) for name in names},
         tuple(cell.path_points for cell in cells),
         tuple(cell.path_margin for cell in cells),
+        {name: tuple(dict(cell.held)[name] for cell in cells) for name in held},
     )
 
 
@@ -255,6 +260,7 @@ def _cut(cell: Cell, edges: FloatArray) -> list[Cell]:
             cell.arc,
             cell.degrees,
             tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b),
+            held=cell.held,
         )
         for a, b in pairwise(edges)
     ]
@@ -289,7 +295,8 @@ def summary(decisions: Sequence[Decision]) -> str:
 def _alike(cell: Cell, former: Cell) -> bool:
     """Whether two neighbours may become one interval."""
     plain = not cell.path_points and not former.path_points
-    return plain and cell.arc == former.arc and cell.degrees == former.degrees
+    alike = cell.degrees == former.degrees and cell.held == former.held
+    return plain and alike and cell.arc == former.arc
 
 
 def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
@@ -303,21 +310,52 @@ def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
     return bool((np.abs(continued - actual) / scale).max() < 1e-4)
 
 
+def _solvable(
+    held: NDArray[np.int64], free: NDArray[np.bool_], entries: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return ``held`` where enough free controls are left to keep it, else nothing.
+
+    An equation needs a control off its bounds to be solved for: one that enters it if
+    any does, and no two equations the same.
+    """
+    equations = np.flatnonzero(held)
+    mixed = entries[equations].any(axis=1)
+    reach = (entries[equations] & free).any(axis=1)
+    if equations.size <= free.sum() and np.all(reach | ~mixed):
+        return held
+    return np.zeros_like(held)
+
+
 def arc_mesh(
     phase: PhaseSolution,
     structure: Structure,
     free_controls: list[tuple[int, str, int]],
+    constraints: Sequence[str] = (),
+    entries: NDArray[np.bool_] | None = None,
 ) -> tuple[PhaseMesh, FloatArray]:
     """Mesh whose arcs are those of ``structure``, and the arcs' durations.
 
     ``free_controls``: number, name and degree between the bounds of the controls
     whose degree the solver chooses; at a bound they become constant on each interval.
+    ``constraints``: names of the path constraints; ``entries``: which control enters
+    which of them.
     """
     smooth = any(degree < 0 for _, _, degree in free_controls)
     borders = np.concatenate([[phase.start], structure.times, [phase.end]])
     span = phase.end - phase.start
     breaks, points = phase.states.breaks, np.asarray(phase.mesh.points)
     cells: list[Cell] = []
+    # Off the arcs on which it is held a constraint of controls is watched closely: a
+    # border between arcs may move to where it is violated between its points. One of
+    # states leaves its bound at a tangent, where close points would only repeat.
+    if entries is None:
+        entries = np.zeros((len(constraints), structure.classes.shape[1]), dtype=bool)
+    held_at = [
+        _solvable(held, classes == 0, entries)
+        for held, classes in zip(structure.held, structure.classes, strict=True)
+    ]
+    mixed = entries.any(axis=1)
+    watched = any(bool(held[mixed].any()) for held in held_at)
     for arc in range(borders.size - 1):
         left, right = borders[arc], borders[arc + 1]
         width = max(right - left, 1e-9 * span)
@@ -334,6 +372,8 @@ def arc_mesh(
         degrees = {}
         for j, name, degree in free_controls:
             degrees[name] = 0 if structure.classes[arc, j] != 0 else degree
+        all_held = bool(held_at[arc].all())
+        held = [(c, int(h)) for c, h in zip(constraints, held_at[arc], strict=True)]
         for a, b in pairwise(edges):
             n = min(max(count, 6), MOST_POINTS)
             cells.append(
@@ -343,6 +383,8 @@ def arc_mesh(
                     n,
                     arc,
                     tuple(degrees.items()),
+                    fitting_points(2 * n) if watched and not all_held else (),
+                    held=tuple(held),
                 )
             )
     return mesh_of(cells), np.maximum(np.diff(borders), 1e-9 * span)

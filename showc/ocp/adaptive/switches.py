@@ -49,11 +49,14 @@ class Structure:
     classes: IntArray
     """For each arc and control: -1 at the lower bound, 1 at the upper, 0 between;
     shape (arcs, controls)."""
+    held: IntArray
+    """The same for each arc and path constraint, shape (arcs, constraints)."""
 
     def same_as(self, other: Structure) -> bool:
         """Whether both have the same sequence of arcs."""
-        return self.classes.shape == other.classes.shape and bool(
+        return bool(
             np.array_equal(self.classes, other.classes)
+            and np.array_equal(self.held, other.held)
         )
 
 
@@ -271,10 +274,13 @@ def detect(
         watched += [
             (row, *pair, True) for row, pair in zip(values, bounds, strict=True)
         ]
+    bound: list[list[_Run]] = []
     for values, lower, upper, is_path in watched:
         close = _PATH_CLOSE if is_path else _STATE_CLOSE
         kinds, fraction = _classify(values, lower, upper, close)
         runs = _merge_equal(_runs(kinds, grid, fraction))
+        if is_path:
+            bound.append(runs)
         for run in runs:
             if run.kind == 0 or run.end - run.start < 0.6 * run.width:
                 continue
@@ -290,12 +296,17 @@ def detect(
         times = times[apart]
     borders = np.concatenate([[phase.start], times, [phase.end]])
     middle = 0.5 * (borders[:-1] + borders[1:])
-    classes = np.zeros((middle.size, len(histories)), dtype=np.int64)
+    return Structure(times, _kinds(histories, middle), _kinds(bound, middle))
+
+
+def _kinds(histories: Sequence[Sequence[_Run]], times: FloatArray) -> IntArray:
+    """Kind of the run of each history at ``times``, shape (times, histories)."""
+    kinds = np.zeros((times.size, len(histories)), dtype=np.int64)
     for j, runs in enumerate(histories):
         starts = np.array([run.start for run in runs])
-        at = np.clip(np.searchsorted(starts, middle, side="right") - 1, 0, None)
-        classes[:, j] = np.array([run.kind for run in runs])[at]
-    return Structure(times, classes)
+        at = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
+        kinds[:, j] = np.array([run.kind for run in runs])[at]
+    return kinds
 
 
 def _classify(

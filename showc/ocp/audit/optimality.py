@@ -31,12 +31,15 @@ if TYPE_CHECKING:
     from showc.ocp.audit.residuals import PhaseAuditor
     from showc.ocp.collocation.limits import Table
     from showc.ocp.problem import Phase, Problem
-    from showc.ocp.solution import PhaseSolution
+    from showc.ocp.solution import PhaseSolution, Solution
 
     FloatArray = NDArray[np.float64]
 
 _MOST_CORNERS = 6
 """Controls in path constraints up to which all corners of their box are looked at."""
+_CANCELLED = 1e-3
+"""An objective below this share of what the states are worth is all but zero: its error
+is judged over that share instead."""
 _MOSTLY = 0.5
 """Share of an interval from which a state counts as being at its bound on it."""
 
@@ -96,9 +99,11 @@ class MinimumPrinciple:
         )
         """For each control: whether a path constraint may determine it."""
         slopes = casadi.jacobian(path, u)
-        self.mixed = np.array(
-            [slopes[c, :].nnz() > 0 for c in range(path.numel())], dtype=bool
-        )
+        rows, columns = slopes.sparsity().get_triplet()
+        self.entries = np.zeros(slopes.shape, dtype=bool)
+        """Which control enters which path constraint, shape (constraints, controls)."""
+        self.entries[rows, columns] = True
+        self.mixed = np.asarray(self.entries.any(axis=1))
         """For each path constraint: whether a control enters it."""
         slope = casadi.gradient(hamiltonian, u)
         bend = casadi.diag(casadi.jacobian(slope, u))
@@ -276,6 +281,28 @@ def ranges(states: Any) -> FloatArray:  # noqa: ANN401
     span = high - low
     span = np.where(span > 1e-6 * size, span, size)
     return np.where(span > 0.0, span, 1.0)
+
+
+def worth(solution: Solution) -> float:
+    """Return what the states are worth to the objective: mean costate times range.
+
+    A factor of the objective multiplies it as it does the objective itself, and no unit
+    of time or of a state changes it.
+    """
+    size = 0.0
+    for part in solution.phases:
+        shares = np.repeat(np.diff(part.states.breaks), part.mesh.points)
+        shares = shares / np.repeat(part.mesh.points, part.mesh.points)
+        mean = shares @ np.abs(part.costates) / max(float(shares.sum()), 1e-300)
+        value = mean * ranges(part.states)
+        size = max(size, float(value.max(initial=0.0)))
+    return size if np.isfinite(size) else 0.0
+
+
+def objective_size(solution: Solution) -> float:
+    """Return what errors of the objective are relative to."""
+    size = max(abs(solution.objective), _CANCELLED * worth(solution))
+    return size if size > 0.0 else 1.0
 
 
 def values_at(coefficients: FloatArray, places: FloatArray) -> FloatArray:

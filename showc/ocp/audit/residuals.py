@@ -1,9 +1,8 @@
 """Proof of a solution between its nodes: dynamics, path constraints, optimality.
 
-Dynamics: the controls, clipped to their bounds, are integrated with the explicit
-Runge-Kutta method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner 1993,
-section II.5) from the start of every interval, and once through from the start of
-the phase; both are compared with the polynomials of the states.
+Dynamics: the controls, clipped to their bounds, are integrated implicitly
+(:mod:`showc.ocp.audit.integration`) from the start of every interval, and once through
+from the start of the phase; both are compared with the polynomials of the states.
 
 Optimality: the dual-weighted residual |l . (re-integrated - polynomial state)| of every
 interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum principle
@@ -13,13 +12,13 @@ interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum pr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi
 import numpy as np
-from scipy.integrate import DOP853
 
 from showc.ocp import scaling
+from showc.ocp.audit.integration import Flight, Integrator
 from showc.ocp.audit.optimality import (
     MinimumPrinciple,
     flat,
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-_STEPS = 3
-"""Runge-Kutta steps on each mesh interval."""
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(49) / 48.0)
 _SAMPLES = tuple(float(s) for s in _PLACES)
 """Places on each interval where path constraints are looked at: closer at the ends,
@@ -102,32 +99,7 @@ class PhaseAuditor:
             ],
         )
         self.principle = MinimumPrinciple(problem, phase, (x, u, t, p), self)
-        self.sweep = self._sweep_function(x.numel(), u.numel(), p.numel())
-
-    def _sweep_function(self, nx: int, nu: int, np_: int) -> Any:  # noqa: ANN401
-        """(x0, controls at stages, t0, width, p) -> states after every step."""
-        x0 = casadi.MX.sym("x", nx)
-        stages = _STEPS * DOP853.n_stages
-        u = casadi.MX.sym("u", nu, stages)
-        t0, width, p = casadi.MX.sym("t"), casadi.MX.sym("h"), casadi.MX.sym("p", np_)
-        h = width / _STEPS
-        x, out = x0, []
-        for step in range(_STEPS):
-            slopes: list[Any] = []
-            for i in range(DOP853.n_stages):
-                at = x
-                for j in range(i):
-                    if DOP853.A[i, j] != 0.0:
-                        at += h * DOP853.A[i, j] * slopes[j]
-                time = t0 + h * (step + DOP853.C[i])
-                number = step * DOP853.n_stages + i
-                slopes.append(self.f(at, u[:, number], time, p))
-            for j in range(DOP853.n_stages):
-                if DOP853.B[j] != 0.0:
-                    x += h * DOP853.B[j] * slopes[j]
-            out.append(x)
-        function = casadi.Function("sweep", [x0, u, t0, width, p], [casadi.hcat(out)])
-        return function.expand()
+        self.integrator = Integrator(self.f)
 
     def audit(
         self, solution: Solution, table: Table, *, shoot: bool = False
@@ -135,38 +107,23 @@ class PhaseAuditor:
         """Audit one phase of ``solution``."""
         phase = solution.phases[self.index]
         p = np.array([*solution.parameters.values(), *solution.statics.values()])
-        breaks = phase.states.breaks
-        widths = np.diff(breaks)
-        count = widths.size
-        control, step_states = self._stage_controls(phase, table), None
-        starts = phase.states.coefficients[:, 0, :]
-        swept = np.asarray(
-            self.sweep.map(count)(
-                starts.T,
-                control.transpose(2, 0, 1).reshape(
-                    control.shape[2], count * control.shape[1]
-                ),
-                breaks[:-1][None, :],
-                widths[None, :],
-                np.repeat(p[:, None], count, axis=1),
-            )
-        )
-        step_states = swept.reshape(starts.shape[1], count, _STEPS)
-        places = np.arange(1, _STEPS + 1) / _STEPS
-        polynomial = values_at(phase.states.coefficients, places)
-        deviation = np.nan_to_num(
-            step_states.transpose(1, 2, 0) - polynomial, nan=1e9, posinf=1e9, neginf=1e9
-        )
         reference = np.maximum(ranges(phase.states), self.least_range)
-        dynamics = np.abs(deviation / reference).max(axis=(1, 2))
+        bounds = self.control_bounds(table)
+        starts = phase.states.coefficients[:, 0]
+        flight = Flight(phase, bounds, p, np.asarray(reference))
+        flown = self.integrator.fly(flight, starts)
+        missed = flown.ends - phase.states.coefficients[:, -1]
+        missed = np.nan_to_num(missed, nan=1e9, posinf=1e9, neginf=1e9)
         costate_end = interpolated(phase, (1.0,), phase.costates)
-        residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], deviation[:, -1]))
+        residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], missed))
         path, path_places, path_names, active, worst = self._path(phase, p, table)
         shooting, end = 0.0, starts[-1]
         if shoot:
-            shooting, end = self._shoot(phase, control, p, reference)
+            ends = self.integrator.shoot(flight)
+            far = np.abs(ends - phase.states.coefficients[:, -1]) / reference
+            shooting, end = float(np.nan_to_num(far, nan=1e9).max()), ends[-1]
         return PhaseAudit(
-            dynamics,
+            flown.deviation,
             residual,
             self.principle.gap(phase, p, table),
             path,
@@ -178,35 +135,11 @@ class PhaseAuditor:
             end,
         )
 
-    def _stage_controls(self, phase: PhaseSolution, table: Table) -> FloatArray:
-        """Clip controls at all Runge-Kutta stages: (K, stages, controls)."""
-        c = DOP853.C[: DOP853.n_stages]
-        places = np.concatenate([(step + c) / _STEPS for step in range(_STEPS)])
-        values = values_at(phase.controls.coefficients, places)
-        lower, upper = self.control_bounds(table)
-        return np.clip(values, lower, upper)
-
     def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
         """Bounds of the controls, each of shape (controls,)."""
         pairs = [table["bounds", self.phase.name, name] for name in self.phase.controls]
         bounds = np.array(pairs).reshape(-1, 2)
         return bounds[:, 0], bounds[:, 1]
-
-    def _shoot(
-        self,
-        phase: PhaseSolution,
-        control: FloatArray,
-        p: FloatArray,
-        reference: FloatArray,
-    ) -> tuple[float, FloatArray]:
-        x = phase.states.coefficients[0, 0]
-        breaks, worst = phase.states.breaks, 0.0
-        for k in range(phase.states.intervals):
-            width = breaks[k + 1] - breaks[k]
-            x = np.asarray(self.sweep(x, control[k].T, breaks[k], width, p))[:, -1]
-            error = np.abs(x - phase.states.coefficients[k, -1]) / reference
-            worst = max(worst, float(np.nan_to_num(error, nan=1e9).max()))
-        return worst, x
 
     def path_values(self, solution: Solution, times: FloatArray) -> FloatArray:
         """Values of the path constraints at ``times``: (constraints, n)."""

@@ -54,7 +54,8 @@ class Scales:
     controls: tuple[FloatArray, ...]
     durations: tuple[float, ...]
     statics: FloatArray
-    objective: float = 1.0
+    objective: float | None = None
+    """``None``: taken from the objective's slopes at and about the start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +112,7 @@ class Builder:
         self.symbols = [symbol for symbol, _ in problem.parameters.values()]
         self.q = casadi.vertcat(casadi.SX(0, 1), *self.symbols)
         self.parameter_count = len(self.symbols)
-        self.sign = (-1.0 if problem.maximises else 1.0) / scales.objective
+        self.sign = -1.0 if problem.maximises else 1.0
 
     def integral_symbols(self) -> list[Any]:
         """Symbols of all integrals, phase by phase."""

@@ -171,7 +171,7 @@ class Statement:
             tuple(controls),
             tuple(durations),
             statics,
-            float(hints.get("objective", 1.0)),
+            hints.get("objective"),
         )
 
 
@@ -343,14 +343,28 @@ def _row_bounds(
 ) -> tuple[FloatArray, FloatArray]:
     count = discretisation.row_scale.size
     lower, upper = np.zeros(count), np.zeros(count)
+    at_points: set[tuple[int, str]] = set()
     for group in discretisation.groups:
         phase = problem.phases[group.phase].name
         if group.kind == "path":
             bounds = table["path", phase, group.name]
             margins = np.array(mesh.phases[group.phase].path_margins)
             margin = margins[group.interval] * scaling.of_path(*bounds)
-            lower[group.rows] = bounds[0] + margin
-            upper[group.rows] = bounds[1] - margin
+            equation = bounds[0] == bounds[1]
+            low = bounds[0] + (0.0 if equation else margin)
+            high = bounds[1] - (0.0 if equation else margin)
+            held = np.array(
+                mesh.phases[group.phase].path_held.get(group.name, (0,) * margins.size)
+            )[group.interval]
+            if (group.phase, group.name) in at_points:
+                # At places besides the collocation points.
+                free = (held != 0) | equation
+                low = np.where(free, -np.inf, low)
+                high = np.where(free, np.inf, high)
+            else:
+                low, high = np.where(held > 0, high, low), np.where(held < 0, low, high)
+            at_points.add((group.phase, group.name))
+            lower[group.rows], upper[group.rows] = low, high
             continue
         if group.kind == "coupling":
             bounds = table["coupling", phase, group.name]

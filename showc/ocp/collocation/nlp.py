@@ -3,9 +3,10 @@
 Unknowns w, parameters p. The program is a sum of blocks; a block maps one small
 scalar-expression function y = phi(z, q) over n columns:
 
-    z_i = A_i w,  q_i = P_i p,  g(w) = L w + sum R vec(phi),  f(w) = sum r . vec(phi)
+    z_i = A_i w,  q_i = P_i p,  g(w) = L w + sum R vec(phi),  f(w) = e sum r . vec(phi)
 
-with constant sparse A, P, R, L. Hence, with J and H of phi taken symbolically once,
+with constant sparse A, P, R, L; the factor e of the objective is the last parameter.
+Hence, with J and H of phi taken symbolically once,
 
     dg/dw = L + R blockdiag(J_i) A,    d2/dw2 = A' blockdiag(H_i) A,
 
@@ -174,6 +175,7 @@ class Program:
     unknowns: int
     constraints: int
     parameters: int
+    """Number of parameters; the last is the factor of the objective."""
     oracle: dict[str, Any]
     """CasADi expressions x, p, f, g."""
     objective_gradient: Any
@@ -188,7 +190,8 @@ def assemble(
 ) -> Program:
     """Put ``blocks`` and the linear part L together into one program."""
     constraints, unknowns = linear.shape
-    w, p = casadi.MX.sym("w", unknowns), casadi.MX.sym("p", parameters)
+    w, given = casadi.MX.sym("w", unknowns), casadi.MX.sym("p", parameters + 1)
+    p, factor = casadi.vertsplit(given, [0, parameters, parameters + 1])
     weight, dual = casadi.MX.sym("s"), casadi.MX.sym("l", constraints)
 
     jacobian = _Scatter((constraints, unknowns), [])
@@ -232,7 +235,7 @@ def assemble(
         if kernel.hessian_pattern[0].size:
             multiplier = casadi.mtimes(to_casadi(by_output), dual)
             if objective.nnz:
-                multiplier += weight * casadi.DM(block.objective)
+                multiplier += weight * factor * casadi.DM(block.objective)
             bends = kernel.hessian.map(n)(z, q, casadi.reshape(multiplier, ny, n))
             hessian_sources.append(casadi.vec(bends))
             rows, columns = _pairs(n, nz, nz, kernel.hessian_pattern)
@@ -246,6 +249,8 @@ def assemble(
             keep = merged[0] <= merged[1]
             hessian.add(*(part[keep] for part in merged), count=rows.size)
 
+    f *= factor
+
     def gather(scatter: _Scatter, sources: list[Any]) -> Any:  # noqa: ANN401
         if not scatter.entries:
             return casadi.MX(*scatter.shape)
@@ -256,28 +261,28 @@ def assemble(
     return Program(
         unknowns,
         constraints,
-        parameters,
-        {"x": w, "p": p, "f": f, "g": g},
+        parameters + 1,
+        {"x": w, "p": given, "f": f, "g": g},
         casadi.Function(
             "nlp_grad_f",
-            [w, p],
-            [f, casadi.densify(gather(gradient, gradient_sources))],
+            [w, given],
+            [f, factor * casadi.densify(gather(gradient, gradient_sources))],
             ["x", "p"],
             ["f", "grad_f_x"],
         ),
         casadi.Function(
             "nlp_jac_g",
-            [w, p],
+            [w, given],
             [g, gather(jacobian, jacobian_sources)],
             ["x", "p"],
             ["g", "jac_g_x"],
         ),
         casadi.Function(
             "nlp_hess_l",
-            [w, p, weight, dual],
+            [w, given, weight, dual],
             [gather(hessian, hessian_sources)],
             ["x", "p", "lam_f", "lam_g"],
             ["triu_hess_gamma_x_x"],
         ),
-        casadi.Function("nlp_values", [w, p], [f, g]),
+        casadi.Function("nlp_values", [w, given], [f, g]),
     )

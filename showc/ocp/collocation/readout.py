@@ -103,7 +103,7 @@ def _bound_gaps(
     """
     place, mesh = built.discretisation.layout.phases[index], built.mesh.phases[index]
     pull = multipliers.of_bounds / built.discretisation.unknown_scale
-    pull = pull * built.scales.objective
+    pull = pull * multipliers.objective_scale
     rows = []
     for k in range(mesh.intervals):
         table, n = place.states[k], mesh.points[k]
@@ -146,7 +146,7 @@ def _costates(
         if group.phase != index or group.kind not in {"dynamics", "path"}:
             continue
         force = multipliers.of_constraints[group.rows] / group.scale
-        force = (force * built.scales.objective)[:, None]
+        force = (force * multipliers.objective_scale)[:, None]
         if group.kind == "dynamics":
             costates.append(-force / weights[:, None])
         elif group.name not in seen:

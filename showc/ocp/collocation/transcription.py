@@ -35,6 +35,15 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+_SHARE = 0.1
+"""Share of the change found that the objective is divided by. Its slopes are then some
+tens at the start, as IPOPT's own scaling has them, and the search goes by the objective
+from the first step; measured to end in fewer wrong places than with 1."""
+_SAMPLES = 5
+"""Places at which the slopes of the objective are looked at for its scale."""
+
+
 class Transcription:
     """A problem discretised on a mesh, ready to be solved many times.
 
@@ -129,6 +138,8 @@ class Transcription:
         built = self.discretisation
         vector = parameter_vector(built, values, changes, built.program.parameters)
         self._guess_integrals(start, vector)
+        unit = self._objective_scale(start / built.unknown_scale, limits, vector, warm)
+        vector[-1] = 1.0 / unit
         scaled = {
             "p": vector,
             "lbx": limits.lower / built.unknown_scale,
@@ -142,12 +153,12 @@ class Transcription:
             result, message = Result.CONTRADICTION, "; ".join(limits.contradictions)
             point = scaled["x0"]
             nothing = Multipliers(
-                point, np.zeros(point.size), np.zeros(built.row_scale.size)
+                point, np.zeros(point.size), np.zeros(built.row_scale.size), unit
             )
             message = f"{result.value} {message}."
             return self._solution(result, message, nothing, limits, given)
         if former is not None and isinstance(guess, Solution):
-            warm = transfer(former, guess, self, scaled["x0"])
+            warm = transfer(former, guess, self, scaled["x0"], unit)
         if warm is not None:
             scaled |= {
                 "x0": warm.unknowns,
@@ -162,12 +173,13 @@ class Transcription:
             np.asarray(answer["x"]).ravel(),
             np.asarray(answer["lam_x"]).ravel(),
             np.asarray(answer["lam_g"]).ravel(),
+            unit,
         )
         message = result.value
         if not result.usable:
             message = f"{message} {worst_violation(self, multipliers, limits, vector)}"
         solution = self._solution(result, message, multipliers, limits, given)
-        objective = float(answer["f"]) * self.scales.objective
+        objective = float(answer["f"]) * unit
         return replace(
             solution,
             objective=-objective if self.problem.maximises else objective,
@@ -187,6 +199,39 @@ class Transcription:
                 unknown = built.layout.integrals[group.phase][number]
                 # Roots and logarithms of an integral do not start at zero.
                 point[unknown] = -value[group.rows[0]] or 1.0
+
+    def _objective_scale(
+        self,
+        point: FloatArray,
+        limits: Box,
+        vector: FloatArray,
+        warm: Multipliers | None,
+    ) -> float:
+        """Return the scale of the objective, in which the solver's tolerance is meant.
+
+        The scale given, or that of the multipliers to start with; else by how much the
+        objective would change if every unknown moved by its scale, as the slopes at the
+        start and at places around it tell (the start alone may be flat).
+        """
+        if self.scales.objective is not None:
+            return self.scales.objective
+        if warm is not None:
+            return warm.objective_scale
+        built = self.discretisation
+        low = limits.lower / built.unknown_scale
+        high = limits.upper / built.unknown_scale
+        plain = vector.copy()
+        plain[-1] = 1.0
+        pattern = np.arange(1, point.size + 1) * GOLDEN
+        sizes = []
+        for number in range(_SAMPLES):
+            aside = (pattern * (2 * number + 1)) % 1.0 - 0.5
+            place = np.clip(point + (number > 0) * aside, low, high)
+            slopes = built.program.objective_gradient(place, plain)[1]
+            size = float(np.abs(np.asarray(slopes)).sum())
+            if np.isfinite(size) and size > 0.0:
+                sizes.append(size)
+        return float(_SHARE * np.median(sizes)) if sizes else 1.0
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
         if warm not in self._solvers:

@@ -59,14 +59,21 @@ def _shares(
 
 
 def transfer(
-    old: Transcription, solution: Solution, new: Transcription, point: FloatArray
+    old: Transcription,
+    solution: Solution,
+    new: Transcription,
+    point: FloatArray,
+    objective_scale: float,
 ) -> Multipliers:
-    """Multipliers for ``new`` at its scaled starting ``point``."""
+    """Multipliers for ``new`` at its scaled starting ``point``.
+
+    ``objective_scale`` is what the objective of ``new`` is divided by.
+    """
     before, after = old.discretisation, new.discretisation
     of_bounds = np.zeros(after.layout.size)
     of_rows = np.zeros(after.row_scale.size)
-    unit_old, unit_new = old.scales.objective, new.scales.objective
-    pull = solution.multipliers.of_bounds / before.unknown_scale * unit_old
+    pull = solution.multipliers.of_bounds / before.unknown_scale
+    pull = pull * solution.multipliers.objective_scale
     for p, phase in enumerate(solution.phases):
         mesh = new.mesh.phases[p]
         place, former = after.layout.phases[p], before.layout.phases[p]
@@ -93,8 +100,9 @@ def transfer(
         _rows_of_phase(new, p, phase, breaks, of_rows)
     return Multipliers(
         point,
-        of_bounds * after.unknown_scale / unit_new,
-        of_rows * after.row_scale / unit_new,
+        of_bounds * after.unknown_scale / objective_scale,
+        of_rows * after.row_scale / objective_scale,
+        objective_scale,
     )
 
 

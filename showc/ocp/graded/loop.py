@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.ocp.audit.optimality import objective_size
 from showc.ocp.audit.record import phase_record
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.collocation.limits import Overrides, Statement
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-_SMALL_OBJECTIVE = 1e-3
-"""Objectives below this are judged by their absolute change over it."""
 _STARTS: tuple[tuple[int, dict[str, object]], ...] = (
     (0, {}),
     (0, {"mu_strategy": "adaptive"}),
@@ -180,6 +179,7 @@ class _Work:
             )
             phases.append(self.mesh_of(breaks, points, auditor))
             self.scales[f"{part.name}.duration"] = max(part.duration, 1e-12)
+        self.scales["objective"] = objective_size(solution)
         return self.attempt(Mesh(tuple(phases)), solution, {"mu_init": _NEAR})
 
     def even(self, count: int) -> Mesh:
@@ -343,8 +343,7 @@ def solve_graded(
         if not fresh.result.usable:
             work.note(fresh, None, "the solver failed; a finer mesh is tried")
             continue
-        size = max(abs(fresh.objective), _SMALL_OBJECTIVE)
-        moved = abs(fresh.objective - solution.objective) / size
+        moved = abs(fresh.objective - solution.objective) / objective_size(fresh)
         solution, audits = fresh, work.audit(fresh)
     solution, audits = work.repaired(solution, audits)
     flown, path = _errors(audits)
