@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-_SHARE = 0.1
+SHARE = 0.1
 """Share of the change found that the objective is divided by. Its slopes are then some
 tens at the start, as IPOPT's own scaling has them, and the search goes by the objective
 from the first step; measured to end in fewer wrong places than with 1."""
@@ -231,7 +231,7 @@ class Transcription:
             size = float(np.abs(np.asarray(slopes)).sum())
             if np.isfinite(size) and size > 0.0:
                 sizes.append(size)
-        return float(_SHARE * np.median(sizes)) if sizes else 1.0
+        return float(SHARE * np.median(sizes)) if sizes else 1.0
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
         if warm not in self._solvers:

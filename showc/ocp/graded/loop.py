@@ -20,7 +20,7 @@ from showc.ocp.audit.record import phase_record
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.collocation.limits import Overrides, Statement
 from showc.ocp.collocation.solver import SolverOptions
-from showc.ocp.collocation.transcription import Transcription
+from showc.ocp.collocation.transcription import SHARE, Transcription
 from showc.ocp.graded.grading import enough_points, graded_breaks, linear_mesh
 from showc.ocp.history import MeshRecord
 from showc.ocp.mesh import Mesh
@@ -179,7 +179,7 @@ class _Work:
             )
             phases.append(self.mesh_of(breaks, points, auditor))
             self.scales[f"{part.name}.duration"] = max(part.duration, 1e-12)
-        self.scales["objective"] = objective_size(solution)
+        self.scales["objective"] = SHARE * objective_size(solution)
         return self.attempt(Mesh(tuple(phases)), solution, {"mu_init": _NEAR})
 
     def even(self, count: int) -> Mesh:
