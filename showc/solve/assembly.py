@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.flight import Trajectory
-from showc.solve.audit import greatest_excess, half_space_excess
+from showc.solve.audit import (
+    FLOWN_DEGREE,
+    flown_acceleration,
+    greatest_excess,
+    half_space_excess,
+)
 from showc.solve.model import POSITION
 from showc.trajectory import (
     PiecewisePolynomial,
     bernstein_basis,
     bernstein_basis_inverse,
 )
-from showc.vehicle.motion import thrust_direction, torques_for
+from showc.vehicle.motion import torques_for
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,19 +35,11 @@ if TYPE_CHECKING:
 CONTROL_DEGREE = 4
 """Rates have degree 2, so gyroscopic torques 4."""
 
-FLOWN_DEGREE = 7
-"""Of velocities as the controls fly them. On the intervals of a solution the thrust's
-direction is a polynomial of degree 6 to 1e-6 of itself."""
-
 ROUNDING = 1e-9
 """Excess over a limit, relative to its range, that counts as rounding."""
 
 _STATES = (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
 _NODES = tuple(float(s) for s in np.linspace(0.0, 1.0, CONTROL_DEGREE + 1))
-_FLOWN_NODES = tuple(
-    float(s)
-    for s in 0.5 - 0.5 * np.cos(np.pi * np.arange(FLOWN_DEGREE) / (FLOWN_DEGREE - 1))
-)
 
 
 def _raised(breaks: FloatArray, coefficients: FloatArray, degree: int) -> FloatArray:
@@ -131,20 +128,10 @@ def _matched(
     flown leaves a limit, level or vertical motion stays as it was, or both.
     """
     state, control = trajectory.state, trajectory.control
-    vehicle = aircraft.vehicle
-    nodes = np.array(_FLOWN_NODES)
-    angles = state.select([6, 7, 8]).coefficients
-    roll, pitch, yaw = np.moveaxis(bernstein_basis(state.degree, nodes) @ angles, -1, 0)
-    push = control.coefficients[:, :, 0] @ bernstein_basis(control.degree, nodes).T
-    push /= vehicle.mass
-    acceleration = np.stack(
-        [push * part for part in thrust_direction(roll, pitch, yaw)], axis=-1
-    )
-    acceleration[..., 2] -= vehicle.gravity
-    inverse = bernstein_basis_inverse(FLOWN_DEGREE - 1, _FLOWN_NODES)
+    acceleration = flown_acceleration(aircraft.vehicle, trajectory)
     width = np.diff(state.breaks)[:, None, None]
     ends = state.coefficients[:, [0, -1]]
-    velocity = _between(ends[:, :, 3:6], inverse @ acceleration, width)
+    velocity = _between(ends[:, :, 3:6], acceleration, width)
     position = _between(ends[:, :, :3], velocity, width)
     kept = state.elevated(FLOWN_DEGREE + 1).coefficients.copy()
     if aircraft.yaw == "held":

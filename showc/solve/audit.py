@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.trajectory import bernstein_basis, bernstein_basis_inverse
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
+from showc.vehicle.motion import thrust_direction
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -17,9 +19,17 @@ if TYPE_CHECKING:
     from showc.flight import Trajectory
     from showc.solve.model import Aircraft
     from showc.solve.result import HalfSpace
-    from showc.vehicle import Limits
+    from showc.vehicle import Quadrotor
 
     FloatArray = NDArray[np.float64]
+
+FLOWN_DEGREE = 7
+"""Of velocities as the controls fly them. On the intervals of a solution the thrust's
+direction is a polynomial of degree 6 to 1e-6 of itself."""
+_FLOWN_NODES = tuple(
+    float(s)
+    for s in 0.5 - 0.5 * np.cos(np.pi * np.arange(FLOWN_DEGREE) / (FLOWN_DEGREE - 1))
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +113,7 @@ def greatest_excess(aircraft: Aircraft, trajectory: Trajectory) -> Excess:
         _worst(name, breaks, control[:, :, k], *bounds[k])
         for k, name in enumerate(CONTROL_NAMES)
     ]
-    found += _round_excesses(limits, trajectory)
+    found += _round_excesses(aircraft, trajectory)
     shares = control @ aircraft.vehicle.rotor_fractions().T
     found += [
         _worst(f"rotor {k + 1}", breaks, shares[:, :, k], 0.0, 1.0) for k in range(4)
@@ -111,8 +121,9 @@ def greatest_excess(aircraft: Aircraft, trajectory: Trajectory) -> Excess:
     return max(found, key=lambda excess: excess.relative)
 
 
-def _round_excesses(limits: Limits, trajectory: Trajectory) -> Iterator[Excess]:
-    """Worst level speed and accelerations, on the polynomials of the velocity."""
+def _round_excesses(aircraft: Aircraft, trajectory: Trajectory) -> Iterator[Excess]:
+    """Worst level speed; worst accelerations, of the velocity and as thrust gives."""
+    limits = aircraft.limits
     breaks = trajectory.state.breaks
     velocity = trajectory.state.coefficients[:, :, 3:6]
     if limits.rounds_speed:
@@ -122,11 +133,34 @@ def _round_excesses(limits: Limits, trajectory: Trajectory) -> Iterator[Excess]:
     if degree == 0 or not limits.limits_acceleration:
         return
     rate = degree * np.diff(velocity, axis=1) / np.diff(breaks)[:, None, None]
-    if limits.acceleration:
-        level = np.hypot(rate[..., 0], rate[..., 1])
-        yield _worst("level acceleration", breaks, level, 0.0, limits.acceleration)
     low, high = -limits.acceleration_down or -np.inf, limits.acceleration_up or np.inf
-    yield _worst("vertical acceleration", breaks, rate[..., 2], low, high)
+    for found in (rate, flown_acceleration(aircraft.vehicle, trajectory)):
+        if limits.acceleration:
+            level = np.hypot(found[..., 0], found[..., 1])
+            yield _worst("level acceleration", breaks, level, 0.0, limits.acceleration)
+        yield _worst("vertical acceleration", breaks, found[..., 2], low, high)
+
+
+def flown_acceleration(vehicle: Quadrotor, trajectory: Trajectory) -> FloatArray:
+    """Acceleration that thrust and attitude give, as Bernstein coefficients.
+
+    Returns
+    -------
+    ndarray, shape (K, 7, 3)
+        Show frame [m/s²]; interpolated, on the intervals of solutions to 1e-6 of it.
+    """
+    state, control = trajectory.state, trajectory.control
+    nodes = np.array(_FLOWN_NODES)
+    angles = state.select([6, 7, 8]).coefficients
+    roll, pitch, yaw = np.moveaxis(bernstein_basis(state.degree, nodes) @ angles, -1, 0)
+    push = control.coefficients[:, :, 0] @ bernstein_basis(control.degree, nodes).T
+    push /= vehicle.mass
+    acceleration = np.stack(
+        [push * part for part in thrust_direction(roll, pitch, yaw)], axis=-1
+    )
+    acceleration[..., 2] -= vehicle.gravity
+    inverse = bernstein_basis_inverse(FLOWN_DEGREE - 1, _FLOWN_NODES)
+    return np.asarray(inverse @ acceleration)
 
 
 def half_space_excess(

@@ -159,7 +159,17 @@ def _knots(relaxation: Relaxation, time: float) -> FloatArray:
     rate = max(relaxation.limits.body_rate[:2])
     build_up = min(relaxation.limits.tilt / rate / time, 0.25)
     early = build_up * np.array([0.25, 0.5, 0.75, 1.0])
+    if relaxation.limits.tilt == 0.0:
+        early = np.minimum(_ramps(relaxation) / time, 0.5)
     return np.unique(np.round(np.concatenate([even, early, 1.0 - early]), 9))
+
+
+def _ramps(relaxation: Relaxation) -> FloatArray:
+    """Return how long an upright drone takes to gain, and to lose, its speed [s]."""
+    limits, gravity = relaxation.limits, relaxation.vehicle.gravity
+    low, high = relaxation.vertical(np.zeros(1), np.zeros(1))
+    speed = max(-limits.velocity_min[2], limits.velocity_max[2])
+    return np.concatenate([speed / (high - gravity), speed / (gravity - low)])
 
 
 def _longest(  # noqa: PLR0917 - same

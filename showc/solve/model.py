@@ -39,6 +39,11 @@ ANGLE_SCALE = 0.35
 RATE_SCALE = 1.7
 ANGULAR_ACCELERATION_SCALE = 20.0
 ACCELERATION_SCALE = 5.0
+ROOM = 2e-3
+"""Between the points at which a program's velocities follow its thrust, what is flown
+goes beyond a limit of acceleration by up to so much of it."""
+SPEED_ROOM = 0.1
+"""The same for the level speed, over that for accelerations."""
 UNREACHED = 1e3
 """Stands for a vertical acceleration without a limit [m/s²]: no aircraft reaches it."""
 EXACT_GYROSCOPIC = 0.02
@@ -56,6 +61,8 @@ class Aircraft:
     yaw: Yaw = "held"
     heading: float = 0.0
     """Yaw at both hovers, and throughout when held [rad]."""
+    room: float = ROOM
+    """Share of the limits of acceleration that a program leaves unused."""
 
     @property
     def gyroscopic_torque(self) -> Vector:
@@ -116,7 +123,7 @@ class Aircraft:
             acceleration=1.0 if self.limits.acceleration else 0.0,
             acceleration_up=1.0 if self._vertical else 0.0,
         )
-        return replace(self, limits=limits)
+        return replace(self, limits=limits, room=ROOM)
 
     @property
     def _vertical(self) -> bool:
@@ -191,14 +198,16 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
         share = float(margin[rotor])
         bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
     if limits.acceleration:
-        bounds["path", "acceleration"] = -np.inf, limits.acceleration**2
+        most = (1.0 - aircraft.room) * limits.acceleration
+        bounds["path", "acceleration"] = -np.inf, most**2
     if limits.acceleration_up or limits.acceleration_down:
         bounds["path", "vertical_acceleration"] = (
-            -(limits.acceleration_down or UNREACHED),
-            limits.acceleration_up or UNREACHED,
+            -(1.0 - aircraft.room) * (limits.acceleration_down or UNREACHED),
+            (1.0 - aircraft.room) * (limits.acceleration_up or UNREACHED),
         )
     if limits.rounds_speed:
-        bounds["path", "level_speed"] = -np.inf, limits.level_speed**2
+        most = (1.0 - SPEED_ROOM * aircraft.room) * limits.level_speed
+        bounds["path", "level_speed"] = -np.inf, most**2
     return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -71,6 +72,11 @@ class Programs:
         }
         self.iterations = 0
         self.solves = 0
+
+    def leave(self, room: float) -> None:
+        """Leave a share of the limits of acceleration unused from now on."""
+        self.aircraft = replace(self.aircraft, room=room)
+        self.bounds = limit_bounds(self.aircraft)
 
     def program(
         self,

@@ -226,7 +226,9 @@ class Relaxation:
         # Tilts that bear corners of U: parts of the greatest one, and those at which
         # the greatest level thrust meets the least and the greatest vertical one.
         share = np.broadcast_to(_SHARES, (*slope.shape[:2], _SHARES.size)) * slope
-        meeting = np.minimum(np.concatenate([radius / high, radius / low], -1), slope)
+        meeting = np.minimum(
+            np.concatenate([radius / high, radius / np.maximum(low, 1e-9)], -1), slope
+        )
         tilt = np.arctan(np.concatenate([share, meeting], axis=-1))
         up, level = np.cos(tilt), np.sin(tilt)
         longest = np.minimum(high / up, radius / np.maximum(level, 1e-12))

@@ -122,13 +122,27 @@ class RelaxedMove:
                 np.full(knot.size, np.inf),
             ]
         )
+        if limits.rounds_speed:
+            # Along the move the level speed counts, not the box.
+            level = self._displacement * np.array([1.0, 1.0, 0.0])
+            level /= max(float(np.linalg.norm(level)), 1e-12)
+            lp.num_row_ += intervals
+            rows_of_velocity = np.column_stack(
+                [rows_of_velocity, 3 + 4 * nodes + interval]
+            )
+            velocity = np.column_stack([velocity, level[axis]])
         right = np.zeros(lp.num_row_)
         right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
-        right[3 + 3 * nodes :] = 1.0
-        lp.row_lower_ = lp.row_upper_ = right
+        right[3 + 3 * nodes : 3 + 4 * nodes] = 1.0
+        left = right.copy()
+        right[3 + 4 * nodes :] = limits.level_speed
+        left[3 + 4 * nodes :] = -np.inf
+        lp.row_lower_, lp.row_upper_ = left, right
         matrix = lp.a_matrix_
         matrix.format_ = highspy.MatrixFormat.kColwise
-        each = np.concatenate([[3], np.full(axis.size, 3), np.full(knot.size, 4)])
+        each = np.concatenate(
+            [[3], np.full(axis.size, velocity.shape[1]), np.full(knot.size, 4)]
+        )
         matrix.start_ = np.concatenate([[0], np.cumsum(each)])
         matrix.index_ = np.concatenate(
             [np.arange(3), rows_of_velocity.ravel(), rows_of_weight.ravel()]

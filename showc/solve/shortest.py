@@ -19,7 +19,7 @@ from showc.solve.grading import solve_on_graded_meshes
 from showc.solve.guess import flat_guess
 from showc.solve.intervals import END_GRADING, graded_widths, interval_count
 from showc.solve.judgement import STILL, Verdict, judge, refusal
-from showc.solve.model import POSITION
+from showc.solve.model import POSITION, ROOM
 from showc.solve.programs import Programs
 
 if TYPE_CHECKING:
@@ -47,6 +47,9 @@ times the one it started from."""
 SETTLED = 2.0
 """Change by a pass over the tolerance below which borders have settled: another pass
 gains a tenth of that."""
+ROOMS = (ROOM, 0.01, 0.02, 0.04)
+"""Shares of the limits of acceleration left unused, one try after the other: graded
+meshes keep them at their points, and fly beyond them between these."""
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
 
@@ -128,14 +131,18 @@ def _attempts(
     here = np.zeros(3)
     aircraft = programs.aircraft
     estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
+    limited = aircraft.limits.limits_acceleration
     if aircraft.yaw == "held" and tolerance >= CLOSE:
         count = interval_count(estimate, INTERVALS)
         widths = graded_widths(SPARE * estimate, count, END_GRADING)
         guess = flat_guess(aircraft, here, way, widths)
-        solution = _moving(programs, widths, guess, tolerance)
-        if solution is not None:
-            yield solution
-    for points in (3, 4, 5):
+        for room in ROOMS[:2] if limited else ROOMS[:1]:
+            programs.leave(room)
+            solution = _moving(programs, widths, guess, tolerance)
+            if solution is not None:
+                yield solution
+    for points, room in zip((3, 4, 5), ROOMS[1:], strict=True):
+        programs.leave(room)
         yield solve_on_graded_meshes(
             programs,
             here,
