@@ -3,103 +3,116 @@
 from __future__ import annotations
 
 import mmap
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import zstandard
 
-from showc.verify.chunk import ChunkHead, Messages, inflate
+from showc.verify.damage import Damage
+from showc.verify.records import HEAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from showc.verify.records import Attachment, Channel, Schema
-    from showc.verify.summary import Contents
+
+LARGEST_CHUNK = 1 << 26
+"""Greatest uncompressed size of a chunk that is read [bytes]: sixty times what showc
+writes, and no bomb gets further."""
+
+MESSAGE_HEAD = 22
+"""Channel, sequence number and two times before a message's bytes [bytes]."""
 
 
-def release(view: memoryview) -> None:
-    """Let the system take back the memory of a mapped file; it can be read again."""
-    if isinstance(view.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-        view.obj.madvise(mmap.MADV_DONTNEED)
+@dataclass(frozen=True, slots=True, eq=False)
+class Messages:
+    """Where the messages of one chunk lie and when they were logged."""
+
+    channel: NDArray[np.uint16]
+    """Channel number of each, shape (n,)."""
+    log_time: NDArray[np.int64]
+    """Time stamp of each, shape (n,) [ns]."""
+    record: NDArray[np.uint32]
+    """Offset of each record in the uncompressed chunk, shape (n,)."""
+    size: NDArray[np.uint32]
+    """Number of each message's bytes, shape (n,)."""
+
+    @property
+    def payload(self) -> NDArray[np.int64]:
+        """Offset of each message's bytes in the uncompressed chunk, shape (n,)."""
+        return self.record.astype(np.int64) + HEAD.size + MESSAGE_HEAD
+
+    def only(self, keep: NDArray[np.bool_]) -> Messages:
+        """Return those that are marked."""
+        return Messages(
+            self.channel[keep], self.log_time[keep], self.record[keep], self.size[keep]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chunk:
     """A chunk that was found whole."""
 
-    head: ChunkHead
+    uncompressed_size: int
+    compression: str
+    span: tuple[int, int]
+    """Start and stop of its data in the file [bytes]."""
     messages: Messages
 
 
+@dataclass(slots=True, eq=False)
 class LogFile:
-    """A whole log; made by :func:`open_log` only."""
+    """A whole log; made by :func:`showc.verify.mcap.open_log` only."""
 
-    def __init__(
-        self,
-        path: Path,
-        view: memoryview,
-        contents: Contents,
-        chunks: list[Chunk],
-        warnings: list[tuple[int, str]],
-    ) -> None:
-        self.path = path
-        self.contents = contents
-        self.warnings = tuple(warnings)
-        """Byte offset and text of every CRC that the writer left out."""
-        self.size = len(view)
-        """Number of bytes of the file."""
-        self._view = view
-        self._chunks = chunks
-
-    @property
-    def channels(self) -> dict[int, Channel]:
-        """Channels by number."""
-        return self.contents.channels
-
-    @property
-    def schemas(self) -> dict[int, Schema]:
-        """Schemas by number."""
-        return self.contents.schemas
-
-    @property
-    def attachments(self) -> list[Attachment]:
-        """All attachments without their content, in the file's order."""
-        return [entry for entry, _ in self.contents.attachments]
-
-    @property
-    def library(self) -> str:
-        """What the header names as the writer."""
-        return self.contents.library
-
-    @property
-    def metadata(self) -> list[tuple[str, dict[str, str]]]:
-        """All metadata records: name and content."""
-        return self.contents.metadata
+    path: Path
+    """As it was named."""
+    view: memoryview
+    """All its bytes."""
+    library: str = ""
+    """What the header names as the writer."""
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    """By number."""
+    channels: dict[int, Channel] = field(default_factory=dict)
+    """By number."""
+    chunks: list[Chunk] = field(default_factory=list)
+    """In the file's order."""
+    attachments: list[Attachment] = field(default_factory=list)
+    """In the file's order."""
+    metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    """All metadata records: name and content."""
+    warnings: list[tuple[int, str]] = field(default_factory=list)
+    """Byte offset and text of every CRC that the writer left out."""
 
     def attachment(self, name: str) -> bytes | None:
         """Content of the attachment of that name; None if there is none."""
-        for attachment, (start, stop) in self.contents.attachments:
+        for attachment in self.attachments:
             if attachment.name == name:
-                return bytes(self._view[start:stop])
+                start, stop = attachment.span
+                return bytes(self.view[start:stop])
         return None
 
     def good_until(self, offset: int) -> float | None:
         """Show time up to which all data before byte ``offset`` are whole [s]."""
         times = [
             (int(chunk.messages.log_time[0]), int(chunk.messages.log_time[-1]))
-            for chunk in self._chunks
-            if chunk.head.data[1] <= offset and chunk.messages.log_time.size
+            for chunk in self.chunks
+            if chunk.span[1] <= offset and chunk.messages.log_time.size
         ]
         return (times[-1][1] - times[0][0]) * 1e-9 if times else None
 
-    def times(self, channel: int) -> np.ndarray:
+    def times(self, channel: int) -> NDArray[np.int64]:
         """Time stamps of a channel's messages in order, shape (n,) [ns]."""
         parts = [
             chunk.messages.log_time[chunk.messages.channel == channel]
-            for chunk in self._chunks
+            for chunk in self.chunks
         ]
-        return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
+        return np.concatenate([*parts, np.empty(0, dtype=np.int64)])
 
     def read(
         self, channels: set[int], share: int = 0, shares: int = 1
@@ -126,24 +139,62 @@ class LogFile:
         wanted[[number for number in channels if number >= 0]] = True
         kept = [
             (chunk, keep)
-            for chunk in self._chunks
+            for chunk in self.chunks
             if (keep := wanted[chunk.messages.channel]).any()
         ]
         first, last = (len(kept) * at // shares for at in (share, share + 1))
         for chunk, keep in kept[first:last]:
-            data = inflate(self._view, chunk.head, known=True)
-            release(self._view)
-            m = chunk.messages
-            yield (
-                data,
-                Messages(
-                    channel=m.channel[keep],
-                    sequence=m.sequence[keep],
-                    log_time=m.log_time[keep],
-                    publish_time=m.publish_time[keep],
-                    record=m.record[keep],
-                    payload=m.payload[keep],
-                    size=m.size[keep],
-                ),
-                chunk.head.data[0],
+            data = inflate(
+                self.view, chunk.span, chunk.compression, chunk.uncompressed_size
             )
+            self.release()
+            yield data, chunk.messages.only(keep), chunk.span[0]
+
+    def release(self) -> None:
+        """Let the system take back the memory of the mapped file."""
+        if isinstance(self.view.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            self.view.obj.madvise(mmap.MADV_DONTNEED)
+
+
+@lru_cache(maxsize=1)
+def _unpacker() -> zstandard.ZstdDecompressor:
+    # Its tables take longer to make than a small chunk to unpack.
+    return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
+
+
+def inflate(
+    view: memoryview, span: tuple[int, int], compression: str, size: int, crc: int = 0
+) -> bytes:
+    """Return the uncompressed data of a chunk, its CRC checked unless that is 0.
+
+    Raises
+    ------
+    Damage
+        If sizes, compression or CRC are not as declared.
+    """
+    start, stop = span
+    packed = view[start:stop]
+    if size > LARGEST_CHUNK:
+        raise Damage(
+            start,
+            f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused",
+        )
+    if compression not in {"zstd", ""}:
+        raise Damage(start, f"a chunk is packed with {compression!r}, not zstd")
+    if compression:
+        try:
+            declared = zstandard.get_frame_parameters(packed).content_size
+            if declared not in {size, zstandard.CONTENTSIZE_UNKNOWN}:
+                raise Damage(start, f"a chunk of {size:,} bytes declares {declared:,}")
+            # One byte more than declared lets an overlong stream show itself.
+            with _unpacker().stream_reader(packed) as stream:
+                data = bytes(stream.read(size + 1))
+        except (zstandard.ZstdError, MemoryError, ValueError) as error:
+            raise Damage(start, f"a chunk does not unpack ({error})") from error
+    else:
+        data = bytes(packed)
+    if len(data) != size:
+        raise Damage(start, f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
+    if crc and zlib.crc32(data) != crc:
+        raise Damage(start, "the CRC of a chunk does not fit its data")
+    return data

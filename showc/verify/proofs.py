@@ -154,10 +154,10 @@ def _metadata(log: LogFile) -> dict[str, str]:
 
 
 def _integrity(log: LogFile) -> list[Check]:
-    statistics = log.contents.statistics()
+    messages = sum(chunk.messages.size.size for chunk in log.chunks)
     whole = (
-        f"{statistics.messages:,} messages on {statistics.channels:,} channels in "
-        f"{statistics.chunks:,} chunks: CRCs, indexes, statistics, order, sequence"
+        f"{messages:,} messages on {len(log.channels):,} channels in "
+        f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
     )
     checks = [
         Check(
@@ -165,7 +165,7 @@ def _integrity(log: LogFile) -> list[Check]:
             "integrity",
             "every byte accounted for",
             "pass",
-            float(log.size),
+            float(len(log.view)),
             None,
             "bytes",
             notes=(whole,),

@@ -6,17 +6,17 @@ Source: the MCAP specification 1.0, section Records. All integers are little-end
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from showc.verify.damage import Damage
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 """What every record starts with: opcode, length of the content."""
-
-_PAIR = struct.Struct("<HQ")
-"""An entry of a map of numbers."""
 
 
 class Opcode(IntEnum):
@@ -39,83 +39,27 @@ class Opcode(IntEnum):
     DATA_END = 0x0F
 
 
-class Cursor:
-    """Takes fields from ``data[start:stop]``; errors name ``base`` + position."""
-
-    __slots__ = ("base", "data", "position", "stop")
-
-    def __init__(
-        self, data: memoryview | bytes, start: int, stop: int, base: int = 0
-    ) -> None:
-        self.data = data
-        self.position = start
-        self.stop = stop
-        self.base = base
-
-    def _take(self, size: int, what: str) -> int:
-        position = self.position
-        if size > self.stop - position:
-            raise Damage(
-                self.base + position,
-                f"{what} needs {size:,} bytes where {self.stop - position:,} are left",
-            )
-        self.position = position + size
-        return position
-
-    def number(self, size: int, what: str) -> int:
-        """Unsigned integer of ``size`` bytes."""
-        start = self._take(size, what)
-        return int.from_bytes(self.data[start : start + size], "little")
-
-    def raw(self, prefix: int, what: str) -> tuple[int, int]:
-        """Start and stop of bytes; ``prefix`` bytes before them hold their length."""
-        size = self.number(prefix, f"length of {what}")
-        start = self._take(size, what)
-        return start, start + size
-
-    def text(self, what: str) -> str:
-        """UTF-8 text with its length before it in four bytes."""
-        start, stop = self.raw(4, what)
-        try:
-            return bytes(self.data[start:stop]).decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise Damage(self.base + start, f"{what} is not UTF-8 text") from error
-
-    def text_map(self, what: str) -> dict[str, str]:
-        """Map of text to text."""
-        start, stop = self.raw(4, what)
-        inner = Cursor(self.data, start, stop, self.base)
-        result: dict[str, str] = {}
-        while inner.position < stop:
-            key = inner.text(f"key of {what}")
-            if key in result:
-                raise Damage(self.base + inner.position, f"{what} has {key!r} twice")
-            result[key] = inner.text(f"value of {what}")
-        return result
-
-    def number_map(self, what: str) -> dict[int, int]:
-        """Map of two-byte to eight-byte integers."""
-        start, stop = self.raw(4, what)
-        if (stop - start) % _PAIR.size == 0:
-            return dict(_PAIR.iter_unpack(self.data[start:stop]))
-        inner = Cursor(self.data, start, stop, self.base)
-        result: dict[int, int] = {}
-        while inner.position < stop:
-            key = inner.number(2, f"key of {what}")
-            result[key] = inner.number(8, f"value of {what}")
-        return result
-
-    def close(self, what: str) -> None:
-        """Insist that nothing is left."""
-        if self.position != self.stop:
-            raise Damage(
-                self.base + self.position,
-                f"{what} has {self.stop - self.position:,} bytes more than its fields",
-            )
+_FIELDS = {
+    Opcode.HEADER: "text text",
+    Opcode.FOOTER: "8 8 4",
+    Opcode.SCHEMA: "2 text text bytes4",
+    Opcode.CHANNEL: "2 2 text text texts",
+    Opcode.CHUNK: "8 8 8 4 text span8",
+    Opcode.MESSAGE_INDEX: "2 span4",
+    Opcode.CHUNK_INDEX: "8 8 8 8 numbers 8 text 8 8",
+    Opcode.ATTACHMENT: "8 8 text text span8 4",
+    Opcode.ATTACHMENT_INDEX: "8 8 8 8 8 text text",
+    Opcode.STATISTICS: "8 2 4 4 4 4 8 8 numbers",
+    Opcode.METADATA: "text texts",
+    Opcode.METADATA_INDEX: "8 8 text",
+    Opcode.SUMMARY_OFFSET: "1 8 8",
+    Opcode.DATA_END: "4",
+}
+"""Fields of each kind, in order: integers by their size, texts, maps sorted by key,
+bytes, and spans (start and stop of bytes), those with the size of their length."""
 
 
-@dataclass(frozen=True, slots=True)
-class Schema:
+class Schema(NamedTuple):
     """Definition of a message type."""
 
     number: int
@@ -123,18 +67,8 @@ class Schema:
     encoding: str
     data: bytes
 
-    @classmethod
-    def read(cls, cursor: Cursor) -> Schema:
-        """Read the content of a Schema record."""
-        number, name = cursor.number(2, "schema number"), cursor.text("schema name")
-        encoding = cursor.text("schema encoding")
-        start, stop = cursor.raw(4, "schema data")
-        cursor.close("schema")
-        return cls(number, name, encoding, bytes(cursor.data[start:stop]))
 
-
-@dataclass(frozen=True, slots=True)
-class Channel:
+class Channel(NamedTuple):
     """One stream of messages of one type."""
 
     number: int
@@ -143,127 +77,124 @@ class Channel:
     encoding: str
     metadata: tuple[tuple[str, str], ...]
 
-    @classmethod
-    def read(cls, cursor: Cursor) -> Channel:
-        """Read the content of a Channel record."""
-        channel = cls(
-            cursor.number(2, "channel number"),
-            cursor.number(2, "schema number of a channel"),
-            cursor.text("topic"),
-            cursor.text("message encoding"),
-            tuple(sorted(cursor.text_map("channel metadata").items())),
-        )
-        cursor.close("channel")
-        return channel
 
+class Attachment(NamedTuple):
+    """A file inside the log."""
 
-@dataclass(frozen=True, slots=True)
-class ChunkIndex:
-    """What the summary says of a chunk; the walker makes the same from the data."""
-
-    start_time: int
-    end_time: int
-    offset: int
-    length: int
-    index_offsets: tuple[tuple[int, int], ...]
-    index_length: int
-    compression: str
-    compressed_size: int
-    uncompressed_size: int
-
-    @classmethod
-    def read(cls, cursor: Cursor) -> ChunkIndex:
-        """Read the content of a Chunk Index record."""
-        index = cls(
-            cursor.number(8, "start time of a chunk"),
-            cursor.number(8, "end time of a chunk"),
-            cursor.number(8, "offset of a chunk"),
-            cursor.number(8, "length of a chunk"),
-            tuple(sorted(cursor.number_map("message index offsets").items())),
-            cursor.number(8, "length of message indexes"),
-            cursor.text("compression"),
-            cursor.number(8, "compressed size"),
-            cursor.number(8, "uncompressed size"),
-        )
-        cursor.close("chunk index")
-        return index
-
-
-@dataclass(frozen=True, slots=True)
-class Attachment:
-    """A file inside the log, or what the summary says of it (``data`` empty)."""
-
-    offset: int
-    length: int
     log_time: int
     create_time: int
-    size: int
     name: str
     media_type: str
+    span: tuple[int, int]
+    """Start and stop of its content in the file [bytes]."""
 
-    @classmethod
-    def read_index(cls, cursor: Cursor) -> Attachment:
-        """Read the content of an Attachment Index record."""
-        index = cls(
-            cursor.number(8, "offset of an attachment"),
-            cursor.number(8, "length of an attachment"),
-            cursor.number(8, "time of an attachment"),
-            cursor.number(8, "creation time of an attachment"),
-            cursor.number(8, "size of an attachment"),
-            cursor.text("name of an attachment"),
-            cursor.text("media type of an attachment"),
+
+class Record(NamedTuple):
+    """Where a record stands."""
+
+    opcode: int
+    position: int
+    """Of its head [bytes]."""
+    start: int
+    """Of its content [bytes]."""
+    stop: int
+    """Of its content [bytes]."""
+
+
+def next_record(view: memoryview | bytes, position: int) -> Record:
+    """Return the record at ``position``; damage if it does not fit."""
+    left = len(view) - position
+    if left < HEAD.size:
+        raise Damage(position, f"{left} bytes stand where a record should: it was cut")
+    opcode, size = HEAD.unpack_from(view, position)
+    if size > left - HEAD.size:
+        raise Damage(
+            position,
+            f"a record of {size:,} bytes begins where {left - HEAD.size:,} are left: "
+            "the file was cut or altered",
         )
-        cursor.close("attachment index")
-        return index
+    start = position + HEAD.size
+    return Record(opcode, position, start, start + size)
 
 
-@dataclass(frozen=True, slots=True)
-class MetadataIndex:
-    """Where a metadata record lies."""
+def fields(view: memoryview | bytes, record: Record, base: int = 0) -> tuple[Any, ...]:
+    """Return the fields of a record, which must fill it.
 
-    offset: int
-    length: int
-    name: str
-
-    @classmethod
-    def read(cls, cursor: Cursor) -> MetadataIndex:
-        """Read the content of a Metadata Index record."""
-        index = cls(
-            cursor.number(8, "offset of metadata"),
-            cursor.number(8, "length of metadata"),
-            cursor.text("name of metadata"),
+    Parameters
+    ----------
+    view
+        The bytes that hold it.
+    record
+        Where it stands in them.
+    base
+        Added to positions in what is said of damage [bytes].
+    """
+    opcode = Opcode(record.opcode)
+    what = opcode.name.lower().replace("_", " ")
+    cursor = _Cursor(view, record.start, record.stop, base, what)
+    found = tuple(cursor.field(kind) for kind in _FIELDS[opcode].split())
+    if cursor.position != cursor.stop:
+        raise cursor.damage(
+            f"has {cursor.stop - cursor.position:,} bytes more than its fields"
         )
-        cursor.close("metadata index")
-        return index
+    return found
 
 
-@dataclass(frozen=True, slots=True)
-class Statistics:
-    """Counts and times of the whole file."""
+class _Cursor:
+    """Takes fields one after the other."""
 
-    messages: int
-    schemas: int
-    channels: int
-    attachments: int
-    metadata: int
-    chunks: int
-    start_time: int
-    end_time: int
-    channel_messages: tuple[tuple[int, int], ...]
+    def __init__(
+        self, data: memoryview | bytes, start: int, stop: int, base: int, what: str
+    ) -> None:
+        self.data, self.position, self.stop = data, start, stop
+        self.base, self.what = base, what
 
-    @classmethod
-    def read(cls, cursor: Cursor) -> Statistics:
-        """Read the content of a Statistics record."""
-        statistics = cls(
-            cursor.number(8, "message count"),
-            cursor.number(2, "schema count"),
-            cursor.number(4, "channel count"),
-            cursor.number(4, "attachment count"),
-            cursor.number(4, "metadata count"),
-            cursor.number(4, "chunk count"),
-            cursor.number(8, "first time"),
-            cursor.number(8, "last time"),
-            tuple(sorted(cursor.number_map("message counts of channels").items())),
-        )
-        cursor.close("statistics")
-        return statistics
+    def damage(self, text: str) -> Damage:
+        return Damage(self.base + self.position, f"a record ({self.what}) {text}")
+
+    def _take(self, size: int) -> int:
+        position = self.position
+        if size > self.stop - position:
+            left = self.stop - position
+            raise self.damage(f"needs {size:,} bytes where {left:,} are left")
+        self.position = position + size
+        return position
+
+    def number(self, size: int) -> int:
+        start = self._take(size)
+        return int.from_bytes(self.data[start : start + size], "little")
+
+    def span(self, prefix: int) -> tuple[int, int]:
+        size = self.number(prefix)
+        start = self._take(size)
+        return start, start + size
+
+    def text(self) -> str:
+        start, stop = self.span(4)
+        try:
+            return bytes(self.data[start:stop]).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise self.damage("holds what is not UTF-8 text") from error
+
+    def _map(self, key: str, value: str) -> Iterator[tuple[Any, Any]]:
+        self.position, end = self.span(4)
+        while self.position < end:
+            yield self.field(key), self.field(value)
+        if self.position != end:
+            raise self.damage("holds a map that is cut")
+
+    def field(self, kind: str) -> Any:  # noqa: ANN401 - whatever the kind says
+        if kind == "text":
+            return self.text()
+        if kind in {"texts", "numbers"}:
+            pairs = self._map(*(("text", "text") if kind == "texts" else ("2", "8")))
+            found = sorted(pairs)
+            if len(dict(found)) != len(found):
+                raise self.damage("holds a map with one key twice")
+            return tuple(found)
+        if kind.startswith("span"):
+            return self.span(int(kind[-1]))
+        if kind.startswith("bytes"):
+            start, stop = self.span(int(kind[-1]))
+            return bytes(self.data[start:stop])
+        return self.number(int(kind))

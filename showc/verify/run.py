@@ -56,7 +56,7 @@ def verify_log(
     """
     watch = progress or Silent()
     watch.stage("reading every byte")
-    log = open_log(Path(path), jobs)
+    log = open_log(Path(path))
     try:
         # What overflows is infinite or undefined, and no check passes with that.
         with np.errstate(all="ignore"):

@@ -39,9 +39,8 @@ if TYPE_CHECKING:
 
     from showc.light.program import LightProgram
     from showc.script.show import Show
-    from showc.verify.chunk import Messages
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.logfile import LogFile
+    from showc.verify.logfile import LogFile, Messages
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

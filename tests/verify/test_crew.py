@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.verify import verify_log
-from showc.verify.crew import Ahead, run_all
+from showc.verify.crew import run_all
 from showc.verify.damage import Damage
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies by fork")
@@ -92,63 +92,6 @@ def test_what_a_dead_copy_left_undone_is_done():
         return number
 
     assert run_all([partial(die, number) for number in range(7)], 2) == list(range(7))
-
-
-@pytest.mark.parametrize("jobs", [1, 2, 3])
-def test_a_part_begun_ahead_is_done_once_and_comes_in_its_place(tmp_path, jobs):
-    log = tmp_path / "begun"
-
-    def early():
-        with log.open("a") as stream:
-            stream.write(f"{os.getpid()}\n")
-        return "early"
-
-    before = children()
-    with Ahead(early, jobs) as begun:
-        found = run_all([partial(square, 3), begun, partial(square, 4)], jobs)
-    assert found == [9, "early", 16]
-    done = [int(line) for line in log.read_text().split()]
-    assert len(done) == 1
-    assert (done[0] == os.getpid()) == (jobs == 1)
-    assert children() == before
-
-
-def test_a_part_begun_ahead_goes_on_while_this_process_does():
-    with Ahead(partial(time.sleep, 1.0), 2) as begun:
-        time.sleep(1.0)
-        begin = time.monotonic()
-        assert run_all([begun, partial(square, 2)], 2) == [None, 4]
-    assert time.monotonic() - begin < 0.9
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_part_begun_ahead_that_fails_says_why(jobs):
-    with Ahead(partial(fail, 5), jobs) as begun, pytest.raises(Damage, match="part 5"):
-        run_all([partial(square, 2), begun], jobs)
-
-
-def test_a_part_begun_ahead_is_done_here_if_its_copy_died():
-    here = os.getpid()
-
-    def die():
-        if os.getpid() != here:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return "here"
-
-    with Ahead(die, 2) as begun:
-        assert run_all([begun, partial(square, 2)], 2) == ["here", 4]
-
-
-def test_nothing_begun_ahead_outlives_what_failed_before_it_was_asked_for():
-    before = children()
-    begin = time.monotonic()
-    with (
-        pytest.raises(Damage, match="elsewhere"),
-        Ahead(partial(time.sleep, 60.0), 2),
-    ):
-        raise Damage(3, "elsewhere")
-    assert time.monotonic() - begin < 30.0
-    assert children() == before
 
 
 def test_large_results_come_whole():
