@@ -274,7 +274,7 @@ def _check_files(
         checks.append(Check("VRF410", GROUP, KNOWN, "fail", notes=(note,)))
     elif terms.autopilot != "ardupilot":
         note = f"the script accepts that for {terms.autopilot}: mission.autopilot"
-        checks.append(Check("VRF410", GROUP, KNOWN, "skipped", notes=(note,)))
+        checks.append(Check("VRF410", GROUP, KNOWN, "accepted", notes=(note,)))
     else:
         found = contents.get(PARAMETERS, b"")
         checks.append(_check_parameters(found, parameter_file(terms)))
