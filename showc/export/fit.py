@@ -30,7 +30,7 @@ from showc.foreign.motion import (
     standing,
 )
 from showc.verify.kernel.bernstein import values
-from showc.verify.tracks import Tracks
+from showc.verify.kernel.tracks import Tracks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,8 +23,8 @@ from showc.foreign.motion import (
 )
 from showc.foreign.smoothing import CORNER
 from showc.log.showc_pb2 import Separation
+from showc.verify.kernel.separation import closest_in
 from showc.verify.report import Check, Place
-from showc.verify.separation import closest_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.foreign.show import FencePolygon, ForeignShow
-    from showc.verify.separation import Encounter
-    from showc.verify.tracks import Tracks
+    from showc.verify.kernel.separation import Encounter
+    from showc.verify.kernel.tracks import Tracks
 
     FloatArray = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.foreign.show import FencePolygon
-    from showc.verify.tracks import Tracks
+    from showc.verify.kernel.tracks import Tracks
 
     FloatArray = NDArray[np.float64]
 

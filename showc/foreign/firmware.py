@@ -26,8 +26,8 @@ from showc.foreign.lights import read_lights
 from showc.foreign.motion import owners
 from showc.foreign.show import Stored
 from showc.verify.kernel.bernstein import elevate, values
+from showc.verify.kernel.tracks import Tracks
 from showc.verify.report import Check, Place
-from showc.verify.tracks import Tracks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,8 +23,8 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from showc.foreign.motion import Greatest
     from showc.log.showc_pb2 import Separation
-    from showc.verify.separation import Encounter
-    from showc.verify.tracks import Tracks
+    from showc.verify.kernel.separation import Encounter
+    from showc.verify.kernel.tracks import Tracks
 
 GROUP = "whether show mode can follow it"
 """Heading of these checks."""

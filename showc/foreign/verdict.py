@@ -16,8 +16,8 @@ from showc.foreign.firmware import Firmware, what_it_becomes
 from showc.foreign.reading import read_show
 from showc.foreign.smoothing import Agility, least_smoothing, smoothed
 from showc.log.showc_pb2 import Separation
+from showc.verify.kernel.separation import closest_in
 from showc.verify.report import Check, Place, Verification
-from showc.verify.separation import closest_in
 
 if TYPE_CHECKING:
     from pathlib import Path

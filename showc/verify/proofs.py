@@ -11,35 +11,22 @@ from showc.verify.choreography import check_choreography
 from showc.verify.crew import run_all
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
-from showc.verify.kernel.dynamics import Tube, ties, tube
-from showc.verify.limits import TOLERANCE, Extreme, extremes
 from showc.verify.missions import parts_of_script
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
 from showc.verify.schemas import check_schemas
-from showc.verify.separation import (
-    RESOLUTION,
-    Encounter,
-    closest_of,
-    encounter_parts,
-)
 from showc.verify.specification.cover import check_cover
 from showc.verify.specification.demands import hold_against
 from showc.verify.specification.script import read_anchor
+from showc.verify.theorems import flight_checks, segment_parts, separation_parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from showc.log import showc_pb2 as pb
-    from showc.verify.kernel.show import LoggedShow, Segment
-    from showc.verify.kernel.statement import Statement
     from showc.verify.logfile import LogFile
     from showc.verify.progress import Progress
-
-SEPARATION_TOLERANCE = 1e-6
-"""How far the separation may be missed: rounding, not flight [m]."""
 
 BEGUN = (
     *("missions", "segments", "separation"),
@@ -89,16 +76,15 @@ def prove(
     samples = Samples(log, show, lights, anchor.show)
     # In the order in which damage is reported if there is more than one.
     work: dict[str, Sequence[Callable[[], Any]]] = {
-        "segments": [partial(_examined, one, show.rules) for one in show.segments],
-        "separation": encounter_parts(show),
+        "segments": segment_parts(show),
+        "separation": separation_parts(show),
         "choreography": [partial(check_choreography, show)],
         "samples": samples.parts(),
         "certificates": [partial(check_certificates, show)],
         "missions": parts_of_script(log, show, anchor.show) if missions else [],
     }
     found = _done(work, jobs, watch)
-    checks += _segments(show, found["segments"])
-    checks.append(_separation(show, closest_of(found["separation"])))
+    checks += flight_checks(show, found["segments"], found["separation"])
     checks += found["choreography"][0]
     checks += join_samples(found["samples"])
     checks += found["certificates"][0]
@@ -183,114 +169,3 @@ def _integrity(log: LogFile) -> list[Check]:
         for offset, text in log.warnings
     ]
     return checks
-
-
-def _at(segment: Segment, found: Extreme) -> Place:
-    return Place(
-        found.drone + 1, segment=segment.message.name, time=segment.start + found.time
-    )
-
-
-def _check(group: str, statement: Statement) -> Check:
-    """Turn what the kernel proves into a check."""
-    holds, drones = statement.holds, tuple(drone + 1 for drone in statement.drones)
-    return Check(
-        statement.code,
-        group,
-        statement.title,
-        "skipped" if holds is None else "pass" if holds else "fail",
-        statement.value,
-        statement.limit,
-        statement.unit,
-        Place(
-            drones[0] if len(drones) == 1 else None,
-            (drones[0], drones[1]) if len(drones) == 2 else None,
-            statement.segment,
-            statement.time,
-        ),
-        statement.notes,
-    )
-
-
-def _examined(segment: Segment, rules: pb.Rules) -> tuple[Tube, list[Extreme]]:
-    """Physics and limits of one segment."""
-    return tube(segment, rules.vehicle), extremes(segment, rules)
-
-
-def _segments(
-    show: LoggedShow, found: Sequence[tuple[Tube, list[Extreme]]]
-) -> list[Check]:
-    """Physics and limits: the worst of all segments."""
-    tightest: dict[str, tuple[Extreme, Segment]] = {}
-    for segment, (_, tight) in zip(show.segments, found, strict=True):
-        for extreme in tight:
-            key = extreme.bound.quantity
-            if key not in tightest or extreme.margin < tightest[key][0].margin:
-                tightest[key] = extreme, segment
-    physics = ties(show, [flown for flown, _ in found])
-    return [
-        *(_check("physics", statement) for statement in physics),
-        *(_limit(*found) for found in tightest.values()),
-    ]
-
-
-_LIMITS = {
-    "volume": "VRF311",
-    "velocity": "VRF312",
-    "tilt": "VRF313",
-    "body rates": "VRF314",
-    "thrust": "VRF315",
-    "torques": "VRF316",
-    "rotor speeds": "VRF317",
-}
-"""Code of each family of limits."""
-
-
-def _limit(extreme: Extreme, segment: Segment) -> Check:
-    bound = extreme.bound
-    sign = -1.0 if bound.name.startswith("least") else 1.0
-    note = (
-        f"{bound.name}: margin {extreme.margin:+.3%} of the range "
-        f"(tolerance {TOLERANCE:.0e} of it)"
-    )
-    return Check(
-        _LIMITS[bound.quantity],
-        "limits",
-        f"{bound.quantity} within limits at every instant",
-        "pass" if extreme.margin >= -TOLERANCE else "fail",
-        sign * extreme.upper + 0.0,
-        sign * bound.top + 0.0,
-        bound.unit,
-        _at(segment, extreme),
-        (note,),
-    )
-
-
-def _separation(show: LoggedShow, encounter: Encounter | None) -> Check:
-    name = "separation of every pair at every instant"
-    wanted = show.rules.separation.distance
-    if encounter is None:
-        return Check(
-            "VRF321", "separation", name, "skipped", notes=("there is only one drone",)
-        )
-    a, b = encounter.pair
-    note = (
-        f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter "
-        f"lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m (resolution "
-        f"{RESOLUTION:.0e} m, tolerance {SEPARATION_TOLERANCE:.0e} m)"
-    )
-    return Check(
-        "VRF321",
-        "separation",
-        name,
-        "pass" if encounter.lower >= wanted - SEPARATION_TOLERANCE else "fail",
-        encounter.lower,
-        wanted,
-        "m",
-        Place(
-            pair=(a + 1, b + 1),
-            segment=", ".join(encounter.segments),
-            time=encounter.time,
-        ),
-        (note,),
-    )

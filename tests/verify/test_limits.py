@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from verified import with_table
 
+from showc.log import showc_pb2 as pb
 from showc.verify.kernel.bernstein import (
     basis,
     elevate,
@@ -14,17 +15,26 @@ from showc.verify.kernel.bernstein import (
     square_sum,
     values,
 )
-from showc.verify.kernel.show import PieceTable
-from showc.verify.limits import (
+from showc.verify.kernel.dynamics import allocation, rotor_shares
+from showc.verify.kernel.limits import (
     RESOLUTION,
     Bound,
     _greatest,
-    _Hulls,
+    _Quantities,
     bounds,
     extremes,
-    rotor_shares,
 )
+from showc.verify.kernel.show import PieceTable
 
+RULES = pb.Rules(
+    vehicle=pb.Vehicle(
+        mass=1.0,
+        arm_length=0.2,
+        thrust_coefficient=2e-6,
+        torque_coefficient=3e-8,
+        rotor_speed_max=1500.0,
+    )
+)
 COEFFICIENTS = st.lists(
     st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=9), min_size=1, max_size=4
 ).filter(lambda rows: len({len(row) for row in rows}) == 1)
@@ -48,8 +58,8 @@ def table(rows):
 @settings(deadline=None, max_examples=150, derandomize=True)
 @given(COEFFICIENTS, st.sampled_from([1.0, -1.0]))
 def test_greatest_value_is_enclosed(logged, sign):
-    bound = Bound("velocity", "vy", 4, sign, 5.0, 10.0, "m/s")
-    found = _greatest(_Hulls.of(table(logged), np.eye(4)), bound)
+    bound = Bound("velocity", "greatest vy", "vy", sign, 5.0, 10.0, "m/s")
+    found = _greatest(_Quantities(table(logged), RULES), bound)
     rows = sign * np.array(logged)
     fraction = np.linspace(0.0, 1.0, 2001)
     sampled = basis(len(rows[0]) - 1, fraction) @ np.array(rows).T
@@ -108,7 +118,7 @@ def test_a_limit_broken_between_nodes_alone_is_found(log_and_show):
     nodes = basis(5, [0.0, 0.5, 1.0]) @ state[3, :, 7]
     assert np.all(np.abs(nodes) < tilt)
     worst = min(
-        (e for e in extremes(spoilt, show.rules) if e.bound.quantity == "tilt"),
+        (e for e in extremes(spoilt, show.rules) if e.bound.family == "tilt"),
         key=lambda e: e.margin,
     )
     dense = np.abs(basis(5, np.linspace(0, 1, 100_001)) @ state[3, :, 7]).max()
@@ -119,8 +129,6 @@ def test_a_limit_broken_between_nodes_alone_is_found(log_and_show):
 
 def test_every_limit_of_the_rules_is_looked_at(log_and_show):
     """Tighten one number at a time: exactly its family must fail."""
-    from showc.log import showc_pb2 as pb
-
     _, show = log_and_show
     segment = show.segments[0]
     fields = {
@@ -138,11 +146,47 @@ def test_every_limit_of_the_rules_is_looked_at(log_and_show):
                 for limits in rules.limits:
                     setattr(getattr(limits, name), axis, sign * 1e3)
                 broken = {
-                    e.bound.quantity
-                    for e in extremes(segment, rules)
-                    if e.margin < -1e-6
+                    e.bound.family for e in extremes(segment, rules) if e.margin < -1e-6
                 }
                 assert broken == {family}, (name, axis)
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(1, 7))
+def test_level_speed_and_accelerations_are_enclosed(seed, degree):
+    rng = np.random.default_rng(seed)
+    state = np.zeros((3, degree + 1, 12))
+    state[:, :, 3:6] = rng.normal(0.0, 2.0, (3, degree + 1, 3))
+    edges = np.cumsum(rng.uniform(0.1, 2.0, 4))
+    moving = PieceTable(
+        np.array([0]),
+        np.array([0, 3]),
+        edges[:-1],
+        edges[1:],
+        state,
+        np.zeros((3, 1, 4)),
+    )
+    limits = pb.Limits(
+        level_speed=3.0, acceleration=4.0, acceleration_up=2.0, acceleration_down=1.0
+    )
+    named = {one.name: one for one in bounds(RULES, limits)}
+    quantities = _Quantities(moving, RULES)
+    shares = np.linspace(0.0, 1.0, 1001)
+    weights, slopes = basis(degree, shares), basis(degree - 1, shares)
+    speed = weights @ state[:, :, 3:6]
+    width = np.diff(edges)[:, None, None]
+    push = slopes @ (degree * np.diff(state[:, :, 3:6], axis=1) / width)
+    truth = {
+        "greatest level speed": np.hypot(speed[..., 0], speed[..., 1]).max(),
+        "greatest level acceleration": np.hypot(push[..., 0], push[..., 1]).max(),
+        "greatest az": push[..., 2].max(),
+        "least az": -push[..., 2].min(),
+    }
+    for name, value in truth.items():
+        found = _greatest(quantities, named[name])
+        most = value**2 if found.bound.squared else value
+        size = max(most, found.bound.span**2, 1.0)
+        assert most - 1e-12 * size <= found.upper <= most + 1e-4 * size
 
 
 def test_rotor_speeds_follow_the_allocation(log_and_show):
@@ -150,11 +194,16 @@ def test_rotor_speeds_follow_the_allocation(log_and_show):
     rotors = [
         bound
         for bound in bounds(show.rules, show.rules.limits[0])
-        if bound.quantity == "rotor speeds" and bound.name.startswith("greatest")
+        if bound.family == "rotor speeds" and bound.name.startswith("greatest")
     ]
-    assert [bound.component for bound in rotors] == [16, 17, 18, 19]
-    shares = rotor_shares(show.rules)
+    assert [bound.quantity for bound in rotors] == [
+        f"rotor {k} (squared)" for k in (1, 2, 3, 4)
+    ]
     vehicle = show.rules.vehicle
+    shares = rotor_shares(vehicle)
+    np.testing.assert_allclose(
+        shares @ allocation(vehicle) * vehicle.rotor_speed_max**2, np.eye(4), atol=1e-14
+    )
     hover = np.array([vehicle.mass * vehicle.gravity, 0.0, 0.0, 0.0])
     full = 4 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
     np.testing.assert_allclose(shares @ hover, hover[0] / full)

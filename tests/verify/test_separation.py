@@ -13,7 +13,7 @@ from verified import proved_flight, show_of, table_of, written
 from showc.log import showc_pb2 as pb
 from showc.trajectory import PiecewisePolynomial
 from showc.verify import verify_log
-from showc.verify.separation import RESOLUTION, closest_encounter
+from showc.verify.kernel.separation import RESOLUTION, closest_encounter
 
 SHAPES = {
     "sphere": pb.Separation.SPHERE,
@@ -84,7 +84,8 @@ def test_encloses_what_dense_sampling_finds(seed, drones, degree, intervals, sha
     first, second = np.triu_indices(drones, 1)
     dense = distance(position[first] - position[second], shape)
     assert found.lower <= dense.min() + 1e-9
-    assert found.upper - found.lower <= RESOLUTION * 1.001
+    assert found.upper - found.lower <= RESOLUTION * 1.001 + found.error
+    assert found.error < 1e-5
     # What it names is reached there and then.
     at = sampled(paths, breaks, np.array([found.time]))
     a, b = found.pair
@@ -161,7 +162,8 @@ def test_an_encounter_planted_into_a_log_is_caught(tmp_path):
     )
     check = verification.check("VRF321")
     assert check.verdict == "fail"
-    assert check.value == pytest.approx(0.99, abs=1e-5)
+    # Less what two drones may be off, which here is not proved.
+    assert check.value == pytest.approx(0.989, abs=1e-5)
     assert check.where.pair == (1, 2)
     assert check.where.time == pytest.approx(moment + 0.02, abs=1e-3)
     samples = verification.check("VRF122")

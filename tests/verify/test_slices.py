@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.verify.kernel.bernstein import values
-from showc.verify.measure import Measure
-from showc.verify.slices import edges, take
-from showc.verify.tracks import Tracks
+from showc.verify.kernel.slices import Measure, edges, near_pairs, take
+from showc.verify.kernel.tracks import Tracks
 
 MEASURES = [
     Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=False),
@@ -100,6 +99,21 @@ def test_no_near_pair_is_left_out(seed, most_rows, distance, width, measure):
         for second in range(first + 1, 9):
             gap = measure(flown[first] - flown[second]).min()
             assert gap >= distance - 1e-9 or (first, second) in found
+
+
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(
+    st.integers(0, 10_000), st.integers(0, 60), st.floats(1e-3, 30.0), st.integers(1, 3)
+)
+def test_the_lattice_leaves_no_near_pair_out(seed, count, reach, axes):
+    points = np.random.default_rng(seed).normal(0.0, 4.0, (count, axes))
+    found = [tuple(pair) for pair in near_pairs(points, reach).tolist()]
+    assert len(set(found)) == len(found)
+    assert all(first < second for first, second in found)
+    for first in range(count):
+        for second in range(first + 1, count):
+            near = np.abs(points[first] - points[second]).max() <= reach
+            assert not near or (first, second) in set(found)
 
 
 @given(st.lists(st.floats(-3, 3), min_size=6, max_size=6), st.sampled_from(MEASURES))

@@ -109,6 +109,9 @@ that writes what its controls fly stays far below (1e-5 on the shows of showc)."
 ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
 """The same of each angle [rad] and body rate [rad/s]: 0.01 deg and 0.01 deg/s."""
 
+TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
+"""The same for each of the twelve states (SI)."""
+
 _AT_ONCE = 2_000
 """Mesh intervals taken together: few enough to stay in the processor's cache."""
 
@@ -124,6 +127,24 @@ def allocation(vehicle: Vehicle) -> FloatArray:
             [0.0, -arm, 0.0, arm],
             [arm, 0.0, -arm, 0.0],
             [drag, -drag, drag, -drag],
+        ]
+    )
+
+
+def rotor_shares(vehicle: Vehicle) -> FloatArray:
+    """Matrix (4, 4) from control to squared rotor speeds, full speed being 1.
+
+    The inverse of :func:`allocation`, written out: each entry is right to 4 roundings.
+    """
+    top = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
+    push, lean = 0.25 / top, 0.5 / (top * vehicle.arm_length)
+    turn = 0.25 / (vehicle.torque_coefficient * vehicle.rotor_speed_max**2)
+    return np.array(
+        [
+            [push, 0.0, lean, turn],
+            [push, -lean, 0.0, -turn],
+            [push, 0.0, -lean, turn],
+            [push, lean, 0.0, -turn],
         ]
     )
 
@@ -195,7 +216,11 @@ def tube(segment: Segment, vehicle: Vehicle) -> Tube:
     """
     # What overflows is infinite or undefined, and then nothing is proved.
     with np.errstate(all="ignore"):
-        parts = [_tube_of(table, vehicle) for table in segment.tables]
+        parts = [
+            _tube_of(part, vehicle)
+            for table in segment.tables
+            for part in table.parts(_AT_ONCE)
+        ]
     drones = np.concatenate([part.drones for part in parts])
     order = np.argsort(drones)
     return Tube(
@@ -269,7 +294,7 @@ class _Scheme:
 @lru_cache(maxsize=32)
 def _scheme(state_degree: int, control_degree: int) -> _Scheme:
     # Products of two rates are polynomials of twice their degree.
-    degree = max(2 * state_degree + 2, control_degree, 4)
+    degree = max(2 * state_degree, control_degree, 4)
     transform = _transform(degree)
     first, second = _integral(degree), _integral(degree + 1)
     nodes = _points(degree)
@@ -297,6 +322,15 @@ class _Rows:
     state: FloatArray
     control: FloatArray
 
+    @classmethod
+    def of(cls, table: PieceTable) -> _Rows:
+        """Take all rows of a table."""
+        return cls(
+            table.end - table.start,
+            np.ascontiguousarray(table.state.transpose(1, 2, 0)),
+            np.ascontiguousarray(table.control.transpose(1, 2, 0)),
+        )
+
     def hull(self, components: slice) -> FloatArray:
         """Greatest absolute coefficients of some states, shape (components, rows)."""
         return np.asarray(np.abs(self.state[:, components]).max(axis=0))
@@ -316,7 +350,7 @@ class _Sides:
 
 def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
     """How far coefficients of the squared rotor speeds leave [0, 1], (4, rows)."""
-    share = np.linalg.inv(allocation(vehicle)) / vehicle.rotor_speed_max**2
+    share = rotor_shares(vehicle)
     speeds = np.einsum("ij,njr->nir", share, control)
     over = np.maximum(speeds.max(axis=0) - 1.0, -speeds.min(axis=0))
     scale = np.einsum("ij,jr->ir", np.abs(share), np.abs(control).max(axis=0))
@@ -412,33 +446,23 @@ class _Defects:
 def _defects(table: PieceTable, vehicle: Vehicle) -> _Defects:
     """Integrate the right sides from each drone's first state; compare."""
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
-    count = table.start.size
-    width = table.end - table.start
-    polynomial = [np.empty((scheme.degree + 2 + k, 6, count)) for k in (0, 1)]
-    step = [np.empty((6, count)) for _ in range(2)]
-    off = [np.empty((6, count)) for _ in range(2)]
-    for begin in range(0, count, _AT_ONCE):
-        part = slice(begin, begin + _AT_ONCE)
-        rows = _Rows(
-            width[part],
-            np.ascontiguousarray(table.state[part].transpose(1, 2, 0)),
-            np.ascontiguousarray(table.control[part].transpose(1, 2, 0)),
+    rows = _Rows.of(table)
+    sides = _sides(rows, vehicle, scheme)
+    whole = np.abs(rows.state).max(axis=0)
+    rounding = GAMMA * scheme.gain
+    polynomial, step, off = [], [], []
+    for k, matrix in enumerate((scheme.once, scheme.twice)):
+        power = rows.width ** (k + 1)
+        found = np.tensordot(matrix, sides.value, axes=1) * power
+        step.append(found.sum(axis=0))
+        own = whole[(_FIRST, _SECOND)[k]] + k * rows.width * whole[_FIRST]
+        off.append(power * (sides.error + rounding * sides.size) + rounding * own)
+        logged = rows.state[:, (_FIRST, _SECOND)[k]]
+        found[: logged.shape[0]] -= np.tensordot(
+            _chebyshev(logged.shape[0] - 1), logged, axes=1
         )
-        sides = _sides(rows, vehicle, scheme)
-        whole = np.abs(rows.state).max(axis=0)
-        rounding = GAMMA * scheme.gain
-        for k, matrix in enumerate((scheme.once, scheme.twice)):
-            power = rows.width ** (k + 1)
-            found = np.tensordot(matrix, sides.value, axes=1) * power
-            step[k][:, part] = found.sum(axis=0)
-            own = whole[(_FIRST, _SECOND)[k]] + k * rows.width * whole[_FIRST]
-            off[k][:, part] = power * (sides.error + rounding * sides.size)
-            off[k][:, part] += rounding * own
-            logged = rows.state[:, (_FIRST, _SECOND)[k]]
-            found[: logged.shape[0]] -= np.tensordot(
-                _chebyshev(logged.shape[0] - 1), logged, axes=1
-            )
-            polynomial[k][:, :, part] = found
+        polynomial.append(found)
+    width = rows.width
     start = _marched(table, width, step, off)
     polynomial[0][0] += start[0]
     # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
@@ -537,11 +561,7 @@ def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
     """Halve intervals on which step 1 would be coarse."""
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     for _ in range(_HALVINGS):
-        rows = _Rows(
-            table.end - table.start,
-            table.state.transpose(1, 2, 0),
-            table.control.transpose(1, 2, 0),
-        )
+        rows = _Rows.of(table)
         coarse = ~(_truncation(rows, vehicle.mass, scheme.degree) <= _FINE)
         coarse |= _excess(rows.control, vehicle).max(axis=0) > _CLIPPED
         if not coarse.any():

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Rules
@@ -55,10 +57,22 @@ class PieceTable:
 
     def only(self, column: int) -> PieceTable:
         """Return the table of one of its drones, the ``column``-th."""
-        rows = slice(int(self.first[column]), int(self.first[column + 1]))
+        return self._columns(column, column + 1)
+
+    def parts(self, rows: int) -> Iterator[PieceTable]:
+        """Cut into tables of whole drones with about so many rows each."""
+        begin = 0
+        while begin < self.drones.size:
+            end = int(np.searchsorted(self.first, self.first[begin] + rows, "right"))
+            end = min(max(end - 1, begin + 1), self.drones.size)
+            yield self._columns(begin, end)
+            begin = end
+
+    def _columns(self, begin: int, end: int) -> PieceTable:
+        rows = slice(int(self.first[begin]), int(self.first[end]))
         return PieceTable(
-            self.drones[column : column + 1],
-            np.array([0, rows.stop - rows.start]),
+            self.drones[begin:end],
+            self.first[begin : end + 1] - rows.start,
             self.start[rows],
             self.end[rows],
             self.state[rows],

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
 
 
+MOMENT = 1e-8
+"""Times nearer to each other than this are one [s]: rounding of times of day-long
+shows. What a drone flies in it is part of every error bound that uses tracks."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """Positions of the whole fleet from ``begin`` to ``end``.
@@ -44,6 +49,18 @@ class Tracks:
     def drones(self) -> int:
         """Size of the fleet."""
         return int(self.first.size) - 1
+
+    @property
+    def speed(self) -> float:
+        """No drone flies faster [m/s]: hulls of coefficients over times."""
+        degree = self.position.shape[1] - 1
+        if degree == 0:
+            return 0.0
+        # Coefficient by coefficient, all rows of one lie side by side.
+        hull = np.ascontiguousarray(self.position.transpose(1, 2, 0))
+        step = np.sqrt(np.sum(np.diff(hull, axis=0) ** 2, axis=1)).max(axis=0)
+        width = self.ends - self.starts
+        return float(degree * np.max(step / np.where(width > 0.0, width, np.inf)))
 
     def at(self, drone: IntArray, time: FloatArray) -> IntArray:
         """Row of each ``drone`` that covers each ``time``, shape (n,)."""
@@ -89,7 +106,7 @@ def stretches(show: LoggedShow) -> Stretches:
         tuple(
             segment
             for segment in show.segments
-            if segment.start < high - 1e-8 and segment.end > low + 1e-8
+            if segment.start < high - MOMENT and segment.end > low + MOMENT
         )
         for low, high in pairwise(edges.tolist())
     )
@@ -98,7 +115,7 @@ def stretches(show: LoggedShow) -> Stretches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """A stretch of the show, and where everybody waits who does not fly in it."""
+    """A stretch of the show, and where drones wait that do not fly in it."""
 
     show: LoggedShow
     begin: float
@@ -128,7 +145,7 @@ def cut(show: LoggedShow) -> list[Stretch]:
         found.append(Stretch(show, float(low), float(high), segments, place))
         place = place.copy()
         for segment in segments:
-            if segment.end <= high + 1e-8:
+            if segment.end <= high + MOMENT:
                 place[segment.drones] = segment.ends()[1][:, :3]
     return found
 
@@ -154,7 +171,7 @@ def _stretch(
         for table in segment.tables:
             begin, end = table.start + segment.start, table.end + segment.start
             # Ends of a segment may miss the stretch's edge by rounding alone.
-            keep = (end > low + 1e-8) & (begin < high - 1e-8)
+            keep = (end > low + MOMENT) & (begin < high - MOMENT)
             owners.append(table.owner[keep])
             starts.append(begin[keep])
             ends.append(end[keep])

@@ -1,12 +1,24 @@
 """Separation of every pair of drones at every instant of the show.
 
-Time is cut into slices. In a slice every drone stays near the chord of its flight;
-pairs whose chords are further apart than the closest encounter known so far are settled
-by that (:mod:`showc.verify.slices`). For the rest, the distance is a polynomial in
-time on each common mesh interval: the Bernstein coefficients of the squared distance
-(of each axis, for the forms per axis) bound it from below, values at interval ends from
-above, and intervals are halved until both agree. So the closest encounter of the whole
-show is enclosed, and no pair comes nearer at any instant, sampled or not.
+**Theorem.** In the separation's own measure no two drones of the logged polynomials
+come nearer to each other at any instant than :attr:`Encounter.lower`, whether they fly,
+hover, wait on their pads or have landed. What is flown comes no nearer than that, less
+both tubes' radii (:mod:`showc.verify.kernel.dynamics`).
+
+Proof. Time is cut into slices. Pairs that are further apart throughout a slice than the
+closest encounter known so far are settled by :mod:`showc.verify.kernel.slices`. For the
+others the difference of positions is a polynomial on each common mesh interval. Its
+component along any unit vector bounds its length from below, and so do the Bernstein
+coefficients of the sum of its squares (for the forms per axis, of each component);
+values at interval ends are reached (Farouki 2012, The Bernstein polynomial basis: a
+centennial retrospective, section 4). Intervals that could hold a nearer encounter than
+the nearest end so far are halved, until both are :data:`RESOLUTION` apart. No sampling
+decides anything.
+
+*Rounding.* Fewer than 1000 steps lie between logged coefficients and what is compared:
+:data:`GAMMA` of the greatest coordinate for lengths, of the greatest coefficient for
+squares (Higham 2002, section 3.1). Times that differ by less than ``MOMENT`` count as
+one; what is flown in it comes off the bound.
 """
 
 from __future__ import annotations
@@ -16,12 +28,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from showc.verify.kernel.bernstein import halves, square_sum
-from showc.verify.measure import Measure, measures
-from showc.verify.slices import Slice, edges, take
-from showc.verify.tracks import Stretch, Tracks, cut
+from showc.verify.kernel.dynamics import GAMMA, POSITION
+from showc.verify.kernel.slices import Measure, Slice, edges, measures, near_pairs, take
+from showc.verify.kernel.statement import Statement
+from showc.verify.kernel.tracks import MOMENT, Stretch, Tracks, cut
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.log.showc_pb2 import Separation
+    from showc.verify.kernel.dynamics import Tube
     from showc.verify.kernel.show import LoggedShow
 
     FloatArray = NDArray[np.float64]
@@ -36,6 +49,10 @@ if TYPE_CHECKING:
 
 RESOLUTION = 5e-7
 """Width of the enclosure of the closest encounter [m]."""
+
+TOLERANCE = 1e-6
+"""How far the separation may be missed by the polynomials: what a solver calls equal
+[m]. What is flown may miss it by the tolerances of two positions besides."""
 
 _BATCH = 60_000
 """Pairs looked at together; bounds the memory."""
@@ -63,6 +80,8 @@ class Encounter:
     """Names of what is under way then."""
     pairs_halved: int
     """Pairs on slices that needed their polynomials, for the record."""
+    error: float = 0.0
+    """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
 
 
 def closest_encounter(show: LoggedShow) -> Encounter | None:
@@ -71,7 +90,8 @@ def closest_encounter(show: LoggedShow) -> Encounter | None:
     Returns
     -------
     Encounter or None
-        ``upper - lower`` is at most 1 um; None if there are fewer than two drones.
+        ``upper - lower`` is ``RESOLUTION`` and the error; None if there are fewer than
+        two drones.
     """
     return closest_of([part() for part in encounter_parts(show)])
 
@@ -118,7 +138,54 @@ def closest_of(found: Sequence[Encounter]) -> Encounter | None:
         return None
     closest = min(found, key=lambda encounter: encounter.upper)
     return replace(
-        closest, pairs_halved=sum(encounter.pairs_halved for encounter in found)
+        closest,
+        lower=min(encounter.lower for encounter in found),
+        pairs_halved=sum(encounter.pairs_halved for encounter in found),
+        error=max(encounter.error for encounter in found),
+    )
+
+
+def separated(
+    show: LoggedShow, tubes: Sequence[Tube], encounter: Encounter | None
+) -> Statement:
+    """State whether the separation is kept, and by how much.
+
+    Parameters
+    ----------
+    tubes
+        One for each segment of the show.
+    encounter
+        The closest one of the whole show.
+    """
+    title = "separation of every pair at every instant"
+    if encounter is None:
+        return Statement("VRF321", title, None, notes=("there is only one drone",))
+    separation = show.rules.separation
+    scale = max(measure.scale[-1] for measure in measures(separation))
+    radius = max(
+        float(np.sqrt(np.sum(tube.radius[:, :3] ** 2, axis=1)).max()) for tube in tubes
+    )
+    # Where positions are not proved, VRF301 says so; what would be flown is unknown.
+    away = min(radius, POSITION) * max(scale, 1.0)
+    flown = max(encounter.lower - 2.0 * away, 0.0)
+    note = (
+        f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter of the "
+        f"polynomials lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m "
+        f"(resolution {RESOLUTION:.0e} m, rounding {encounter.error:.0e} m, tolerance "
+        f"{TOLERANCE:.0e} m); each drone flies within {radius:.1e} m of them"
+    )
+    least = separation.distance - TOLERANCE
+    return Statement(
+        "VRF321",
+        title,
+        encounter.lower >= least and radius <= POSITION,
+        flown,
+        separation.distance,
+        "m",
+        encounter.pair,
+        ", ".join(encounter.segments),
+        encounter.time,
+        (note,),
     )
 
 
@@ -139,16 +206,18 @@ class _Search:
         self.pair = (0, 1)
         self.time = 0.0
         self.halved = 0
+        self.error = 0.0
 
     def result(self, segments: tuple[str, ...]) -> Encounter:
         """Say what was found, while ``segments`` are under way."""
         return Encounter(
-            max(self.best - RESOLUTION, 0.0),
+            max(self.best - RESOLUTION - self.error, 0.0),
             self.best,
             self.pair,
             self.time,
             segments,
             self.halved,
+            self.error,
         )
 
     def stretch(self, all_axes: Tracks) -> None:
@@ -163,6 +232,9 @@ class _Search:
             all_axes.ends,
             np.ascontiguousarray(scaled),
         )
+        # Each drone of a pair, by rounding and by what it flies in a moment.
+        rounding = GAMMA * float(np.abs(scaled).max(initial=0.0))
+        self.error = 2.0 * (rounding + MOMENT * positions.speed)
         self._instant(positions)
         batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         size = 0
@@ -208,16 +280,15 @@ class _Search:
     def _instant(self, positions: Tracks) -> None:
         """Closest pair at the first instant: a start that makes pruning work."""
         place = positions.position[positions.first[:-1], 0]
-        distance, neighbour = cKDTree(place).query(place, k=2, p=self.measure.order)
-        drone = np.arange(positions.drones)
-        # Of drones in one place, the nearest neighbour may be listed first.
-        other = np.where(neighbour[:, 1] == drone, neighbour[:, 0], neighbour[:, 1])
-        self._take(
-            distance[:, 1],
-            np.minimum(drone, other),
-            np.maximum(drone, other),
-            np.full(drone.size, positions.begin),
-        )
+        reach = max(self.wanted, RESOLUTION)
+        extent = float(np.ptp(place, axis=0).max())
+        pairs = near_pairs(place, reach)
+        while not pairs.size:
+            reach = 2.0 * reach if reach < extent else np.inf
+            pairs = near_pairs(place, min(reach, 2.0 * extent + 1.0))
+        first, second = pairs.T
+        distance = self.measure(place[first] - place[second])
+        self._take(distance, first, second, np.full(first.size, positions.begin))
 
     def _decide(
         self,
@@ -297,7 +368,9 @@ class _Search:
     def _lower(self, work: FloatArray) -> FloatArray:
         """Lower bounds of the distances on the intervals, shape (n,)."""
         if not self.measure.largest:
-            return np.asarray(np.sqrt(np.maximum(work[:, :, 0].min(axis=1), 0.0)))
+            squares = work[:, :, 0]
+            least = squares.min(axis=1) - GAMMA * squares.max(axis=1)
+            return np.asarray(np.sqrt(np.maximum(least, 0.0)))
         away = np.maximum(work.min(axis=1), -work.max(axis=1))
         return np.asarray(np.maximum(away.max(axis=1), 0.0))
 

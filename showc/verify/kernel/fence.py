@@ -1,0 +1,212 @@
+"""The fence in flight: every drone inside the polygon, with the distance asked for.
+
+**Theorem.** At every instant of a segment the logged level position of every drone lies
+inside the fence, at least :attr:`Nearest.lower` from each of its edges. The polygon may
+be concave. What is flown keeps that distance less the tube's radius
+(:mod:`showc.verify.kernel.dynamics`).
+
+Proof. On a mesh interval a position lies in the convex hull of its Bernstein
+coefficients (Farouki 2012, section 4). Where n is a unit vector, the least of n . b
+over the coefficients b, less the greater of n . c over both ends c of an edge, bounds
+the distance between hull and edge from below: the two lie on different sides of a strip
+of that width (Boyd and Vandenberghe 2004, Convex Optimization, section 2.5.1). Three
+directions are tried for each edge, both its normals and the one from it to the middle
+of the flight; the best counts, and the worst edge decides. Intervals that could come
+nearer than the nearest end so far are halved, until both are :data:`RESOLUTION` apart.
+An interval that begins inside and touches no edge stays inside; that it begins inside
+is decided by counting the edges that a ray crosses (Shimrat 1962, Algorithm 112).
+
+*Rounding* takes fewer than 1000 steps, so :data:`GAMMA` of the greatest coordinate
+bounds it (Higham 2002, section 3.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.kernel.bernstein import halves
+from showc.verify.kernel.dynamics import GAMMA, POSITION
+from showc.verify.kernel.statement import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Site
+    from showc.verify.kernel.dynamics import Tube
+    from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
+
+    FloatArray = NDArray[np.float64]
+    BoolArray = NDArray[np.bool_]
+
+RESOLUTION = 1e-6
+"""Width of the enclosure of the least distance [m]."""
+
+TOLERANCE = 1e-6
+"""How far the distance may be missed: what a solver calls equal [m]."""
+
+_ROUNDS = 60
+
+_AT_ONCE = 200_000
+"""Intervals times edges taken together; bounds the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """Least distance to the fence over one segment, negative outside."""
+
+    lower: float
+    """No drone comes nearer at any instant [m]."""
+    drone: int
+    """Counting from 0."""
+    time: float
+    """Start of the interval, since the start of the segment [s]."""
+
+
+def corners(site: Site) -> FloatArray:
+    """Return the corners (n, 2) of the fence [m]; none if there is no fence."""
+    return np.array(site.fence, dtype=np.float64).reshape(-1, 2)
+
+
+def nearest(segment: Segment, site: Site) -> Nearest | None:
+    """Enclose the least distance to the fence; None if there is none."""
+    fence = corners(site)
+    if not fence.size:
+        return None
+    return min(
+        (_nearest(table, fence) for table in segment.tables), key=lambda one: one.lower
+    )
+
+
+def _nearest(table: PieceTable, fence: FloatArray) -> Nearest:
+    step = max(_AT_ONCE // fence.shape[0], 1)
+    found = []
+    for begin in range(0, table.start.size, step):
+        rows = slice(begin, begin + step)
+        lower, row = _enclosed(np.ascontiguousarray(table.state[rows, :, :2]), fence)
+        row += begin
+        found.append(Nearest(lower, int(table.owner[row]), float(table.start[row])))
+    return min(found, key=lambda one: one.lower)
+
+
+def _enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
+    """Lower bound of the distance of paths (rows, degree + 1, 2), and the worst row."""
+    rounding = GAMMA * float(max(np.abs(path).max(), np.abs(fence).max()))
+    outside = ~_inside(path[:, 0], fence)
+    if outside.any():
+        away = np.where(outside, _to_edges(path[:, 0], fence), -1.0)
+        worst = int(np.argmax(away))
+        return -float(away[worst]) - rounding, worst
+    rows, best, where, least = np.arange(path.shape[0]), np.inf, 0, np.inf
+    for _ in range(_ROUNDS):
+        for end in (0, -1):
+            reached = _to_edges(path[:, end], fence)
+            worst = int(np.argmin(reached))
+            if reached[worst] < best:
+                best, where = float(reached[worst]), int(rows[worst])
+        lower = _separation(path, fence)
+        open_ = ~(lower >= best - RESOLUTION)
+        least = min(least, float(np.min(lower[~open_], initial=np.inf)))
+        if not open_.any():
+            break
+        path = np.concatenate(halves(path[open_]))
+        rows = np.tile(rows[open_], 2)
+    else:
+        least = -np.inf
+    return min(least, best) - rounding, where
+
+
+def _separation(path: FloatArray, fence: FloatArray) -> FloatArray:
+    """Width (rows,) of the widest strip found between each path and its worst edge."""
+    middle = 0.5 * (path[:, 0] + path[:, -1])
+    worst = np.full(path.shape[0], np.inf)
+    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
+        along = second - first
+        length = float(np.hypot(*along))
+        across = np.array([-along[1], along[0]]) / (length or 1.0)
+        near = middle - _nearest_point(middle, first, along)
+        size = np.hypot(near[:, 0], near[:, 1])
+        towards = near / np.where(size > 0.0, size, 1.0)[:, None]
+        best = np.full(path.shape[0], -np.inf)
+        for normal in (across[None], -across[None], towards):
+            reach = np.einsum("rjk,rk->rj", path, np.broadcast_to(normal, middle.shape))
+            edge = np.maximum(normal @ first, normal @ second)
+            best = np.maximum(best, reach.min(axis=1) - edge)
+        worst = np.minimum(worst, best)
+    return worst
+
+
+def _nearest_point(
+    points: FloatArray, first: FloatArray, along: FloatArray
+) -> FloatArray:
+    square = float(along @ along) or 1.0
+    share = np.clip((points - first) @ along / square, 0.0, 1.0)
+    return np.asarray(first + share[:, None] * along)
+
+
+def _to_edges(points: FloatArray, fence: FloatArray) -> FloatArray:
+    """Distance (n,) of points (n, 2) from the nearest edge."""
+    found = np.full(points.shape[0], np.inf)
+    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
+        off = points - _nearest_point(points, first, second - first)
+        found = np.minimum(found, np.hypot(off[:, 0], off[:, 1]))
+    return found
+
+
+def _inside(points: FloatArray, fence: FloatArray) -> BoolArray:
+    """Whether points (n, 2) lie inside: a ray along +x crosses an odd number of edges.
+
+    Rounding can err only for points within it of an edge; these have no distance left.
+    """
+    odd = np.zeros(points.shape[0], dtype=bool)
+    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
+        crosses = (first[1] > points[:, 1]) != (second[1] > points[:, 1])
+        if crosses.any():
+            share = (points[:, 1] - first[1]) / (second[1] - first[1])
+            odd ^= crosses & (points[:, 0] < first[0] + share * (second[0] - first[0]))
+    return odd
+
+
+def fenced(
+    show: LoggedShow, tubes: Sequence[Tube], found: Sequence[Nearest | None]
+) -> Statement:
+    """State that the fence holds in flight.
+
+    Parameters
+    ----------
+    tubes, found
+        One for each segment of the show.
+    """
+    title = "inside the fence at every instant"
+    wanted = show.rules.site.fence_margin
+    worst: tuple[float, float, Nearest, Segment] | None = None
+    for segment, tube, one in zip(show.segments, tubes, found, strict=True):
+        if one is not None and (worst is None or not one.lower >= worst[2].lower):
+            radius = float(np.sqrt(np.sum(tube.radius[:, :2] ** 2, axis=1)).max())
+            worst = one.lower - min(radius, POSITION), radius, one, segment
+    if worst is None:
+        note = "the script asks for no fence; the flight volume holds instead"
+        return Statement("VRF319", title, None, notes=(note,))
+    flown, radius, one, segment = worst
+    # On the fence itself nothing is left between inside and outside.
+    least = max(wanted - TOLERANCE, RESOLUTION)
+    note = (
+        f"the polynomials keep {one.lower:.6f} m (tolerance {TOLERANCE:.0e} m), what "
+        f"is flown is within {radius:.1e} m of them"
+    )
+    return Statement(
+        "VRF319",
+        title,
+        one.lower >= least and radius <= POSITION,
+        flown,
+        wanted,
+        "m",
+        (one.drone,),
+        segment.message.name,
+        segment.start + one.time,
+        (note,),
+    )
