@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-MAX_PIXELS = 25_000_000
-"""Largest picture that is decoded [pixels]: four bytes each, and a copy at times."""
-_LARGEST_SIDE = 3000
+MAX_PIXELS = 16_000_000
+"""Largest picture that is decoded [pixels]: four bytes each, and a copy at times.
+JPEG pictures are decoded at a half, a quarter or an eighth of their size."""
+_LARGEST_SIDE = 1500
 """Side of the raster that places are chosen from [pixels], however little of it
 counts."""
-_OPAQUE = {"RGB", "L", "1", "CMYK", "YCbCr"}
 _FORMATS = ("PNG", "JPEG", "WEBP", "GIF", "BMP")
 
 SECTION = Section(
@@ -78,7 +78,7 @@ def picture_of(content: bytes, name: str) -> Image:
     Returns
     -------
     Image
-        Its first frame, red, green and blue, or red, green, blue and alpha.
+        Its first frame.
 
     Raises
     ------
@@ -91,10 +91,12 @@ def picture_of(content: bytes, name: str) -> Image:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             opened = Image.open(BytesIO(content), formats=_FORMATS)
-        with opened as picture:
-            pixels = picture.width * picture.height
-            if pixels <= MAX_PIXELS:
-                return picture.convert("RGB" if picture.mode in _OPAQUE else "RGBA")
+        opened.draft("RGB", (_LARGEST_SIDE, _LARGEST_SIDE))
+        pixels = opened.width * opened.height
+        if pixels <= MAX_PIXELS:
+            opened.load()
+            as_it_is = opened.mode in {"RGB", "RGBA", "L"}
+            return opened if as_it_is else opened.convert("RGBA")
     except Image.DecompressionBombError:
         pixels = 0
     except Exception:  # noqa: BLE001 - decoders of pictures raise anything

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import struct
 import sys
@@ -96,6 +97,9 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
         )
     judge(content, name, suffix)
     trimesh = _trimesh()
+    log = logging.getLogger("trimesh")
+    heard = log.disabled
+    log.disabled = True  # it tells of damaged files there, with tracebacks
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -109,6 +113,8 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
         corners = np.asarray(mesh.triangles, dtype=np.float64)
     except Exception:  # noqa: BLE001 - readers of models raise anything
         raise _unreadable(name, suffix) from None
+    finally:
+        log.disabled = heard
     if corners.shape[1:] != (3, 3):
         raise _unreadable(name, suffix)
     if len(corners) > MAX_TRIANGLES:
