@@ -24,6 +24,8 @@ from showc.files import write_file
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 70
 REPORT = Path("showc-crash.txt")
+_EXTRAS = {"pymavlink": "link", "distributed": "cluster"}
+"""Packages that are installed on demand, and by which extra."""
 _OF_THE_SYSTEM = {
     errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG, errno.EMFILE,
     errno.ENFILE, errno.ENOMEM, errno.EAGAIN,
@@ -69,6 +71,13 @@ def _answer(error: Exception, arguments: list[str]) -> int:
         case BrokenPipeError():
             sys.stderr.close()
             code = 0
+        case ModuleNotFoundError() if _package(error) in _EXTRAS:
+            extra = _EXTRAS[_package(error)]
+            _say(
+                f"error: this needs the package {_package(error)!r}, which few need: "
+                f"pip install 'showc-compiler[{extra}]', or '.[{extra}]' from a clone"
+            )
+            code = UsageError.exit_code
         case MemoryError():
             _say("error: the memory is full; former files are whole")
             code = UsageError.exit_code
@@ -78,6 +87,11 @@ def _answer(error: Exception, arguments: list[str]) -> int:
         case _:
             _own_fault(arguments)
     return code
+
+
+def _package(error: ModuleNotFoundError) -> str:
+    """Return the package that is missing, or whose part is."""
+    return (error.name or "").partition(".")[0]
 
 
 def _say(text: str) -> None:

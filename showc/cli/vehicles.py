@@ -6,6 +6,9 @@ from pathlib import Path
 
 import click
 
+_MOST = 10_000
+"""Greatest number of a drone."""
+
 
 def numbers(
     context: click.Context, option: click.Parameter, value: str | None
@@ -20,7 +23,7 @@ def numbers(
             low, high = int(first), int(last if dash else first)
         except ValueError:
             low, high = 0, 0
-        if not 1 <= low <= high:
+        if not 1 <= low <= high <= _MOST:
             raise click.BadParameter(
                 f"{part!r} names no drones; wanted such as 1-20,23 (counting from 1)",
                 context,

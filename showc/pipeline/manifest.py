@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 1
 """Version of the manifest's format."""
 
-_LIBRARIES = ("casadi", "mcap", "numpy", "protobuf", "pymavlink", "scipy", "zstandard")
+_LIBRARIES = ("casadi", "mcap", "numpy", "protobuf", "scipy", "zstandard")
 
 
 def sha256(content: bytes) -> str:

@@ -60,6 +60,11 @@ def solve_itinerary(
     show = itinerary.show
     cache = Cache.of(options)
     keys = [leg_key(leg, show, options) for leg in itinerary.legs]
+    if options.cluster is not None and not options.cluster.startswith("tls://"):
+        progress.note(
+            f"the cluster {options.cluster} is used without TLS: whoever can reach it "
+            "can run code on its workers and change what they return; see security.md"
+        )
     with workers(options.jobs, options.cluster) as crew:
         found, missing = _look_up(itinerary, keys, cache, crew, progress)
         tasks = {

@@ -237,7 +237,7 @@ class Cluster:
         except ImportError as error:
             raise UsageError(
                 "working on a cluster needs the package 'distributed': "
-                "pip install 'showc[cluster]'"
+                "pip install 'showc-compiler[cluster]'"
             ) from error
         try:
             self._client = Client(address, timeout="20s", set_as_default=False)
