@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.verify.bound import TOLERANCE, proved_time
-from showc.verify.fleet import evaluate
-from showc.verify.report import Check, Place
+from showc.verify.kernel.bernstein import values
+from showc.verify.kernel.bound import refuted
+from showc.verify.kernel.statement import Statement
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,69 +18,65 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-GROUP = "certificates"
+TOLERANCE = 1e-6
+"""How far a claimed bound may lie above the time of its witness [s]."""
 
 DISTANCE_TOLERANCE = 1e-3
 """How far a claimed closest encounter may be from the distance at its time [m]."""
 
 
-def check_certificates(show: LoggedShow) -> list[Check]:
-    """Check bounds on time and claimed encounters of all segments."""
-    return [_witnesses(show), _order(show), _encounters(show)]
+def certified(show: LoggedShow) -> list[Statement]:
+    """State what bounds on time and claimed encounters of all segments are worth."""
+    moves = [segment for segment in show.segments if not segment.holds]
+    return [_witnesses(show, moves), _order(moves), _encounters(show)]
 
 
-def _moves(show: LoggedShow) -> list[Segment]:
-    return [segment for segment in show.segments if not segment.holds]
-
-
-def _witnesses(show: LoggedShow) -> Check:
-    """Prove every claimed lower bound on a segment's time from its witness."""
-    name = "no claimed lower bound on a time beyond its proof"
-    moves = [one for one in _moves(show) if one.message.certificate.dual_bound > 0.0]
-    if not moves:
-        return Check("VRF341", GROUP, name, "skipped", notes=("no segment claims one",))
-    worst, where, failed = np.inf, Place(), []
-    for segment in moves:
-        message = segment.message
-        certificate = message.certificate
-        drone = certificate.witness.drone
+def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
+    """Every claimed lower bound on a segment's time follows from its witness."""
+    title = "no claimed lower bound on a time beyond its proof"
+    claims = [one for one in moves if one.message.certificate.dual_bound > 0.0]
+    if not claims:
+        return Statement("VRF341", title, None, notes=("no segment claims one",))
+    worst, where, failed = -np.inf, claims[0], []
+    for segment in claims:
+        certificate = segment.message.certificate
+        witness = certificate.witness
         proved = 0.0
-        if certificate.HasField("witness") and drone in segment.drones:
-            row = int(np.searchsorted(segment.drones, drone))
+        if certificate.HasField("witness") and witness.drone in segment.drones:
+            row = int(np.searchsorted(segment.drones, witness.drone))
             way = segment.goals[row] - segment.ends()[0][row, :3]
-            proved = proved_time(message, show.rules, way)
-        slack = proved - certificate.dual_bound
-        if slack < -TOLERANCE:
+            proved = witness.time if refuted(segment.message, show.rules, way) else 0.0
+        excess = certificate.dual_bound - proved
+        if excess > TOLERANCE:
             failed.append(
-                f"“{message.name}” claims {certificate.dual_bound:.6f} s, the witness "
-                f"proves {proved:.6f} s"
+                f"“{segment.message.name}” claims {certificate.dual_bound:.6f} s, the "
+                f"witness proves {proved:.6f} s"
             )
-        if slack < worst:
-            worst = slack
-            where = Place(drone + 1, segment=message.name, time=segment.start)
-    ratios = [one.message.certificate.dual_bound / one.duration for one in moves]
+        if excess > worst:
+            worst, where = excess, segment
+    shares = [one.message.certificate.dual_bound / one.duration for one in claims]
     note = (
-        f"{len(moves)} witnesses; the bounds are {min(ratios):.1%} to "
-        f"{max(ratios):.1%} of the times flown (tolerance {TOLERANCE:.0e} s)"
+        f"{len(claims)} witnesses; the bounds are {min(shares):.1%} to "
+        f"{max(shares):.1%} of the times flown (tolerance {TOLERANCE:.0e} s)"
     )
-    return Check(
+    return Statement(
         "VRF341",
-        GROUP,
-        name,
-        "fail" if failed else "pass",
-        max(-worst, 0.0) + 0.0,
+        title,
+        not failed,
+        max(worst, 0.0),
         TOLERANCE,
         "s",
-        where,
+        (where.message.certificate.witness.drone,),
+        where.message.name,
+        where.start,
         (note, *failed[:5]),
     )
 
 
-def _order(show: LoggedShow) -> Check:
+def _order(moves: list[Segment]) -> Statement:
     """Bound <= greatest single-drone minimum <= time flown."""
-    bad = []
-    where = Place()
-    for segment in _moves(show):
+    bad, name, time = [], None, None
+    for segment in moves:
         certificate = segment.message.certificate
         bound, single = certificate.dual_bound, certificate.single_drone_minimum
         if bound > segment.duration or (single > 0.0 and bound > single):
@@ -88,67 +84,62 @@ def _order(show: LoggedShow) -> Check:
                 f"“{segment.message.name}”: bound {bound:.6f} s, single drone "
                 f"{single:.6f} s, flown {segment.duration:.6f} s"
             )
-            where = Place(segment=segment.message.name, time=segment.start)
-    return Check(
+            name, time = segment.message.name, segment.start
+    return Statement(
         "VRF342",
-        GROUP,
         "lower bound below single-drone minimum and time flown",
-        "fail" if bad else "pass",
-        where=where,
+        not bad,
+        segment=name,
+        time=time,
         notes=tuple(bad[:5]),
     )
 
 
-def _encounters(show: LoggedShow) -> Check:
-    """Whether claimed closest encounters are what the polynomials give there."""
-    name = "claimed closest encounters are as claimed"
-    worst, where, count = 0.0, Place(), 0
+def _encounters(show: LoggedShow) -> Statement:
+    """Claimed closest encounters are what the polynomials give at their times."""
+    title = "claimed closest encounters are as claimed"
+    worst, count, where, pair = -1.0, 0, 0.0, (0, 0)
+    name = ""
     for segment in show.segments:
-        certificate = segment.message.certificate
-        if not certificate.HasField("closest"):
+        if not segment.message.certificate.HasField("closest"):
             continue
-        closest = certificate.closest
-        pair = closest.drone_a, closest.drone_b
-        place = Place(
-            pair=(pair[0] + 1, pair[1] + 1),
-            segment=segment.message.name,
-            time=segment.start + closest.time,
-        )
         count += 1
+        closest = segment.message.certificate.closest
+        one, other, moment = closest.drone_a, closest.drone_b, closest.time
         gap = np.inf
         if (
-            pair[0] != pair[1]
-            and set(pair) <= set(segment.drones.tolist())
-            and 0.0 <= closest.time <= segment.duration + 1e-9
+            one != other
+            and {one, other} <= set(segment.drones.tolist())
+            and 0.0 <= moment <= segment.duration + 1e-9
         ):
-            difference = _position(segment, pair[0], closest.time) - _position(
-                segment, pair[1], closest.time
-            )
-            gap = abs(_distance(show.rules.separation, difference) - closest.distance)
+            off = _position(segment, one, moment) - _position(segment, other, moment)
+            gap = abs(_distance(show.rules.separation, off) - closest.distance)
         if not gap <= worst:
-            worst, where = gap, place
+            worst, where, pair = gap, segment.start + moment, (one, other)
+            name = segment.message.name
     if not count:
-        return Check("VRF343", GROUP, name, "skipped", notes=("no segment claims one",))
-    return Check(
+        return Statement("VRF343", title, None, notes=("no segment claims one",))
+    return Statement(
         "VRF343",
-        GROUP,
-        name,
-        "pass" if worst <= DISTANCE_TOLERANCE else "fail",
+        title,
+        worst <= DISTANCE_TOLERANCE,
         worst,
         DISTANCE_TOLERANCE,
         "m",
+        pair,
+        name,
         where,
         (f"{count} encounters",),
     )
 
 
 def _position(segment: Segment, drone: int, time: float) -> FloatArray:
-    for table in segment.tables:
-        found = np.flatnonzero(table.drones == drone)
-        if found.size:
-            values = evaluate(table.only(int(found[0])), np.array([time]))
-            return np.asarray(values[:3, 0, 0])
-    raise KeyError(drone)
+    table = next(table for table in segment.tables if drone in table.drones)
+    table = table.only(int(np.searchsorted(table.drones, drone)))
+    row = max(int(np.searchsorted(table.start, time, side="right")) - 1, 0)
+    share = (time - table.start[row]) / (table.end[row] - table.start[row])
+    found = values(table.state[row : row + 1, :, :3], np.clip([share], 0.0, 1.0))
+    return np.asarray(found[0])
 
 
 def _distance(separation: pb.Separation, difference: FloatArray) -> float:

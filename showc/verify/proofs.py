@@ -6,8 +6,6 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from showc.verify.certificates import check_certificates
-from showc.verify.choreography import check_choreography
 from showc.verify.crew import run_all
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
@@ -19,7 +17,13 @@ from showc.verify.schemas import check_schemas
 from showc.verify.specification.cover import check_cover
 from showc.verify.specification.demands import hold_against
 from showc.verify.specification.script import read_anchor
-from showc.verify.theorems import flight_checks, segment_parts, separation_parts
+from showc.verify.theorems import (
+    check_certificates,
+    check_choreography,
+    flight_checks,
+    segment_parts,
+    separation_parts,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

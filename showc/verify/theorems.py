@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from showc.verify.certificates import certified
+from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import Tube, ties, tube
 from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept
@@ -46,6 +48,16 @@ def _examined(segment: Segment, rules: Rules) -> Examined:
 def separation_parts(show: LoggedShow) -> list[Callable[[], Any]]:
     """Return the work on each stretch of time."""
     return list(encounter_parts(show))
+
+
+def check_choreography(show: LoggedShow) -> list[Check]:
+    """Make all checks of how the show joins up."""
+    return [check("choreography", one) for one in joined_up(show)]
+
+
+def check_certificates(show: LoggedShow) -> list[Check]:
+    """Check bounds on time and claimed encounters of all segments."""
+    return [check("certificates", one) for one in certified(show)]
 
 
 def flight_checks(

@@ -7,7 +7,7 @@ import pytest
 from verified import with_table
 
 from showc.log import showc_pb2 as pb
-from showc.verify.choreography import check_choreography
+from showc.verify.theorems import check_choreography
 
 HOVER = "VRF331"
 REACHED = "VRF333"

@@ -24,6 +24,14 @@ form vanishes. The least of both support functions bounds ``lambda . u``.
 
 The integral is rounded upward: on each cell the caps are taken at their greatest, h_U
 is convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
+
+*Rounding.* Each value of a support function is right to 100 u of the sizes of what goes
+into it; a sum of n of them adds n u (Higham 2002, Accuracy and Stability of Numerical
+Algorithms, section 3.1): the left side must exceed the right one by gamma_m of all
+sizes, m being the number of cells and knots plus 200.
+
+Source: weak duality for a relaxed optimal control problem (Vinter 1993, Convex duality
+and nonlinear optimal control, SIAM J. Control Optim. 31); its proof stands above.
 """
 
 from __future__ import annotations
@@ -42,11 +50,8 @@ if TYPE_CHECKING:
 CELLS = 4096
 """Cells on each stretch between two knots."""
 
-TOLERANCE = 1e-6
-"""How far the time proved here may lie below the one claimed [s]."""
-
-_SAFETY = 1e-10
-"""For rounding: what the left side must exceed the right one by, relative to both."""
+UNIT = 2.0**-53
+"""Unit roundoff u of float64."""
 
 
 def _xyz(vector: Vector3) -> FloatArray:
@@ -225,7 +230,7 @@ def refutes(
     cruise = float(relaxed.velocity_support(beta + slope) @ widths)
     middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])
     weight = relaxed.gravity * float(middle @ widths)
-    thrust = 0.0
+    thrust = size = 0.0
     edge = np.arange(CELLS + 1) / CELLS
     for k, width in enumerate(widths):
         at = instants[k] + width * edge
@@ -242,13 +247,19 @@ def refutes(
         # Each is convex, their least is not: it is taken after the trapezoids.
         heights = np.min([before + after for before, after in sides], axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
+        size += width * float(np.abs(multipliers[k : k + 2]).sum())
     gain = float(beta @ way)
-    size = abs(gain) + abs(cruise) + abs(thrust) + abs(weight)
-    return gain - (cruise + thrust - weight) > _SAFETY * size
+    # No thrust is greater than the greatest, no speed than that of the box's corner.
+    fastest = np.maximum(np.abs(relaxed.slowest), np.abs(relaxed.fastest))
+    size *= 2.0 * (relaxed.most + relaxed.gravity)
+    size += float(np.abs(beta) @ np.abs(way))
+    size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
+    steps = (CELLS + knots.size + 200) * UNIT
+    return gain - (cruise + thrust - weight) > steps / (1.0 - steps) * size
 
 
-def proved_time(message: Segment, rules: Rules, way: FloatArray) -> float:
-    """Time up to which the segment's witness proves its drone's move impossible [s].
+def refuted(message: Segment, rules: Rules, way: FloatArray) -> bool:
+    """Whether the segment's witness proves its drone's move impossible in its time.
 
     Parameters
     ----------
@@ -258,17 +269,12 @@ def proved_time(message: Segment, rules: Rules, way: FloatArray) -> float:
         Rules of the show.
     way
         Displacement of the witness's drone, shape (3,) [m].
-
-    Returns
-    -------
-    float
-        The claimed time if it is proved as it stands; else the greatest shorter time
-        that the same multipliers prove, to 1e-7 s; 0 if they prove nothing.
     """
     witness = message.certificate.witness
     knots = np.array(witness.knots)
     multipliers = np.array(witness.multipliers)
-    if not (
+    relaxed = Relaxed(rules, rules.limits[message.limits])
+    return bool(
         knots.size >= 2
         and multipliers.size == 3 * knots.size
         and np.all(np.isfinite(multipliers))
@@ -278,23 +284,13 @@ def proved_time(message: Segment, rules: Rules, way: FloatArray) -> float:
         and np.all(np.diff(knots) > 0.0)
         and np.isfinite(witness.time)
         and witness.time > 0.0
-    ):
-        return 0.0
-    multipliers = multipliers.reshape(-1, 3)
-    relaxed = Relaxed(rules, rules.limits[message.limits])
-    beta = _xyz(witness.beta)
-    if relaxed.tilt >= 0.5 * np.pi:
-        return 0.0
-
-    def proved(time: float) -> bool:
-        # A shorter time with the same slopes of lambda.
-        scaled = multipliers * (time / witness.time)
-        return refutes(relaxed, way, time, beta=beta, knots=knots, multipliers=scaled)
-
-    if proved(witness.time):
-        return float(witness.time)
-    low, high = 0.0, float(witness.time)
-    while high - low > 1e-7:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if proved(middle) else (low, middle)
-    return low
+        and relaxed.tilt < 0.5 * np.pi
+        and refutes(
+            relaxed,
+            way,
+            witness.time,
+            beta=_xyz(witness.beta),
+            knots=knots,
+            multipliers=multipliers.reshape(-1, 3),
+        )
+    )
