@@ -8,7 +8,16 @@ from pathlib import Path
 
 import click
 
-FORMATS = ("skyb", "skyc")
+FORMATS = (
+    "skyc",
+    "skyb",
+    "skybrush-csv",
+    "poly7",
+    "crazyflie",
+    "vviz",
+    "gltf",
+    "kml",
+)
 
 
 @click.command(name="export")
@@ -33,8 +42,8 @@ FORMATS = ("skyb", "skyc")
 @click.option(
     "--lead",
     type=click.FloatRange(0.0, 600.0),
-    default=10.0,
-    help="Seconds that the fleet stands before the show begins.  [default: 10]",
+    help="Seconds that the fleet stands before the show begins.  [default: 10 for skyc "
+    "and skyb, else 0]",
 )
 @click.option(
     "--tolerance",
@@ -53,7 +62,7 @@ def command(
     log: Path,
     form: str,
     folder: Path | None,
-    lead: float,
+    lead: float | None,
     tolerance: float,
     separation: float | None,
     as_json: bool,
@@ -61,8 +70,14 @@ def command(
     """Write a compiled show in a format that others fly or draw.
 
     \b
-      skyb   Skybrush's binary files, one a drone, as its firmware reads them
-      skyc   Skybrush's compiled show, for Live, Viewer and the server
+      skyc          Skybrush's compiled show, for Live, Viewer and the server
+      skyb          Skybrush's binary files, one a drone, as its firmware reads them
+      skybrush-csv  a table a drone, as Studio for Blender imports them
+      poly7         polynomial pieces (Crazyswarm, uav_trajectories)
+      crazyflie     compressed trajectories, as a Crazyflie's memory holds them
+      vviz          Finale 3D, Depence, Verge
+      gltf          an animated scene for renders
+      kml           the site and the ways on a map
 
     Flights are fitted anew on the format's grid under a stated error. The written bytes
     are then read back and proved: separation, limits, volume, fence, what the firmware
@@ -86,7 +101,10 @@ def command(
     solved = solved_show(read_log(log))
     folder = folder or log.with_name(f"{log.stem}-{form}")
     source = {"log": log.name, "sha256": sha256(log.read_bytes()).hexdigest()}
-    options = ExportOptions(round(lead, 3), tolerance, separation)
+    usual = ExportOptions.usual(form).lead
+    options = ExportOptions(
+        usual if lead is None else round(lead, 3), tolerance, separation
+    )
     exported = export(solved, source, form, folder, options)
     if as_json:
         click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
@@ -106,4 +124,4 @@ def command(
     for lost in exported.written.lost:
         click.echo(f"cannot carry: {lost}")
     click.echo(f"next: showc verify {folder}")
-    return result.exit_code
+    return 0 if exported.proved else 1

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".vviz", ".gltf", ".glb"}
+SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb"}
 """Endings of files that are no logs of showc's."""
 
 

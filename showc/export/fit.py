@@ -139,7 +139,8 @@ def fit_fleet(
     show
         What was solved.
     lead
-        How long the fleet stands before the show begins [s], whole milliseconds.
+        How long the fleet stands before the show begins [s], whole milliseconds; at
+        least one piece.
     tolerance
         Greatest distance of the fit from the solved flight at any instant [m].
 
@@ -165,12 +166,14 @@ def fit_fleet(
 
 
 def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
+    # The odd rest of the time lies before the launch, so some there must be.
+    lead = max(lead, step)
     crossing = _crossing(exact)
     at_crossing = np.rint(1000.0 * np.where(np.isfinite(crossing), crossing, 0.0))
     begin = lead - (lead - (lead + at_crossing.astype(np.int64))) % step
     pieces = int(np.ceil((lead + 1000.0 * exact.end - begin.min()) / step))
     nodes = (begin[:, None] + step * np.arange(pieces + 1) - lead) / 1000.0
-    place, velocity = _states(exact, nodes)
+    place, velocity = states(exact, nodes)
     scale = _scale(place[:, :, :3], velocity[:, :, :3] * (step / 3000.0))
     grid = scale[:, None, None] / 1000.0
     whole = np.rint(place[:, :, :3] / grid).astype(np.int64)
@@ -203,7 +206,7 @@ def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
         np.degrees(place[:, :, 3]),
         _NOTHING,
     )
-    error = _error(exact, fitted)
+    error = error_of(exact, decoded(fitted), lead / 1000.0)
     return FittedFleet(lead, step, begin, scale, points, fitted.yaw, error)
 
 
@@ -232,8 +235,11 @@ def _crossing(exact: Tracks) -> FloatArray:
     return result
 
 
-def _states(exact: Tracks, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and velocities of all drones at their ``nodes`` (drones, n) [s]."""
+def states(exact: Tracks, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values and slopes of all drones' tracks at their ``nodes`` (drones, n) [s].
+
+    Both have the shape (drones, n, components); slopes are zero before and after.
+    """
     slope = derivative(exact)
     place = np.empty((*nodes.shape, exact.position.shape[2]))
     velocity = np.empty_like(place)
@@ -276,25 +282,32 @@ def decoded(fitted: FittedFleet) -> Tracks:
     )
 
 
-def _error(exact: Tracks, fitted: FittedFleet) -> FitError:
-    """Bound the difference at every instant, some drones at a time."""
-    written = decoded(fitted)
-    shift = fitted.lead / 1000.0
+def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
+    """Bound the difference of two fleets at every instant, some drones at a time.
+
+    Parameters
+    ----------
+    exact
+        What was solved, in the show's own time.
+    written
+        What the file says, in its time.
+    lead
+        How much later everything happens in the file [s].
+    """
+    end = max(written.end, exact.end + lead)
     found: list[list[Greatest]] = [[], [], []]
     for (first, part), solved in zip(
         portions(written), _alike(exact, written), strict=True
     ):
         moved = Tracks(
             0.0,
-            written.end,
+            end,
             solved.first,
-            solved.starts + shift,
-            solved.ends + shift,
+            solved.starts + lead,
+            solved.ends + lead,
             solved.position[:, :, :3],
         )
-        apart = difference(
-            standing(moved, 0.0, written.end), standing(part, 0.0, written.end)
-        )
+        apart = difference(standing(moved, 0.0, end), standing(part, 0.0, end))
         for kind, resolution in enumerate(
             (_POSITION_RESOLUTION, _VELOCITY_RESOLUTION, _ACCELERATION_RESOLUTION)
         ):

@@ -76,11 +76,14 @@ def skyb_file(
     return bytes(body)
 
 
-def trajectory_block(fitted: FittedFleet, drone: int) -> bytes:
-    """Return the trajectory of one drone: scale, start, segments."""
+def trajectory_block(fitted: FittedFleet, drone: int, yaw: int = 0) -> bytes:
+    """Return the trajectory of one drone: scale, start, segments.
+
+    ``yaw`` is that of the start [0.1 deg]; Skybrush's firmware does not read it.
+    """
     points = fitted.points[drone]
     scale, begin = int(fitted.scale[drone]), int(fitted.begin[drone])
-    head = struct.pack("<B4h", scale, *points[0, 0].tolist(), 0)
+    head = struct.pack("<B4h", scale, *points[0, 0].tolist(), yaw)
     first, lengths = runs(points, fitted.step)
     durations, segments = lengths * fitted.step, points[first]
     waits = waiting(begin)

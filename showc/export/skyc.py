@@ -55,19 +55,22 @@ def skyc_file(
     stream = io.BytesIO()
     strings = _Decimals()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as out:
-        _add(out, "show.json", _json(_top(show, fitted)))
-        _add(out, "cues.json", _json(_cues(show, fitted)))
+        add_entry(out, "show.json", _json(_top(show, fitted)))
+        add_entry(out, "cues.json", _json(_cues(show, fitted)))
         for drone in range(fitted.drones):
             folder = f"drones/{drone_name(drone)}"
-            _add(out, f"{folder}/trajectory.json", _trajectory(fitted, drone, strings))
+            add_entry(
+                out, f"{folder}/trajectory.json", _trajectory(fitted, drone, strings)
+            )
             lights = {"version": 1, "data": base64.b64encode(programs[drone]).decode()}
-            _add(out, f"{folder}/lights.json", _json(lights))
+            add_entry(out, f"{folder}/lights.json", _json(lights))
             yaw = {"version": 1, "setpoints": yaws[drone]}
-            _add(out, f"{folder}/yaw.json", _json(yaw))
+            add_entry(out, f"{folder}/yaw.json", _json(yaw))
     return stream.getvalue()
 
 
-def _add(out: zipfile.ZipFile, name: str, content: str) -> None:
+def add_entry(out: zipfile.ZipFile, name: str, content: str) -> None:
+    """Add a file to an archive, the same bytes at any time of day."""
     entry = zipfile.ZipInfo(name, STAMP)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16

@@ -8,17 +8,25 @@ import tempfile
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from showc._version import __version__
 from showc.errors import UsageError
-from showc.export.fit import TOLERANCE, FittedFleet, fit_fleet
+from showc.export.fit import TOLERANCE, FitError, FittedFleet, fit_fleet
 from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
+from showc.export.pictures import glb_file, kml_file, vviz_file
 from showc.export.skyb import skyb_file, trajectory_block, yaw_block
 from showc.export.skyc import drone_name, skyc_file
+from showc.export.tables import (
+    crazyflie_files,
+    csv_zip,
+    memory_notes,
+    poly7_files,
+)
 from showc.foreign.facts import Asked
 from showc.foreign.folder import FORMAT_VERSION, MANIFEST, prove, rules_to_json
 from showc.foreign.show import FencePolygon
@@ -45,12 +53,17 @@ PARAMETERS = "showmode.parm"
 class ExportOptions:
     """What a user may choose about an export."""
 
-    lead: float = LEAD
+    lead: float
     """How long the fleet stands before the show begins [s]."""
     tolerance: float = TOLERANCE
     """Greatest distance of the written flight from the solved one [m]."""
     separation: float | None = None
     """Distance to keep in the air [m]; None: the script's."""
+
+    @classmethod
+    def usual(cls, form: str) -> Self:
+        """Return what serves a format unless a user says otherwise."""
+        return cls(LEAD if form in WAITING else 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +150,103 @@ _LOST_BY_PROGRAMS = (
     "attitude, body rates, thrust: the firmware finds its own",
 )
 
+_LOST_BY_PATHS = ("attitude, body rates, thrust", "site, fence, rules")
+
+
+def _tables(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make a zip of one table a drone."""
+    files, error, duration = csv_zip(show, options.lead)
+    lost = (
+        "what lies between two rows: straight lines 50 ms long, so velocity jumps",
+        *_LOST_BY_PATHS,
+    )
+    return _sampled(files, error, duration, lost)
+
+
+def _pieces(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make one file of polynomial pieces a drone."""
+    files, error, duration, step = poly7_files(show, options.lead, options.tolerance)
+    pieces = round(duration * 1000.0 / step)
+    lost = ("lights", *_LOST_BY_PATHS, *memory_notes(files, pieces))
+    return _sampled(files, error, duration, lost, {"pieces_ms": step})
+
+
+def _compressed(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make one compressed trajectory a drone."""
+    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
+    files = crazyflie_files(fitted)
+    lost = (
+        "lights",
+        "yaw that changes: it stays what it is at the start",
+        *_LOST_BY_PATHS,
+        *memory_notes(files, None),
+    )
+    return _fitted(files, fitted, lost)
+
+
+def _visualisation(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make one document of steps and colours."""
+    content, error, duration = vviz_file(show, options.lead)
+    lost = (
+        "what lies between two samples: straight lines 100 ms long",
+        "attitude, body rates, thrust, fence, rules",
+    )
+    return _sampled({"show.vviz": content}, error, duration, lost)
+
+
+def _scene(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make one animated scene."""
+    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
+    lost = (
+        "lights that change: every drone has the brightest colour it ever shows",
+        *_LOST_BY_PATHS,
+    )
+    return _fitted({"show.glb": glb_file(show, fitted)}, fitted, lost)
+
+
+def _map(show: SolvedShow, options: ExportOptions) -> Written:
+    """Make a map of the site and the ways."""
+    del options
+    lost = ("times, lights, attitude: a map shows where, not when",)
+    files = {"show.kml": kml_file(show)}
+    return Written(files, {}, 0.0, 0.0, show.duration, lost)
+
+
 FORMATS: dict[str, Callable[[SolvedShow, ExportOptions], Written]] = {
-    "skyb": _binary,
     "skyc": _compiled,
+    "skyb": _binary,
+    "skybrush-csv": _tables,
+    "poly7": _pieces,
+    "crazyflie": _compressed,
+    "vviz": _visualisation,
+    "gltf": _scene,
+    "kml": _map,
 }
 """Writers by the format's name on the command line."""
+
+WAITING = {"skyc", "skyb"}
+"""Formats in which the fleet stands before the show begins, for motors and climb."""
+
+
+def _sampled(
+    files: dict[str, bytes],
+    error: FitError,
+    duration: float,
+    lost: tuple[str, ...],
+    more: Mapping[str, Any] = MappingProxyType({}),
+) -> Written:
+    fit = dict(more) | _stated(error)
+    return Written(
+        files, fit, error.velocity.upper, error.position.upper, duration, lost
+    )
+
+
+def _stated(error: FitError) -> dict[str, float]:
+    return {
+        "position_error_m": _rounded(error.position.upper),
+        "velocity_error_m_s": _rounded(error.velocity.upper),
+        "acceleration_error_m_s2": _rounded(error.acceleration.upper),
+    }
 
 
 def _programs(show: SolvedShow, lead: float) -> list[bytes]:
@@ -156,9 +261,7 @@ def _fitted(
         "pieces_ms": fitted.step,
         "lead_s": fitted.lead / 1000.0,
         "grid_mm": int(fitted.scale.max()),
-        "position_error_m": _rounded(error.position.upper),
-        "velocity_error_m_s": _rounded(error.velocity.upper),
-        "acceleration_error_m_s2": _rounded(error.acceleration.upper),
+        **_stated(error),
     }
     return Written(
         files,
@@ -241,7 +344,7 @@ def export(
     source: Mapping[str, str],
     form: str,
     folder: Path,
-    options: ExportOptions | None = None,
+    options: ExportOptions,
 ) -> Exported:
     """Write a show in a format, prove the bytes, and put the folder in place.
 
@@ -268,7 +371,6 @@ def export(
     UsageError
         If the place cannot be written, or holds what is no export.
     """
-    options = options or ExportOptions()
     refuse_foreign(folder)
     written = FORMATS[form](show, options)
     asked = rules_of(show, written)

@@ -40,6 +40,12 @@ INTEGRITY = "integrity"
 SHOW_MODE = {"skyb", "skyc"}
 """Formats that show mode flies."""
 
+SMOOTH = SHOW_MODE | {"poly7", "crazyflie", "gltf"}
+"""Formats in which velocity goes on without a jump."""
+
+DRAWINGS = {"kml"}
+"""Formats without flights."""
+
 
 def is_export(path: Path) -> bool:
     """Whether ``path`` is a folder that ``showc export`` wrote."""
@@ -194,16 +200,22 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
     flown
         Separation that must be left when show mode flies them.
     """
+    if form in DRAWINGS:
+        note = "a drawing for people: nothing is flown by it, nothing is proved"
+        return [
+            Check("VRF582", INTEGRITY, "flights in the file", "skipped", notes=(note,))
+        ]
     try:
         show = read_show(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
     facts = what_it_says(show, [asked])
     checks = list(facts.checks)
+    if form in SMOOTH:
+        checks = [_strict(check) for check in checks]
     if form in SHOW_MODE:
         # The parameter file beside the files makes the firmware climb faster.
         firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
-        checks = [_strict(check) for check in checks]
         checks += what_it_becomes(show, firmware)
         checks += what_show_mode_makes(show.tracks, facts.closest, flown)
     return checks

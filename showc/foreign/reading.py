@@ -5,20 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.errors import DamagedFileError, UsageError
-from showc.files import read_file
-from showc.foreign.document import LARGEST_FILE
+from showc.files import UnreadableFileError, read_file
+from showc.foreign.gltf import read_gltf
 from showc.foreign.show import ForeignShow, fleet
-from showc.foreign.skyb import read_skyb
+from showc.foreign.skyb import read_compressed, read_skyb
 from showc.foreign.skyc import read_skyc
+from showc.foreign.tables import read_csv_files, read_csv_zip
+from showc.foreign.vviz import read_vviz
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+LARGEST_BINARY = 1 << 20
+"""Length of one drone's binary file that is read [bytes]: sixteen whole blocks."""
+
 MOST_FILES = 5000
 """Drones in a folder."""
 
-SUFFIXES = (".skyc", ".skyb", ".zip", ".csv", ".vviz", ".gltf", ".glb")
+SUFFIXES = (".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb")
 """Endings of the files that are known here."""
 
 KNOWN = (
@@ -45,6 +50,12 @@ def read_show(path: Path) -> ForeignShow:
     readers: dict[str, Callable[[Path], ForeignShow]] = {
         ".skyc": read_skyc,
         ".skyb": lambda file: _binaries(file, [file]),
+        ".traj": lambda file: _binaries(file, [file]),
+        ".zip": read_csv_zip,
+        ".csv": lambda file: read_csv_files(file, [file]),
+        ".vviz": read_vviz,
+        ".gltf": read_gltf,
+        ".glb": read_gltf,
     }
     reader = readers.get(path.suffix.lower())
     if reader is None:
@@ -63,8 +74,10 @@ def _folder(path: Path) -> ForeignShow:
         raise DamagedFileError(
             f"{path}: has {len(files):,} show files; wanted at most {MOST_FILES:,}"
         )
-    if kinds == {".skyb"}:
+    if kinds in ({".skyb"}, {".traj"}):
         return _binaries(path, files)
+    if kinds == {".csv"}:
+        return read_csv_files(path, sorted(files, key=lambda file: _natural(file.stem)))
     if len(files) == 1:
         return read_show(files[0])
     raise UsageError(
@@ -75,16 +88,26 @@ def _folder(path: Path) -> ForeignShow:
 def _binaries(path: Path, files: list[Path]) -> ForeignShow:
     """One show of the binary files of its drones, in the order of their names."""
     files = sorted(files, key=lambda file: _natural(file.stem))
-    found = [read_skyb(read_file(file, LARGEST_FILE), file.name) for file in files]
+    raw = files[0].suffix.lower() == ".traj"
+    read = read_compressed if raw else read_skyb
+    found = [read(_binary(file), file.name) for file in files]
     return ForeignShow(
         path=str(path),
-        format=".skyb",
+        format="Crazyflie .traj" if raw else ".skyb",
         title=path.stem,
         names=tuple(file.stem for file in files),
         tracks=fleet([one.course for one in found]),
-        lights=tuple(one.lights for one in found),
-        stored=tuple(one.stored for one in found),
+        lights=() if raw else tuple(one.lights for one in found),
+        stored=() if raw else tuple(one.stored for one in found),
     )
+
+
+def _binary(file: Path) -> bytes:
+    """Read one drone's binary file; one that is too long is not a show."""
+    try:
+        return read_file(file, LARGEST_BINARY)
+    except UnreadableFileError as error:
+        raise DamagedFileError(str(error)) from None
 
 
 def _natural(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -108,6 +108,18 @@ def read_skyb(content: bytes, name: str) -> SkybFile:
     )
 
 
+def read_compressed(content: bytes, name: str) -> SkybFile:
+    """Read a Crazyflie's compressed trajectory: the same on a grid of 1 mm.
+
+    Raises
+    ------
+    DamagedFileError
+        If the bytes are cut.
+    """
+    course, stored = _trajectory(b"\x01" + content, -1, name)
+    return SkybFile(course, stored, None, None, "", crc=False)
+
+
 def _blocks(content: bytes, name: str) -> tuple[dict[int, tuple[int, bytes]], bool]:
     """Where the first block of each type begins, and its body; whether a CRC fits."""
     if content[:4] != MAGIC or len(content) < 5:

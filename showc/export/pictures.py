@@ -1,0 +1,349 @@
+"""Shows to look at: Verge's visualisation format, animated glTF, KML.
+
+None of them is flown; the first two are proved as they are written all the same, for
+what a client sees should be what flies.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from showc.export.fit import error_of, tracks_of
+from showc.export.skyc import drone_name
+from showc.export.tables import sampled, uniform
+from showc.foreign.gltf import FLOAT, MAGIC
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.export.fit import FitError, FittedFleet
+    from showc.export.solved import SolvedShow
+
+    FloatArray = NDArray[np.float64]
+
+RATE = 10
+"""Places and colours a second of a visualisation [Hz]."""
+
+PATH_STEP = 0.5
+"""Time between two points of a path on a map [s]."""
+
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_ARRAY_BUFFER = 34962
+_RADIUS = 0.15
+"""Size of the diamond that stands for a drone [m]."""
+
+
+def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
+    """Return a visualisation, its error, and how long the show is [s].
+
+    Steps are differences of rounded places: rounded steps would add up.
+    """
+    times, place, light = sampled(show, lead, 1.0 / RATE)
+    rounded = np.round(place, 3) + 0.0
+    axes = np.stack([-rounded[..., 1], rounded[..., 2], rounded[..., 0]], axis=2)
+    steps = np.round(np.diff(axes, axis=1), 3) + 0.0
+    performances = []
+    for drone in range(show.drones):
+        home = axes[drone, 0].tolist()
+        moves = [{"dx": 0.0, "dy": 0.0, "dz": 0.0}]
+        moves += [{"dx": x, "dy": y, "dz": z} for x, y, z in steps[drone].tolist()]
+        performances.append(
+            {
+                "id": drone + 1,
+                "agentDescription": {
+                    "homeX": home[0] + 0.0,
+                    "homeY": home[1] + 0.0,
+                    "homeZ": home[2] + 0.0,
+                    "agentTraversal": moves,
+                },
+                "payloadDescription": [
+                    {
+                        "id": 1,
+                        "type": "Light",
+                        "payloadActions": _actions(light[drone].tolist()),
+                    }
+                ],
+            }
+        )
+    site = show.rules.site
+    top = {
+        "version": "1.0",
+        "performanceName": show.rules.name,
+        "coordinateFrame": "ogl",
+        "globalReferenceFrame": {
+            "lat": site.latitude,
+            "lon": site.longitude,
+            "alt": site.altitude,
+        },
+        "defaultPositionRate": RATE,
+        "defaultColorRate": RATE,
+        "timeOffsetSecs": 0,
+        "performances": performances,
+    }
+    body = np.stack([rounded[:, :-1], rounded[:, 1:]], axis=2)
+    error = error_of(tracks_of(show), uniform(times, body), lead)
+    text = json.dumps(top, ensure_ascii=False, separators=(",", ":"))
+    return text.encode(), error, float(times[-1])
+
+
+def _actions(colours: list[list[int]]) -> list[dict[str, int]]:
+    """Colours with the frames since the one before; equal ones are left out."""
+    found: list[dict[str, int]] = []
+    last = 0
+    for frame, (red, green, blue) in enumerate(colours):
+        colour = {"r": red, "g": green, "b": blue}
+        if not found:
+            found.append(colour)
+        elif colours[frame] != colours[frame - 1]:
+            if frame - 1 > last:
+                # The colour before stays until one frame ago.
+                before = dict(zip("rgb", colours[frame - 1], strict=True))
+                found.append({**before, "frames": frame - 1 - last})
+                last = frame - 1
+            found.append({**colour, "frames": frame - last})
+            last = frame
+    return found
+
+
+def glb_file(show: SolvedShow, fitted: FittedFleet) -> bytes:
+    """Return a binary glTF: a diamond for each drone, moved by cubic splines.
+
+    Keys are the nodes of the fit, tangents its velocities: the picture is the flight.
+    """
+    scene = _Scene()
+    scene.diamond()
+    place = _gltf_axes(_nodes(fitted))
+    tangent = _gltf_axes(_tangents(fitted))
+    clocks: dict[int, int] = {}
+    channels, samplers, nodes = [], [], []
+    colours = show.lights.max(axis=0) / 255.0
+    for drone in range(fitted.drones):
+        begin = int(fitted.begin[drone])
+        if begin not in clocks:
+            times = fitted.times[drone] / 1000.0
+            keys = np.concatenate([[0.0], times]) if begin > 0 else times
+            clocks[begin] = scene.numbers(keys[:, None], "SCALAR")
+        values = np.stack([tangent[drone], place[drone], tangent[drone]], axis=1)
+        if begin > 0:
+            still = np.stack([np.zeros(3), place[drone, 0], np.zeros(3)])
+            values = np.concatenate([still[None], values])
+        output = scene.numbers(values.reshape(-1, 3), "VEC3")
+        samplers.append(
+            {"input": clocks[begin], "output": output, "interpolation": "CUBICSPLINE"}
+        )
+        channels.append(
+            {"sampler": drone, "target": {"node": drone, "path": "translation"}}
+        )
+        nodes.append(
+            {
+                "name": drone_name(drone),
+                "mesh": scene.coloured(colours[drone]),
+                "translation": place[drone, 0].tolist(),
+            }
+        )
+    return scene.binary(nodes, samplers, channels, show.rules.name)
+
+
+def _nodes(fitted: FittedFleet) -> FloatArray:
+    """Places at the nodes, shape (drones, pieces + 1, 3) [m]."""
+    whole = np.concatenate([fitted.points[:, :, 0], fitted.points[:, -1:, 3]], axis=1)
+    return np.asarray(whole * (fitted.scale[:, None, None] / 1000.0))
+
+
+def _tangents(fitted: FittedFleet) -> FloatArray:
+    """Velocities at the nodes, shape (drones, pieces + 1, 3) [m/s]."""
+    points = fitted.points
+    handles = np.concatenate(
+        [points[:, :, 1] - points[:, :, 0], points[:, -1:, 3] - points[:, -1:, 2]],
+        axis=1,
+    )
+    grid = fitted.scale[:, None, None] / 1000.0
+    return np.asarray(handles * grid * (3000.0 / fitted.step))
+
+
+def _gltf_axes(values: FloatArray) -> FloatArray:
+    """From the show frame to glTF's axes, y up."""
+    return np.stack([values[..., 0], values[..., 2], -values[..., 1]], axis=-1) + 0.0
+
+
+class _Scene:
+    """Collects the buffer of a glTF document."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+        self.materials: list[dict[str, Any]] = []
+        self.meshes: list[dict[str, Any]] = []
+        self._known: dict[tuple[float, ...], int] = {}
+
+    def numbers(self, values: FloatArray, kind: str) -> int:
+        """Append float32 numbers; return the index of their accessor."""
+        packed = values.astype("<f4")
+        self.views.append(
+            {"buffer": 0, "byteOffset": len(self.data), "byteLength": packed.nbytes}
+        )
+        self.data += packed.tobytes()
+        described: dict[str, Any] = {
+            "bufferView": len(self.views) - 1,
+            "componentType": FLOAT,
+            "count": values.shape[0],
+            "type": kind,
+            "min": packed.min(axis=0).astype(float).tolist(),
+            "max": packed.max(axis=0).astype(float).tolist(),
+        }
+        self.accessors.append(described)
+        return len(self.accessors) - 1
+
+    def diamond(self) -> None:
+        """Append the shape of a drone, eight triangles."""
+        tips = _RADIUS * np.array(
+            [[1, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 0, 1], [0, 1, 0], [0, -1, 0]]
+        )
+        faces = [
+            corner
+            for k in range(4)
+            for corner in (k, (k + 1) % 4, 4, (k + 1) % 4, k, 5)
+        ]
+        self.numbers(tips[faces], "VEC3")
+        self.views[0]["target"] = _ARRAY_BUFFER
+
+    def coloured(self, colour: FloatArray) -> int:
+        """Index of the mesh with a colour (3,), linear light."""
+        key = tuple(round(float(value), 3) for value in colour)
+        if key not in self._known:
+            self.materials.append(
+                {
+                    "pbrMetallicRoughness": {
+                        "baseColorFactor": [0.0, 0.0, 0.0, 1.0],
+                        "metallicFactor": 0.0,
+                    },
+                    "emissiveFactor": list(key),
+                }
+            )
+            self.meshes.append(
+                {
+                    "primitives": [
+                        {
+                            "attributes": {"POSITION": 0},
+                            "material": len(self.materials) - 1,
+                        }
+                    ]
+                }
+            )
+            self._known[key] = len(self.meshes) - 1
+        return self._known[key]
+
+    def binary(
+        self,
+        nodes: list[dict[str, Any]],
+        samplers: list[dict[str, Any]],
+        channels: list[dict[str, Any]],
+        name: str,
+    ) -> bytes:
+        """Return the whole file."""
+        top = {
+            "asset": {"version": "2.0", "generator": "showc"},
+            "scene": 0,
+            "scenes": [{"name": name, "nodes": list(range(len(nodes)))}],
+            "nodes": nodes,
+            "meshes": self.meshes,
+            "materials": self.materials,
+            "animations": [{"name": name, "samplers": samplers, "channels": channels}],
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.data)}],
+        }
+        text = json.dumps(top, separators=(",", ":"), ensure_ascii=False).encode()
+        text += b" " * (-len(text) % 4)
+        body = bytes(self.data) + bytes(-len(self.data) % 4)
+        total = 12 + 8 + len(text) + 8 + len(body)
+        return (
+            MAGIC
+            + struct.pack("<II", 2, total)
+            + struct.pack("<II", len(text), _JSON)
+            + text
+            + struct.pack("<II", len(body), _BINARY)
+            + body
+        )
+
+
+def kml_file(show: SolvedShow) -> bytes:
+    """Return a map of the site: fence, volume, pads, and the way of each drone."""
+    times = np.arange(0.0, show.duration + PATH_STEP, PATH_STEP)
+    _, place, _ = sampled(show, 0.0, PATH_STEP)
+    del times
+    site = show.rules.site
+    low, high = site.volume_min, site.volume_max
+    corners = np.array(
+        [[low.x, low.y], [high.x, low.y], [high.x, high.y], [low.x, high.y]]
+    )
+    pads = place[:, 0]
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>',
+        f"<name>{escape(show.rules.name)}</name>",
+        _style("volume", "ff50af4c", "3350af4c"),
+        _style("fence", "ff0000ff", "00000000"),
+        _style("way", "ffffaa33", "00000000"),
+        "<Folder><name>Flight volume</name>",
+        _area(show, "flight volume", "volume", corners, high.z),
+        "</Folder>",
+    ]
+    if site.fence:
+        lines += [
+            "<Folder><name>Fence</name>",
+            _area(show, "fence", "fence", show.fence, high.z),
+            "</Folder>",
+        ]
+    lines.append("<Folder><name>Pads</name>")
+    for drone in range(show.drones):
+        where = _coordinates(show, pads[drone : drone + 1])
+        lines.append(
+            f"<Placemark><name>{drone + 1}</name><Point><altitudeMode>absolute"
+            f"</altitudeMode><coordinates>{where}</coordinates></Point></Placemark>"
+        )
+    lines.append("</Folder><Folder><name>Ways</name>")
+    for drone in range(show.drones):
+        where = _coordinates(show, place[drone])
+        lines.append(
+            f"<Placemark><name>{drone_name(drone)}</name><styleUrl>#way</styleUrl>"
+            "<LineString><altitudeMode>absolute</altitudeMode>"
+            f"<coordinates>{where}</coordinates></LineString></Placemark>"
+        )
+    lines.append("</Folder></Document></kml>")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _style(name: str, line: str, fill: str) -> str:
+    return (
+        f'<Style id="{name}"><LineStyle><color>{line}</color><width>2</width>'
+        f"</LineStyle><PolyStyle><color>{fill}</color></PolyStyle></Style>"
+    )
+
+
+def _area(
+    show: SolvedShow, name: str, style: str, corners: FloatArray, height: float
+) -> str:
+    """Return a prism from the ground to ``height`` [m] above the origin."""
+    ring = np.concatenate([corners, corners[:1]])
+    top = np.column_stack([ring, np.full(ring.shape[0], height)])
+    return (
+        f"<Placemark><name>{name}</name><styleUrl>#{style}</styleUrl><Polygon>"
+        "<extrude>1</extrude><altitudeMode>absolute</altitudeMode><outerBoundaryIs>"
+        f"<LinearRing><coordinates>{_coordinates(show, top)}</coordinates>"
+        "</LinearRing></outerBoundaryIs></Polygon></Placemark>"
+    )
+
+
+def _coordinates(show: SolvedShow, points: FloatArray) -> str:
+    """Longitude, latitude and altitude of show-frame ``points`` (n, 3)."""
+    return " ".join(
+        f"{longitude:.8f},{latitude:.8f},{altitude:.2f}"
+        for latitude, longitude, altitude in show.frame.to_geodetic(points).tolist()
+    )

@@ -1,0 +1,220 @@
+"""Flights as columns of numbers: CSV tables, polynomial pieces, Crazyflie's memory."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import ExportError
+from showc.export.fit import error_of, states, tracks_of
+from showc.export.skyb import trajectory_block
+from showc.export.skyc import add_entry, drone_name
+from showc.foreign.motion import derivative
+from showc.foreign.smoothing import rise, widened
+from showc.foreign.tables import DEGREE, bernstein_of_powers
+from showc.verify.kernel.tracks import Tracks
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from showc.export.fit import FitError, FittedFleet
+    from showc.export.solved import SolvedShow
+
+    FloatArray = NDArray[np.float64]
+    ByteArray = NDArray[np.uint8]
+
+CSV_STEP = 0.05
+"""Time between two rows of a table [s]: straight lines are 3 mm off at 10 m/s²."""
+
+HEADING = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
+"""First line of a table, as importers demand it."""
+
+POLY7_STEPS = (1000, 500, 250, 200, 125, 100, 50)
+"""Lengths of a polynomial piece that are tried, longest first [ms]."""
+
+DIGITS = 12
+"""Significant digits of a coefficient: the seventh power needs more than six."""
+
+RAW_PIECES, COMPRESSED_BYTES = 31, 4096
+"""What a Crazyflie's trajectory memory of 4 KiB holds: raw pieces, compressed bytes."""
+
+
+def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, float]:
+    """Return a zip of one table a drone, its error, and how long the show is [s]."""
+    times, place, light = sampled(show, lead, CSV_STEP)
+    stream = io.BytesIO()
+    whole = np.rint(times * 1000.0).astype(np.int64).tolist()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as out:
+        for drone in range(show.drones):
+            rows = [HEADING]
+            rows += [
+                f"{time},{x:.4f},{y:.4f},{z:.4f},{r},{g},{b}"
+                for time, (x, y, z), (r, g, b) in zip(
+                    whole,
+                    (place[drone] + 0.0).tolist(),
+                    light[drone].tolist(),
+                    strict=True,
+                )
+            ]
+            add_entry(out, f"{drone_name(drone)}.csv", "\n".join(rows) + "\n")
+    lines = np.round(place, 4)
+    body = np.stack([lines[:, :-1], lines[:, 1:]], axis=2)
+    error = error_of(tracks_of(show), uniform(times, body), lead)
+    return {"show.zip": stream.getvalue()}, error, float(times[-1])
+
+
+def sampled(
+    show: SolvedShow, lead: float, step: float
+) -> tuple[FloatArray, FloatArray, ByteArray]:
+    """Sample places and lights at even times.
+
+    Returns
+    -------
+    times
+        Of the file, shape (T,) [s]; whole milliseconds, a whole number of steps.
+    places
+        Shape (drones, T, 3) [m].
+    lights
+        Linear light, 0 to 255, shape (drones, T, 3).
+    """
+    count = int(np.ceil((show.duration + lead) / step - 1e-9)) + 1
+    times = np.round(step * np.arange(count), 3)
+    nodes = np.broadcast_to(times - lead, (show.drones, count))
+    place, _ = states(tracks_of(show), nodes)
+    row = np.searchsorted(show.light_times, times - lead + 1e-9, side="right") - 1
+    light = show.lights[np.clip(row, 0, show.light_times.size - 1)].copy()
+    light[times < lead] = 0
+    return times, place[:, :, :3], np.ascontiguousarray(light.transpose(1, 0, 2))
+
+
+def uniform(times: FloatArray, body: FloatArray) -> Tracks:
+    """Tracks of a fleet whose pieces (drones, n, degree + 1, 3) share their times."""
+    drones, pieces = body.shape[:2]
+    return Tracks(
+        float(times[0]),
+        float(times[-1]),
+        np.arange(drones + 1) * pieces,
+        np.tile(times[:-1], drones),
+        np.tile(times[1:], drones),
+        body.reshape(-1, *body.shape[2:]),
+    )
+
+
+def poly7_files(
+    show: SolvedShow, lead: float, tolerance: float
+) -> tuple[dict[str, bytes], FitError, float, int]:
+    """Return one file of polynomial pieces a drone, error, duration, pieces' length.
+
+    Pieces have the flight's position and velocity at both ends, and its acceleration
+    and jerk averaged over half a piece, so that the file has three derivatives.
+
+    Raises
+    ------
+    ExportError
+        If no length of the pieces keeps within ``tolerance`` [m].
+    """
+    exact = tracks_of(show)
+    worst = np.inf
+    for step in POLY7_STEPS:
+        times, body = _septics(exact, lead, step / 1000.0)
+        error = error_of(exact, uniform(times, body[..., :3]), lead)
+        worst = min(worst, error.position.upper)
+        if error.position.upper <= tolerance:
+            return _poly7_text(times, body), error, float(times[-1]), step
+    raise ExportError(
+        f"polynomial pieces of {POLY7_STEPS[-1]} ms miss the solved flight by "
+        f"{worst:.3f} m; wanted at most {tolerance:g} m: ask for less with --tolerance"
+    )
+
+
+def _septics(exact: Tracks, lead: float, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return times (n + 1,) and coefficients (drones, n, 8, 4) of the pieces."""
+    count = max(2, int(np.ceil((exact.end + lead) / step - 1e-9)))
+    times = np.round(step * np.arange(count + 1), 6)
+    nodes = np.broadcast_to(times - lead, (exact.drones, count + 1))
+    wide = widened(exact, 2.0 * max(lead, 0.0) + 8.0 * step)
+    window = 0.5 * step
+    change = rise(derivative(wide), window)
+    place, velocity = states(exact, nodes)
+    push, _ = states(change, nodes)
+    jerk, _ = states(rise(change, window), nodes)
+    begin = (slice(None), slice(None, -1))
+    end = (slice(None), slice(1, None))
+    first = _ends(place[begin], velocity[begin], push[begin], jerk[begin], step)
+    last = _ends(place[end], velocity[end], push[end], jerk[end], -step)
+    return times, np.stack([*first, *last[::-1]], axis=2)
+
+
+def _ends(
+    place: FloatArray,
+    velocity: FloatArray,
+    push: FloatArray,
+    jerk: FloatArray,
+    step: float,
+) -> list[FloatArray]:
+    """First four Bernstein coefficients of degree 7 from three derivatives."""
+    first = place
+    second = first + velocity * step / 7.0
+    third = 2.0 * second - first + push * step**2 / 42.0
+    fourth = 3.0 * third - 3.0 * second + first + jerk * step**3 / 210.0
+    return [first, second, third, fourth]
+
+
+def _poly7_text(times: FloatArray, body: FloatArray) -> dict[str, bytes]:
+    powers = np.linalg.inv(bernstein_of_powers(DEGREE))
+    width = np.diff(times)
+    scale = width[:, None] ** np.arange(DEGREE + 1)
+    ascending = np.einsum("kj,dnja->dnak", powers, body) / scale[None, :, None, :]
+    heading = ",".join(
+        ["duration"]
+        + [f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in range(8)]
+    )
+    files = {}
+    for drone in range(body.shape[0]):
+        rows = [heading]
+        for duration, piece in zip(
+            width.tolist(),
+            ascending[drone].reshape(width.size, -1).tolist(),
+            strict=True,
+        ):
+            values = ",".join(f"{value:.{DIGITS}g}" for value in piece)
+            rows.append(f"{duration:.6g},{values}")
+        files[f"{drone_name(drone)}.csv"] = ("\n".join(rows) + "\n").encode("ascii")
+    return files
+
+
+def crazyflie_files(fitted: FittedFleet) -> dict[str, bytes]:
+    """Return one compressed trajectory a drone, as a Crazyflie's memory holds it.
+
+    Raises
+    ------
+    ExportError
+        If the show is too wide for a grid of one millimetre.
+    """
+    if int(fitted.scale.max()) > 1:
+        raise ExportError(
+            "the show reaches further than 32.767 m from its origin; a Crazyflie's "
+            "compressed trajectory holds no more"
+        )
+    files: dict[str, bytes] = {}
+    for drone in range(fitted.drones):
+        yaw = round(10.0 * float(fitted.yaw[drone, 0]))
+        block = trajectory_block(fitted, drone, yaw=yaw)
+        files[f"{drone_name(drone)}.traj"] = block[1:]
+    return files
+
+
+def memory_notes(files: Mapping[str, bytes], pieces: int | None) -> tuple[str, ...]:
+    """Say which files a Crazyflie's memory does not hold."""
+    found, most, unit = pieces, RAW_PIECES, "raw pieces"
+    if found is None:
+        found = max(len(content) for content in files.values())
+        most, unit = COMPRESSED_BYTES, "bytes"
+    if found <= most:
+        return ()
+    return (f"a Crazyflie's memory: it holds {most} {unit}, this show has {found}",)

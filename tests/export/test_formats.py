@@ -1,0 +1,180 @@
+"""The other formats: what is read back is what was solved, within the stated error."""
+
+import csv
+import io
+import json
+import struct
+import zipfile
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from showc.errors import ExportError
+from showc.export.fit import fit_fleet, tracks_of
+from showc.export.stage import FORMATS, ExportOptions, export
+from showc.export.tables import HEADING, crazyflie_files
+from showc.foreign.folder import verify_export
+from showc.foreign.motion import derivative, jumps, place_at
+from showc.foreign.reading import read_show
+
+SOURCE = {"log": "show.mcap", "sha256": "0" * 64}
+DRAWN = sorted(set(FORMATS) - {"kml"})
+
+
+@pytest.fixture(scope="module")
+def exports(gliding, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("formats")
+    return {
+        form: export(gliding, SOURCE, form, folder / form, ExportOptions.usual(form))
+        for form in FORMATS
+    }
+
+
+@pytest.mark.parametrize("form", DRAWN)
+def test_what_is_read_back_is_within_the_stated_error(gliding, exports, form):
+    written = exports[form].written
+    exact = tracks_of(gliding)
+    read = read_show(exports[form].folder)
+    lead = written.fit.get("lead_s", ExportOptions.usual(form).lead)
+    assert read.drones == gliding.drones
+    for time in np.linspace(0.0, gliding.duration, 157):
+        off = place_at(read.tracks, time + lead) - place_at(exact, time)[:, :3]
+        size = np.sqrt((off**2).sum(axis=1)).max()
+        assert size <= written.position_error + 1e-6
+
+
+@pytest.mark.parametrize("form", sorted(FORMATS))
+def test_verify_proves_every_format_from_its_bytes(exports, form):
+    found = verify_export(exports[form].folder)
+    wanted = [check for check in exports[form].checks if check.verdict == "fail"]
+    assert [check for check in found.checks if check.verdict == "fail"] == wanted
+    assert found.check("VRF581").verdict == "pass"
+
+
+@pytest.mark.parametrize("form", sorted(FORMATS))
+def test_every_format_says_what_it_cannot_carry(exports, form):
+    assert exports[form].written.lost
+
+
+@pytest.mark.parametrize("form", ["skyc", "skyb", "poly7", "crazyflie", "gltf"])
+def test_velocity_goes_on_in_every_smooth_format(exports, form):
+    _, off = jumps(derivative(read_show(exports[form].folder).tracks))
+    assert np.abs(off).max() < 1e-4
+
+
+def test_pieces_of_degree_seven_have_three_derivatives(exports):
+    tracks = read_show(exports["poly7"].folder).tracks
+    for bound in (1e-6, 1e-5, 1e-4, 1e-2):
+        _, off = jumps(tracks)
+        assert np.abs(off).max() < bound
+        tracks = derivative(tracks)
+
+
+def test_pieces_have_the_columns_that_their_readers_load(exports):
+    for path in sorted(exports["poly7"].folder.glob("*.csv")):
+        rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=range(33))
+        assert rows.ndim == 2 and rows.shape[0] >= 2 and rows.shape[1] == 33
+
+
+def test_tables_have_the_heading_that_importers_demand(exports):
+    with zipfile.ZipFile(exports["skybrush-csv"].folder / "show.zip") as archive:
+        names = archive.namelist()
+        text = archive.read(names[0]).decode()
+    assert names == [f"drone_{drone:04d}.csv" for drone in range(1, 10)]
+    rows = list(csv.reader(io.StringIO(text)))
+    assert ",".join(rows[0]) == HEADING
+    times = [int(row[0]) for row in rows[1:]]
+    assert times == list(range(0, 50 * len(times), 50))
+    assert all(0 <= int(value) <= 255 for row in rows[1:] for value in row[4:])
+
+
+def test_lights_of_tables_and_visualisations_are_those_of_the_show(gliding, exports):
+    for form in ("skybrush-csv", "vviz"):
+        read = read_show(exports[form].folder)
+        for drone, light in enumerate(read.lights):
+            assert light is not None
+            shown = light.at(light.times)
+            row = np.searchsorted(gliding.light_times, light.times + 1e-9, "right") - 1
+            wanted = gliding.lights[row, drone]
+            assert np.abs(shown - wanted).max() <= 1.0
+
+
+# Bytes that cflib 0.1.34 packs: CompressedStart(0.1, -0.25, 0, 0), then segments of
+# half a second (x cubic, z cubic) and of 1.25 s at rest.
+CFLIB = bytes.fromhex("640006ff0000000022f401640096002c010000c800900100e204")
+
+
+def test_compressed_trajectories_are_read_as_cflib_packs_them(tmp_path):
+    (tmp_path / "1.traj").write_bytes(CFLIB)
+    tracks = read_show(tmp_path).tracks
+    assert tracks.position[0][:, 0] == pytest.approx([0.1, 0.1, 0.15, 0.3])
+    assert tracks.position[0][:, 2] == pytest.approx([0.0, 0.0, 0.2, 0.4])
+    assert tracks.position[1][:, 0] == pytest.approx(0.3)
+    assert tracks.ends == pytest.approx([0.5, 1.75])
+
+
+def test_cflib_packs_the_same_bytes(exports):
+    memory = pytest.importorskip("cflib.crazyflie.mem.trajectory_memory")
+    for path in sorted(exports["crazyflie"].folder.glob("*.traj")):
+        content = path.read_bytes()
+        x, y, z, yaw = struct.unpack_from("<4h", content)
+        start = [value / 1000.0 + np.sign(value) * 1e-7 for value in (x, y, z)]
+        packed = bytes(memory.CompressedStart(*start, np.radians(yaw / 10.0)).pack())
+        position = 8
+        while position < len(content):
+            header, duration = struct.unpack_from("<BH", content, position)
+            position += 3
+            elements = []
+            for axis in range(4):
+                count = (0, 1, 3, 7)[(header >> (2 * axis)) & 3]
+                values = struct.unpack_from(f"<{count}h", content, position)
+                # cflib drops fractions: none may be left by the last bit of a float.
+                elements.append([v / 1000.0 + np.sign(v) * 1e-7 for v in values])
+                position += 2 * count
+            seconds = duration / 1000.0 + 1e-7
+            packed += bytes(memory.CompressedSegment(seconds, *elements).pack())
+        assert packed == content
+
+
+def test_a_show_too_wide_for_a_millimetre_grid_is_refused(gliding):
+    fitted = fit_fleet(gliding, lead=0.0)
+    wide = np.full_like(fitted.scale, 2)
+    from dataclasses import replace
+
+    with pytest.raises(ExportError, match=r"32\.767 m"):
+        crazyflie_files(replace(fitted, scale=wide))
+
+
+def test_times_of_a_scene_never_run_below_zero(exports):
+    content = (exports["gltf"].folder / "show.glb").read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    top = json.loads(content[20 : 20 + size])
+    assert struct.unpack_from("<4sII", content)[2] == len(content)
+    inputs = {
+        sampler["input"]
+        for animation in top["animations"]
+        for sampler in animation["samplers"]
+    }
+    assert min(top["accessors"][index]["min"][0] for index in inputs) >= 0.0
+    assert all(view["byteOffset"] % 4 == 0 for view in top["bufferViews"])
+
+
+def test_a_map_has_pads_ways_and_the_volume_where_the_site_is(gliding, exports):
+    tree = ET.parse(exports["kml"].folder / "show.kml")  # noqa: S314 - ours
+    space = "{http://www.opengis.net/kml/2.2}"
+    folders = [one.findtext(f"{space}name") for one in tree.iter(f"{space}Folder")]
+    assert folders == ["Flight volume", "Fence", "Pads", "Ways"]
+    site = gliding.rules.site
+    for element in tree.iter(f"{space}coordinates"):
+        for point in element.text.split():
+            longitude, latitude, _ = (float(value) for value in point.split(","))
+            assert longitude == pytest.approx(site.longitude, abs=0.01)
+            assert latitude == pytest.approx(site.latitude, abs=0.01)
+
+
+def test_same_show_gives_the_same_bytes_in_every_format(gliding, exports, tmp_path):
+    for form in FORMATS:
+        options = ExportOptions.usual(form)
+        again = export(gliding, SOURCE, form, tmp_path / form, options)
+        assert again.written.files == exports[form].written.files

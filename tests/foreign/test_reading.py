@@ -1,0 +1,390 @@
+"""Shows of others: read as they are, judged right, and never trusted."""
+
+import base64
+import io
+import json
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+
+from showc.errors import DamagedFileError, UsageError
+from showc.foreign.facts import Asked
+from showc.foreign.motion import derivative, place_at
+from showc.foreign.reading import read_show
+from showc.foreign.verdict import Questions, verify_foreign
+from showc.log.showc_pb2 import Separation
+
+
+def trajectory(*points, takeoff=0):
+    return {"version": 1, "points": list(points), "takeoffTime": takeoff}
+
+
+# Skybrush's own loader evaluated this one.
+CURVED = trajectory(
+    [0, [0, 0, 0], []],
+    [4, [0, 0, 10], [[0, 0, 0], [0, 0, 10]]],
+    [9, [6, 3, 12], [[2, 0, 10], [4, 3, 12]]],
+    [12, [6, 3, 12], []],
+    [20, [0, 0, 0], []],
+    takeoff=2,
+)
+UP = trajectory([0, [0, 0, 0], []], [10, [0, 0, 10], []], [20, [0, 0, 0], []])
+
+
+def show_of(*trajectories, **settings):
+    return {
+        "version": 1,
+        "settings": settings,
+        "swarm": {
+            "drones": [
+                {"type": "generic", "settings": {"name": f"d{k}", "trajectory": one}}
+                for k, one in enumerate(trajectories)
+            ]
+        },
+    }
+
+
+def zipped(path, **entries):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
+            text = content if isinstance(content, (str, bytes)) else json.dumps(content)
+            archive.writestr(name.replace("__", "/").replace("_json", ".json"), text)
+    return path
+
+
+@pytest.fixture
+def skyc(tmp_path):
+    def write(show, **more):
+        return zipped(tmp_path / "show.skyc", show_json=show, **more)
+
+    return write
+
+
+def findings(path, **options):
+    result = verify_foreign(path, Questions(**options))
+    assert result.exit_code == (1 if any_failed(result) else 0)
+    return {check.code: check for check in result.checks if check.verdict == "fail"}
+
+
+def any_failed(result):
+    return any(check.verdict == "fail" for check in result.checks)
+
+
+def test_curves_are_those_that_skybrush_evaluates(skyc):
+    tracks = read_show(skyc(show_of(CURVED))).tracks
+    heights = [place_at(tracks, time)[0, 2] for time in (4, 6, 8, 10, 16, 22)]
+    assert heights == pytest.approx([5, 10, 10.704, 11.792, 9, 0])
+    assert place_at(tracks, 8.0)[0, :2] == pytest.approx([2.4, 1.056])
+    assert place_at(derivative(tracks), 8.0)[0] == pytest.approx([1.2, 0.864, 0.576])
+
+
+def test_references_of_all_kinds_are_followed(skyc):
+    show = show_of({"$ref": "./drones/a.json#/inner"}, {"$ref": "drones/b.json#"})
+    path = skyc(show, drones__a_json={"inner": CURVED}, drones__b_json=CURVED)
+    tracks = read_show(path).tracks
+    assert place_at(tracks, 6.0)[0] == pytest.approx(place_at(tracks, 6.0)[1])
+
+
+def test_an_encounter_between_two_samples_is_found(skyc):
+    # Five samples a second see 5 m and more; in between they come to 2.5 m.
+    speed = 60.0
+
+    def crossing(sign):
+        y = sign * 1.25
+        times = np.round(np.arange(0.0, 4.01, 0.2), 3)
+        x = sign * speed * (times - 2.1)
+        return trajectory(
+            *[[t, [a, y, 20.0], []] for t, a in zip(times, x, strict=True)]
+        )
+
+    path = skyc(show_of(crossing(1), crossing(-1)))
+    tracks = read_show(path).tracks
+    sampled = min(
+        np.linalg.norm(np.subtract(*place_at(tracks, time)))
+        for time in np.arange(0.0, 4.01, 0.2)
+    )
+    assert sampled > 5.0
+    asked = Asked("asked", Separation(distance=3.0, vertical_stretch=1.0))
+    found = findings(path, asked=asked)["VRF504"]
+    assert found.value == pytest.approx(2.5, abs=1e-3)
+    assert found.where.time == pytest.approx(2.1, abs=1e-3)
+
+
+def test_the_files_own_rules_and_the_users_are_judged_apart(skyc):
+    validation = {"maxAltitude": 12, "maxVelocityZ": 2, "minDistance": 5}
+    beside = trajectory([0, [4, 0, 0], []], [10, [4, 0, 10], []], [20, [4, 0, 0], []])
+    path = skyc(show_of(UP, beside, validation=validation))
+    asked = Asked("asked", Separation(distance=3.0, vertical_stretch=1.0), 8.0)
+    result = verify_foreign(path, Questions(asked=asked))
+    verdicts = {check.name: check.verdict for check in result.checks}
+    assert verdicts["separation of all pairs, the file's own"] == "fail"
+    assert verdicts["separation of all pairs, asked"] == "pass"
+    assert verdicts["height, the file's own"] == "pass"
+    assert verdicts["height, asked"] == "fail"
+    assert verdicts["climb, the file's own"] == "pass"
+
+
+def test_a_fence_of_the_file_is_kept_at_every_instant(skyc):
+    fence = {
+        "polygons": [
+            {"isInclusion": True, "points": [[-9, -9], [9, -9], [9, 9], [-9, 9]]},
+            {"isInclusion": False, "points": [[4, -1], [6, -1], [6, 1], [4, 1]]},
+        ]
+    }
+    away = trajectory([0, [0, 3, 0], []], [10, [8, 3, 9], []])
+    through = trajectory([0, [0, 0, 0], []], [10, [8, 0, 9], []])
+    assert "VRF508" not in findings(skyc(show_of(away, geofence=fence)))
+    found = findings(skyc(show_of(through, geofence=fence)))["VRF508"]
+    assert found.value == pytest.approx(1.0, abs=1e-3)
+
+
+def test_three_answers_are_kept_apart(skyc):
+    result = verify_foreign(skyc(show_of(UP)))
+    assert list(dict.fromkeys(check.group for check in result.checks)) == [
+        "what the file says",
+        "whether it can be flown",
+        "what the firmware makes of it",
+    ]
+
+
+def test_durations_that_the_server_shortens_are_said(skyc):
+    times = np.round(np.arange(0.0, 20.0, 1.001), 3)
+    slow = trajectory(*[[t, [0, 0, 0.5 * t], []] for t in times.tolist()])
+    result = verify_foreign(skyc(show_of(slow)))
+    notes = " ".join(result.check("VRF541").notes)
+    assert "shortens 19 durations by 1 ms" in notes
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([[0, [0, 0, 0], []], [1, [0, 0, float("nan")], []]], "nan"),
+        ([[0, [0, 0, 0], []], [1, [0, 0, 1e300], []]], "1e+300"),
+        ([[5, [0, 0, 0], []], [1, [0, 0, 1], []]], "time runs from 5 s to 1 s"),
+        ([[0, [0, 0, 0], []], [1, "up", []]], "wanted numbers"),
+        ([[0, [0, 0, 0], []], [1, [0, 0], []]], "wanted"),
+        ([[0, [0, 0, 0], []], [1, [0, 0, 1], [[0, 0, 0]] * 7]], "7 inner control"),
+        ([[0, [0, 0, 0], []], [1e12, [0, 0, 1], []]], "1e+12"),
+        ([[0, [0, 0, 0], []], {}], "not [time, place, controls]"),
+        ([], "no trajectory"),
+    ],
+)
+def test_bad_points_end_in_one_finding(skyc, points, message):
+    found = findings(skyc(show_of(trajectory(*points))))
+    assert set(found) == {"VRF501"}
+    assert message in found["VRF501"].notes[0]
+
+
+def nested(depth):
+    return "[" * depth + "]" * depth
+
+
+def hostile_archives(path):
+    """Archives that want to do harm, by name."""
+    with zipfile.ZipFile(path / "bomb.skyc", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("show.json", b"0" * (1 << 24))
+    with zipfile.ZipFile(path / "out.skyc", "w") as archive:
+        archive.writestr("../../evil.json", "{}")
+    with zipfile.ZipFile(path / "root.skyc", "w") as archive:
+        archive.writestr("/etc/evil.json", "{}")
+    with zipfile.ZipFile(path / "many.skyc", "w") as archive:
+        for index in range(20_001):
+            archive.writestr(f"{index}", "")
+    circle = show_of({"$ref": "./a.json"})
+    zipped(
+        path / "circle.skyc",
+        show_json=circle,
+        a_json={"$ref": "./b.json"},
+        b_json={"$ref": "./a.json"},
+    )
+    zipped(path / "itself.skyc", show_json={"$ref": "./show.json"})
+    zipped(path / "leads-out.skyc", show_json=show_of({"$ref": "../../etc/passwd"}))
+    zipped(path / "nowhere.skyc", show_json=show_of({"$ref": "./no.json"}))
+    zipped(path / "pointer.skyc", show_json=show_of({"$ref": "./show.json#/x/9"}))
+    zipped(path / "deep.skyc", show_json=nested(100_000))
+    zipped(path / "wide.skyc", show_json="[" + "[]," * 5_000_000 + "[]]")
+    zipped(path / "none.skyc", other_json="{}")
+    zipped(path / "empty.skyc", show_json=show_of())
+    zipped(path / "crowd.skyc", show_json=show_of(*[UP] * 5001))
+    (path / "noise.skyc").write_bytes(bytes(range(256)) * 40)
+    cut = (path / "circle.skyc").read_bytes()
+    (path / "cut.skyc").write_bytes(cut[: len(cut) // 2])
+    wrong = bytearray((path / "nowhere.skyc").read_bytes())
+    wrong[60] ^= 0xFF
+    (path / "wrong.skyc").write_bytes(bytes(wrong))
+    return sorted(path.glob("*.skyc"))
+
+
+def test_hostile_archives_end_in_one_finding(tmp_path):
+    archives = hostile_archives(tmp_path)
+    assert len(archives) == 17
+    for path in archives:
+        found = findings(path)
+        assert set(found) == {"VRF501"}, path
+        assert not (tmp_path.parent / "evil.json").exists()
+
+
+def test_a_light_loop_without_end_is_played_no_longer_than_the_flight(skyc):
+    forever = base64.b64encode(bytes([12, 0, 4, 255, 0, 0, 1, 7, 1, 13])).decode()
+    show = show_of(UP)
+    show["swarm"]["drones"][0]["settings"]["lights"] = {"version": 1, "data": forever}
+    assert "VRF547" not in findings(skyc(show))
+    without = base64.b64encode(bytes([12, 0, 1, 13, 0])).decode()
+    show["swarm"]["drones"][0]["settings"]["lights"]["data"] = without
+    assert "VRF547" not in findings(skyc(show))
+    unknown = base64.b64encode(bytes([99])).decode()
+    show["swarm"]["drones"][0]["settings"]["lights"]["data"] = unknown
+    assert "command 99" in findings(skyc(show))["VRF547"].notes[0]
+
+
+TABLE = "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("0,0,0,0,1,2,3\n0,0,0,1,1,2,3\n", "wanted times that rise"),
+        ("0,0,0,0,1,2,3\n500,0,nan,1,1,2,3\n", "wanted finite numbers"),
+        ("0,0,0,0,1,2,3\n500,0,0,1,1,2\n", "6 columns"),
+        ("0,0,0,0,1,2,3\n500,0,0,x,1,2,3\n", "no number"),
+        ("0,0,0,0,1,2,300\n500,0,0,1,1,2,3\n", "three numbers from 0 to 255"),
+        ("", "0 lines of numbers"),
+    ],
+)
+def test_bad_tables_end_in_one_finding(tmp_path, rows, message):
+    (tmp_path / "1.csv").write_text(TABLE + rows)
+    found = findings(tmp_path)
+    assert set(found) == {"VRF501"}
+    assert message in found["VRF501"].notes[0]
+
+
+def test_a_table_without_heading_or_colours_is_read(tmp_path):
+    (tmp_path / "Drone 2.csv").write_text("0,1,2,3\n1000,1,2,5\n")
+    (tmp_path / "Drone 10.csv").write_text("0,1,2,9\r\n1000,1,2,9\r\n")
+    show = read_show(tmp_path)
+    assert show.names == ("Drone 2", "Drone 10")
+    assert place_at(show.tracks, 0.5)[0] == pytest.approx([1, 2, 4])
+
+
+def test_two_drones_of_one_name_are_refused(tmp_path):
+    path = tmp_path / "show.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a/1.csv", "0,0,0,0\n")
+        archive.writestr("b/1.csv", "0,0,0,0\n")
+    assert "two drones named" in findings(path)["VRF501"].notes[0]
+
+
+def scene(count=3, **changes):
+    times = np.arange(count, dtype="<f4").tobytes()
+    places = np.arange(3 * count, dtype="<f4").tobytes()
+    data = base64.b64encode(times + places).decode()
+    accessor = {"componentType": 5126, "count": count}
+    top = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"name": "a"}],
+        "buffers": [{"uri": f"data:;base64,{data}", "byteLength": 16 * count}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 4 * count},
+            {"buffer": 0, "byteOffset": 4 * count, "byteLength": 12 * count},
+        ],
+        "accessors": [
+            {**accessor, "bufferView": 0, "type": "SCALAR"},
+            {**accessor, "bufferView": 1, "type": "VEC3"},
+        ],
+        "animations": [
+            {
+                "samplers": [{"input": 0, "output": 1}],
+                "channels": [
+                    {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+                ],
+            }
+        ],
+    }
+    return top | changes
+
+
+def test_scenes_are_turned_into_the_show_frame(tmp_path):
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(scene()))
+    tracks = read_show(path).tracks
+    # (x, y up, z) of glTF is (x, -z, y) of the show frame.
+    assert place_at(tracks, 0.0)[0] == pytest.approx([0, -2, 1])
+    assert place_at(tracks, 1.5)[0] == pytest.approx([4.5, -6.5, 5.5])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"accessors": [{"componentType": 5126, "count": 10**9, "type": "SCALAR"}] * 2},
+        {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 9**9,
+                        "type": "SCALAR"}] * 2},
+        {"bufferViews": [{"buffer": 0, "byteOffset": -4}] * 2},
+        {"buffers": [{"uri": "../../../etc/passwd"}]},
+        {"buffers": [{"uri": "http://example.org/x"}]},
+        {"buffers": []},
+        {"animations": []},
+        {"nodes": []},
+    ],
+)  # fmt: skip
+def test_bad_scenes_end_in_one_finding(tmp_path, changes):
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(scene(**changes)))
+    assert set(findings(path)) == {"VRF501"}
+
+
+def test_visualisations_are_read_by_steps(tmp_path):
+    agent = {
+        "homeX": -2,
+        "homeY": 0,
+        "homeZ": 1,
+        "agentTraversal": [
+            {"dx": 0, "dy": 0, "dz": 0},
+            {"dx": 0, "dy": 4, "dz": 2},
+            {"dx": 1, "dy": 0, "dz": 0, "dt": 2.0},
+        ],
+    }
+    top = {"version": "1.0", "defaultPositionRate": 2, "performances": [
+        {"id": 1, "agentDescription": agent}]}  # fmt: skip
+    path = tmp_path / "a.vviz"
+    path.write_text(json.dumps(top))
+    tracks = read_show(path).tracks
+    assert place_at(tracks, 0.0)[0] == pytest.approx([1, 2, 0])
+    assert place_at(tracks, 0.5)[0] == pytest.approx([3, 2, 4])
+    assert place_at(tracks, 2.5)[0] == pytest.approx([3, 1, 4])
+    top["defaultPositionRate"] = 0
+    path.write_text(json.dumps(top))
+    assert set(findings(path)) == {"VRF501"}
+
+
+def test_pieces_that_run_backwards_are_refused(tmp_path):
+    row = ",".join(["-1"] + ["0"] * 32)
+    (tmp_path / "1.csv").write_text("duration,x^0\n" + f"{row}\n{row}\n")
+    assert "times that rise" in findings(tmp_path)["VRF501"].notes[0]
+
+
+def test_what_is_not_known_is_said_with_what_is(tmp_path):
+    with pytest.raises(UsageError, match=r"\.skyc"):
+        read_show(tmp_path / "nothing.skyc")
+    (tmp_path / "show.fseq").write_bytes(b"PSEQ")
+    with pytest.raises(UsageError, match="no format that is known"):
+        read_show(tmp_path / "show.fseq")
+    with pytest.raises(UsageError, match="no show files"):
+        read_show(tmp_path)
+
+
+def test_an_archive_that_says_less_than_it_holds_is_refused(tmp_path):
+    content = b"x" * 5000
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    packed = packer.compress(content) + packer.flush()
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("show.json", content)
+    lying = stream.getvalue().replace(struct.pack("<I", 5000), struct.pack("<I", 50))
+    assert packed in lying
+    path = tmp_path / "a.skyc"
+    path.write_bytes(lying)
+    with pytest.raises(DamagedFileError):
+        read_show(path)
