@@ -21,6 +21,7 @@ from showc.solve.judgement import judge
 from showc.solve.model import POSITION, SIGNALS, add_drone, effort
 from showc.solve.program import WALL_DEGREE
 from showc.solve.programs import Programs
+from showc.solve.straight import followed
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     start, goal
         Shape (3,) [m].
     reference
-        Share of the way by time, 1 component; its end is the duration.
+        Share of the way by time (one component), or positions (three) [m]; its end
+        is the duration.
     walls
         Laid on even intervals of the duration, as many as ``present`` has.
     present
@@ -112,7 +114,7 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     nodes = np.array(program.stage.cost_nodes)
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals = np.zeros((*times.shape, len(SIGNALS) + len(WALL_SIGNALS)))
-    signals[..., :3] = start + reference(times) * (goal - start)
+    signals[..., :3] = followed(reference, start, goal, times)
     laid = _laid(walls, times.ravel(), present, clearance)
     signals[..., 3:] = laid.reshape(*times.shape, -1)
     length = max(float(np.linalg.norm(goal - start)), 1.0)

@@ -25,6 +25,7 @@ from showc.solve.limiting import Limiting, limiting_time
 from showc.solve.relaxation import Relaxation
 from showc.solve.repair import Repair
 from showc.solve.single import Aircraft, hover
+from showc.solve.stretched import StretchedFlights, fly_ways_slowly
 from showc.solve.synchronise import shared_profile
 from showc.solve.tracks import tracks_of
 from showc.solve.vertical import fly_upright, quickest_ascent
@@ -46,7 +47,13 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
 _STILL = 1e-9
-_QUICK = 80
+_GROWTH, _STEP = 2.0, 0.02
+"""Growth of the time over the least one after a failure: a factor, and at least so
+much more, as a share of the least time."""
+_TRIES = 8
+"""Common times tried at most, unless none of them has led to a flight."""
+_CLOSE = 0.008
+"""Share of the least time between a failed and a flown time that is near enough."""
 
 
 def whole_milliseconds(time: float) -> float:
@@ -293,32 +300,34 @@ class _Solver:
         together = self._side_by_side(limiting, shared)
         if together is not None:
             return self._finish(together, limiting)
-        gap = self.options.gap
-        best: Repair | None = None
-        failed = limiting.time
+        best: Repair | StretchedFlights | None = None
+        slow: StretchedFlights | None = None
+        failed, gap = limiting.time, self.options.gap
         while best is None:
             time = whole_milliseconds(limiting.time * (1.0 + gap))
+            if slow is not None and time >= slow.duration:
+                best = slow
+                break
             repair = self._repair(time, shared)
             if repair.run():
                 best = repair
                 break
-            failed = time
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )
-            gap = self._next_gap(gap, repair)
-            if gap > self.options.gap_limit:
+            if failed == limiting.time:
+                slow = self._slowly(shared)
+            failed, gap = time, max(_GROWTH * gap, gap + _STEP)
+            if gap > self.options.gap_limit and slow is None:
                 raise SolveError(
                     f"{self.where}: {repair.trouble}, even in {time:.3f} s "
                     f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
                     "slowest drone needs); move the formations apart or let the "
                     "assignment be optimal"
                 )
-        # Coming back down is worth it only where a try is quick.
-        tries = 3 if repair.counts.get("repair_solves", 0.0) < _QUICK else 0
-        for _ in range(tries):
+        for _ in range(self._tries_left()):
             middle = whole_milliseconds(0.5 * (failed + best.duration))
-            small = (best.duration - failed) < 0.008 * limiting.time
+            small = (best.duration - failed) < _CLOSE * limiting.time
             if small or middle >= best.duration or failed <= limiting.time:
                 break
             repair = self._repair(middle, shared)
@@ -336,11 +345,21 @@ class _Solver:
         repair = self._repair(whole_milliseconds(limiting.time), shared)
         return repair if repair.run() else None
 
-    def _next_gap(self, gap: float, repair: Repair) -> float:
-        """Allow more time after a failure: much more where a crowd is tangled."""
-        crowded = repair.counts.get("first_conflicts", 0.0) > 0.5 * len(repair.flown)
-        step = 0.02 if crowded else 0.006
-        return max(1.6 * gap, gap + step)
+    def _slowly(self, shared: Profile) -> StretchedFlights | None:
+        """Look for a flight that takes its time; it bounds the search from above."""
+        return fly_ways_slowly(
+            self.aircraft,
+            self.leg.start,
+            self.leg.goal,
+            self.leg.others_parked,
+            shared,
+            self.separation,
+        )
+
+    def _tries_left(self) -> int:
+        """Shorter times to try once a flight is found, by what was spent on it."""
+        spent = self.tried.counts.get("common_times_tried", 0.0)
+        return max(0, _TRIES - int(spent))
 
     def _repair(self, time: float, shared: Profile) -> Repair:
         self.tried.add("common_times_tried")
@@ -360,7 +379,9 @@ class _Solver:
             name=self.leg.name,
         )
 
-    def _finish(self, repair: Repair | JointResult, limiting: Limiting) -> LegFlight:
+    def _finish(
+        self, repair: Repair | StretchedFlights | JointResult, limiting: Limiting
+    ) -> LegFlight:
         trajectories = repair.trajectories
         nearest = self._closest(trajectories)
         statistics = {

@@ -22,6 +22,7 @@ from showc.solve.basis import (
 )
 from showc.solve.columns import Columns
 from showc.solve.rows import Rows, System
+from showc.solve.straight import followed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,7 +114,7 @@ class Program:
         self.pitch = np.zeros((intervals, 4))
         self.roll = np.zeros((intervals, 4))
         at = (self.breaks[:-1, None] + NODES * np.diff(self.breaks)[:, None]).ravel()
-        wanted = start + reference(at) * (goal - start)
+        wanted = followed(reference, start, goal, at)
         linear = self.given.reshape(3, count) @ self.basis.gram
         linear = linear + (self.basis.weights @ wanted).T
         heading = float(np.arctan2(*(goal - start)[1::-1]))

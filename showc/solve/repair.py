@@ -1,8 +1,9 @@
 """All flights at one common time: independent first, then repaired until apart.
 
 Drones that can, fly straight on the shared profile; the others follow it as near as
-they can, first as splines, then by optimal control. Pairs that come too near get moving
-half-spaces, and only drones of such pairs are solved again.
+they can, first as splines, then by optimal control. Where pairs come too near, ways
+round each other are found for the whole crowd. Pairs that still come too near get
+moving half-spaces, and only drones of such pairs are solved again.
 """
 
 from __future__ import annotations
@@ -11,18 +12,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.plan.metric import measure
 from showc.solve.audit import greatest_excess
-from showc.solve.bend import bent, head_on_crowds
 from showc.solve.conflicts import conflicts
-from showc.solve.flat import keeps_limits
+from showc.solve.flat import fly, keeps_limits
 from showc.solve.judgement import KEPT
 from showc.solve.program import NO_WALLS
-from showc.solve.staying import OPTIMAL, SPLINE, STRAIGHT, stay_apart, stay_near
+from showc.solve.staying import (
+    OPTIMAL,
+    ROUND,
+    SPLINE,
+    STRAIGHT,
+    stay_apart,
+    stay_near,
+)
 from showc.solve.straight import fly_straight
 from showc.solve.symmetry import image, kinds
 from showc.solve.synchronise import best_profile
 from showc.solve.tracks import tracks_of
 from showc.solve.walls import NODES, gathered, pair_walls
+from showc.solve.ways import find_ways
+from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,6 +60,10 @@ _PATIENCE = 6
 _STILL = 1e-9
 _FEW = 32
 _CLEARANCE = 0.04
+_SETTLING = 4
+"""Rounds in which single drones move around all others."""
+_REACH = 2.5
+"""Distance of others around which a single drone is moved, in separations."""
 
 
 class Repair:
@@ -105,6 +119,8 @@ class Repair:
         self.flown: list[Trajectory] = []
         self.kind: list[str] = []
         self._positions: dict[int, FloatArray] = {}
+        # What a drone that leaves its line flies near to, its position over time.
+        self._ways: dict[int, PiecewisePolynomial] = {}
         self._rigid: set[int] = set()
         # Whether all processes have the program behind walls from the beginning.
         self._bending = False
@@ -123,6 +139,7 @@ class Repair:
             f"{self.kind.count(kind)} {words}"
             for kind, words in (
                 (STRAIGHT, "straight on the shared profile"),
+                (ROUND, "on ways round each other"),
                 (SPLINE, "by splines"),
                 (OPTIMAL, "by optimal control"),
             )
@@ -136,7 +153,7 @@ class Repair:
 
     def run(self) -> bool:
         """Find flights that keep apart; False leaves ``trouble`` saying why not."""
-        return self._base() and self._apart()
+        return self._base() and self._go_round() and self._apart()
 
     def _base(self) -> bool:
         """Each drone on its own."""
@@ -152,7 +169,7 @@ class Repair:
             aircraft.vehicle, aircraft.heading, self.start, self.goal, profile
         )
         good = keeps_limits(aircraft.vehicle, aircraft.limits, flights)
-        self.reference = profile.derivatives()[0]
+        self.profile, self.reference = profile, profile.derivatives()[0]
         self.flown = [flights.trajectory(row) for row in range(way.shape[0])]
         self.kind = [STRAIGHT] * way.shape[0]
         slow = np.nonzero(~good)[0]
@@ -198,7 +215,7 @@ class Repair:
                     self.aircraft,
                     self.start[row],
                     self.goal[row],
-                    self.reference,
+                    self._ways.get(row, self.reference),
                     self.intervals,
                     self.shortest.get(row),
                     bending,
@@ -209,6 +226,10 @@ class Repair:
         )
         self._count("solves_without_slack", len(rows))
         for row, (kind, trajectory, message) in zip(rows, results, strict=True):
+            if trajectory is None and row in self._ways:
+                # Its line is flown already: half-spaces part it from the others.
+                del self._ways[row]
+                continue
             if trajectory is None:
                 length = float(np.linalg.norm(self.goal[row] - self.start[row]))
                 self.trouble = (
@@ -219,14 +240,45 @@ class Repair:
             self.flown[row], self.kind[row] = trajectory, kind
         return True
 
+    def _go_round(self) -> bool:
+        """Give drones of a crowd ways round each other, where their lines conflict."""
+        found = self._conflicts()
+        self._count("first_conflicts", len(found))
+        if not len(found):
+            return True
+        self.progress.note(
+            f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
+        )
+        ways = find_ways(
+            self.start,
+            self.goal,
+            self.parked,
+            self.profile,
+            self.separation,
+            self.aircraft.limits,
+            np.array([kind == OPTIMAL for kind in self.kind]),
+        )
+        if ways is None:
+            return True
+        rows = np.nonzero(np.any(ways.aside != 0.0, axis=1))[0]
+        breaks, positions = ways.positions(self.start, self.goal, self.profile)
+        flights = fly(
+            self.aircraft.vehicle, self.aircraft.heading, breaks, positions[rows]
+        )
+        good = keeps_limits(self.aircraft.vehicle, self.aircraft.limits, flights)
+        for index, row in enumerate(rows.tolist()):
+            self._ways[row] = PiecewisePolynomial(breaks, positions[row])
+            if good[index]:
+                self.flown[row], self.kind[row] = flights.trajectory(index), ROUND
+        self._count("ways_round", len(rows))
+        return self._near(rows[~good].tolist(), bending=True)
+
     def _apart(self) -> bool:
         """Lay half-spaces, round after round, until no pair comes too near."""
         active: dict[tuple[int, int], int] = {}
         fewest, stalled = np.inf, 0
         for number in range(self.rounds + 1):
             found = self._conflicts()
-            if number == 0:
-                self._count("first_conflicts", len(found))
             if not len(found):
                 return True
             worst = int(np.argmin(found.distance))
@@ -237,7 +289,7 @@ class Repair:
                 f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
             )
             if number == self.rounds:
-                return False
+                return self._settle()
             self.progress.note(
                 f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
             )
@@ -247,30 +299,90 @@ class Repair:
             stalled = stalled + 1 if len(found) >= fewest else 0
             fewest = min(fewest, len(found))
             if stalled > _PATIENCE:
-                return False
+                return self._settle()
             self._count("repair_rounds", 1)
-            if number == 0 and self.separation.shape != "all-axes":
-                self._give_way(found)
             if not self._bend(pairs, active):
-                return False
+                return self._settle()
         return False
 
-    def _give_way(self, found: Encounters) -> None:
-        """Bend what the first walls are laid between where drones meet head-on."""
-        width = self.duration / self.intervals
-        instants = (width * (np.arange(self.intervals)[:, None] + NODES)).ravel()
-        for crowd in head_on_crowds(found, self.separation, len(self.flown)):
-            rows = list(crowd)
-            before = np.stack([self._sampled(row).reshape(-1, 3) for row in rows])
-            after = bent(
-                before,
-                instants,
-                np.array([crowd[row] for row in rows]),
-                (self.goal - self.start)[rows],
+    def _settle(self) -> bool:
+        """Move one drone at a time, around all that are near it, while that helps.
+
+        Where both drones of a pair move at once, each into others that move as well,
+        rounds can go on for ever; here what is lacking falls with every change.
+        """
+        for tries in range(1, _SETTLING + 1):
+            found = self._conflicts()
+            if not len(found):
+                return True
+            changed = False
+            if len(found) > _FEW:
+                return False
+            for number in np.argsort(found.distance, kind="stable").tolist():
+                pair = int(found.first[number]), int(found.second[number])
+                changed |= any(self._around_others(row, tries) for row in pair)
+            if not changed and tries == _SETTLING:
+                return False
+        return not len(self._conflicts())
+
+    def _around_others(self, row: int, tries: int) -> bool:
+        """Solve one drone around all others as they fly; whether that is better."""
+        if row >= len(self.flown) or self._hovers[row]:
+            return False
+        own = self._sampled(row)
+        everyone = len(self.flown) + (0 if self.parked is None else len(self.parked))
+        near = [
+            other
+            for other in range(everyone)
+            if other != row
+            and measure(own - self._sampled(other), self.separation).min()
+            < _REACH * self.separation.distance
+        ]
+        before = self._lack(self.flown[row], near)
+        if before == 0.0:
+            return False
+        walls = [
+            pair_walls(
+                own,
+                self._sampled(other),
                 self.separation,
+                1.0,
+                _MARGIN * 3**tries,
+                tries - 1,
             )
-            for row, way in zip(rows, after, strict=True):
-                self._positions[row] = way.reshape(self.intervals, -1, 3)
+            for other in near
+        ]
+        laid = [(one.interval, one.normal, one.first) for one in walls]
+        task = (
+            self.aircraft,
+            self.start[row],
+            self.goal[row],
+            self._ways.get(row, self.reference),
+            self.intervals,
+            gathered([part for part in laid if part[0].size]),
+            own,
+            _CLEARANCE * self.separation.distance * tries,
+            self.flown[row] if self.kind[row] == OPTIMAL else None,
+            False,
+        )
+        ((kind, trajectory, _),) = self.workers.run(stay_apart, [task], _unheard)
+        self._count("repair_solves", 1)
+        if trajectory is None or self._lack(trajectory, near) >= before:
+            return False
+        self.flown[row], self.kind[row] = trajectory, kind
+        self._positions.pop(row, None)
+        return True
+
+    def _lack(self, flight: Trajectory, near: list[int]) -> float:
+        """Sum of what a flight's distances to some drones lack [m]."""
+        others = [self.flown[row] for row in near if row < len(self.flown)]
+        found = conflicts(
+            tracks_of([flight, *others], self.parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+        own = found.distance[found.first == 0]
+        return float(np.sum(self.separation.distance - own))
 
     def _conflicts(self) -> Encounters:
         return conflicts(
@@ -316,7 +428,7 @@ class Repair:
                     self.aircraft,
                     self.start[row],
                     self.goal[row],
-                    self.reference,
+                    self._ways.get(row, self.reference),
                     self.intervals,
                     gathered(walls[row]) if walls[row] else NO_WALLS,
                     self._sampled(row),
@@ -379,3 +491,7 @@ class Repair:
 
     def _count(self, name: str, value: float) -> None:
         self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def _unheard(steps: int) -> None:
+    """Say nothing of a single drone's progress."""

@@ -59,7 +59,8 @@ def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
     start, goal
         Shape (3,) [m].
     reference
-        Share of the way by time, 1 component; its end is the duration.
+        Share of the way by time (one component), or positions (three) [m]; its end
+        is the duration.
     intervals
         Intervals of the spline, all of one length.
     walls

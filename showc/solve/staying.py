@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _MOMENT = 1.5e-3
 """Time left over after a flight in which nothing but hovering is worth it [s]: what
 rounding up to whole milliseconds leaves."""
-STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
+STRAIGHT, ROUND, SPLINE, OPTIMAL = "straight", "round", "spline", "optimal control"
 Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 

@@ -1,4 +1,4 @@
-"""Straight flights that share a profile."""
+"""Straight flights that share a profile, and what drones off their line fly near to."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.solve.profile import Profile
+    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Quadrotor
 
     FloatArray = NDArray[np.float64]
@@ -37,3 +38,18 @@ def fly_straight(
     # Not start + (goal - start), which rounds.
     position[:, -1, -2:] = goal[:, None, :]
     return fly(vehicle, heading, way.breaks, position)
+
+
+def followed(
+    reference: PiecewisePolynomial,
+    start: FloatArray,
+    goal: FloatArray,
+    times: FloatArray,
+) -> FloatArray:
+    """Positions of a reference at times (...), shape (..., 3) [m].
+
+    It is the share of the straight way from start to goal (one component), or a
+    position (three).
+    """
+    values = reference(times)
+    return values if reference.components == 3 else start + values * (goal - start)

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.solve.bend import HEAD_ON
 from showc.solve.program import WALL_DEGREE, Walls
 from showc.trajectory import bernstein_basis_inverse
 
@@ -32,6 +31,8 @@ NODES: FloatArray = 0.5 * (
     1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE)
 )
 """Where positions are taken on each interval, as fractions of it, shape (7,)."""
+HEAD_ON = 0.15
+"""Share of the separation below which a pair meets head-on."""
 _REACH = 1.6
 _STALLED = 3
 _NEARLY = 0.8
