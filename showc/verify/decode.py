@@ -27,6 +27,12 @@ FORMAT_VERSION = 1
 
 RULES, SEGMENTS = "/show/rules", "/show/segments"
 
+MOST_SAMPLES = 2_000_000
+"""Steps from which a log is refused: a day at the usual rate."""
+
+MOST_KNOTS = 1_000
+"""Knots from which a witness is refused: twenty times what a compile writes."""
+
 SMALLEST = 1e-15
 """Least number that what is positive can be (SI): below it quotients leave float64."""
 
@@ -153,6 +159,12 @@ def _check_rules(rules: pb.Rules, offset: int) -> None:
     for name, value in positive.items():
         if value < SMALLEST:
             raise Damage(offset, f"the rules of the show say {value} for {name}")
+    if rules.duration * rules.log_rate > MOST_SAMPLES:
+        raise Damage(
+            offset,
+            f"the show lasts {rules.duration:g} s with {rules.log_rate:g} samples a "
+            f"second; more than {MOST_SAMPLES:,} are refused",
+        )
     if rules.drones >= 1 << 16 or not rules.limits or rules.log_rate > 1e3:
         raise Damage(offset, "the rules of the show make no sense")
 
@@ -192,6 +204,7 @@ def _check_segment(message: pb.Segment, rules: pb.Rules, offset: int) -> None:
         and message.start >= 0.0
         and message.duration > 0.0
         and _sane(goals)
+        and len(certificate.witness.knots) <= MOST_KNOTS
         and math.isfinite(certificate.dual_bound)
         and math.isfinite(certificate.single_drone_minimum)
     ):

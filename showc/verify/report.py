@@ -312,6 +312,8 @@ def _standing(checks: Sequence[Check]) -> Standing:
         return "not proved"
     if "accepted" in verdicts:
         return "accepted"
+    if any(c.code == "VRF400" and c.verdict == "skipped" for c in checks):
+        return "none"
     return "proved" if "pass" in verdicts else "none"
 
 

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
 
+_MOST_PIECES = 10_000
+"""Mesh intervals from which a trajectory is refused: far more than are written."""
+
 _LARGEST_DEGREE = 60
 """Beyond it binomials lose digits; no useful polynomial has it."""
 
@@ -121,7 +124,7 @@ def _trajectory(
     pieces = _count(breaks) - 1
     degrees = integers.get(4, 0), integers.get(6, 0)
     if not (
-        pieces > 0
+        0 < pieces <= _MOST_PIECES
         and max(degrees) <= _LARGEST_DEGREE
         and _count(state) == pieces * (degrees[0] + 1) * STATE_COMPONENTS
         and _count(control) == pieces * (degrees[1] + 1) * CONTROL_COMPONENTS

@@ -675,9 +675,78 @@ def script(log: Log) -> Iterator[Lie]:
     yield Lie("script and rules of 0.3 m together", "VRF201", together, script=True)
 
 
+def hostile(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """Sizes that would keep a verifier busy for ever."""
+
+    def endless(found):
+        legs = [pb.Segment.FromString(one.data) for one in found.of("/show/segments")]
+        number = next(k for k, leg in enumerate(legs) if leg.kind == leg.HOLD)
+        more = 1e6 - legs[number].duration
+
+        def longer(message):
+            message.duration += more
+
+        found.edit("/show/rules", 0, pb.Rules, longer)
+        epoch = found.messages[0].time
+        for at, leg in enumerate(legs):
+            if at == number:
+                found.edit("/show/segments", at, pb.Segment, longer)
+            if leg.start > legs[number].start:
+
+                def later(message):
+                    message.start += more
+
+                found.edit("/show/segments", at, pb.Segment, later)
+        for drone in range(1, 3):
+
+            def held(message):
+                message.breaks[-1] = 1e6
+
+            found.edit(f"/drone/{drone:04d}/trajectory", number, pb.Trajectory, held)
+        for message in found.messages:
+            if message.time - epoch > legs[number].start * 1e9 + 1.0:
+                message.time += round(more * 1e9)
+
+    def witness(found):
+        def change(message):
+            certificate = message.certificate
+            certificate.dual_bound = certificate.witness.time = 0.5
+            certificate.witness.knots.extend(np.linspace(0.0, 1.0, 100_000))
+            certificate.witness.multipliers.extend([0.001] * 300_000)
+
+        found.edit("/show/segments", 0, pb.Segment, change)
+
+    def pieces(found):
+        def change(message):
+            count, end = 100_000, message.breaks[-1]
+            state, control = list(message.state[:12]), list(message.control[:4])
+            del message.breaks[:], message.state[:], message.control[:]
+            message.state_degree = message.control_degree = 0
+            message.breaks.extend(np.linspace(0.0, end, count + 1))
+            message.state.extend(state * count)
+            message.control.extend(control * count)
+
+        found.edit("/drone/0001/trajectory", 2, pb.Trajectory, change)
+
+    def fast(found):
+        def change(message):
+            message.log_rate = 999.0
+
+        found.edit("/show/rules", 0, pb.Rules, change)
+
+    def wide(found):
+        found.script(lambda _: b"showc: 1\na: [" + b"1," * 1_900_000 + b"1]\n")
+
+    yield Lie("a hold of 1e6 s", DAMAGE, endless)
+    yield Lie("a witness of 100,000 knots", DAMAGE, witness)
+    yield Lie("a trajectory of 100,000 intervals", DAMAGE, pieces)
+    yield Lie("999 samples a second", "VRF203", fast)
+    yield Lie("a script of two million values", "VRF202", wide)
+
+
 TABLE = (
     *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
-    *(scene, timing, channels, trajectories, script),
+    *(scene, timing, channels, trajectories, script, hostile),
 )
 """Generators of lies."""
 

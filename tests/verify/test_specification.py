@@ -1,0 +1,109 @@
+"""Choices that the script leaves are checked: groups, parking, assignment, times."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from verified import loaded
+
+from showc.pipeline.compile import CompileOptions, compile_script
+from showc.script import load_show
+from showc.verify import verify_log
+from showc.verify.specification.demands import hold_against
+
+SCRIPT = """\
+showc: 1
+name: Groups
+drones: 6
+separation: 1.5
+vehicle: formation-625g
+pads: {type: grid, rows: 2, columns: 3, step: 4}
+launch: {altitude: 6, hold: 1}
+groups: {left: [1, 2, 3], right: [4, 5, 6]}
+formations:
+  near: {type: circle, count: 3, radius: 4, centre: [-15, 0, 12], colour: red}
+  far: {type: circle, count: 3, radius: 4, centre: [15, 0, 14], colour: blue}
+  four: {type: circle, count: 4, radius: 6, centre: [0, 0, 20], colour: gold}
+  wait: {type: line, count: 3, length: 8, centre: [0, -15, 8]}
+parking: wait
+transitions:
+  - {to: near, group: left, hold: 1, assignment: fixed}
+  - {to: far, group: right, hold: 2}
+  - {to: four, hold: 1, duration: 12}
+  - {to: four, hold: 1, assignment: fixed, colour: blue, fade: start}
+landing: {altitude: 6}
+"""
+LEGS = {"launch": 0, "groups": 2, "four": 4, "fixed": 6, "approach": 8, "land": 9}
+"""Position of some legs in the show."""
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("groups")
+    script = folder / "groups.yaml"
+    script.write_text(SCRIPT)
+    compile_script(script, folder / "output.mcap", CompileOptions(missions=False))
+    return folder
+
+
+def found(compiled, number, change):
+    """Findings on places if the goals and places of one leg are others."""
+    _, logged = loaded(compiled / "output.mcap")
+    segments = list(logged.segments)
+    goals = segments[number].goals.copy()
+    message = type(segments[number].message)()
+    message.CopyFrom(segments[number].message)
+    change(goals, message)
+    segments[number] = replace(segments[number], goals=goals, message=message)
+    show = load_show(compiled / "groups.yaml").show
+    return hold_against(show, replace(logged, segments=tuple(segments)))
+
+
+def swap(goals, message, first, second):
+    places = list(message.places)
+    goals[[first, second]] = goals[[second, first]]
+    places[first], places[second] = places[second], places[first]
+    message.places[:] = places
+
+
+def test_groups_parking_and_times_are_those_of_the_script(compiled):
+    verification = verify_log(compiled / "output.mcap", script=compiled / "groups.yaml")
+    assert verification.failures() == set()
+    assert verification.missions == "none"
+
+
+def test_drones_of_a_fixed_assignment_may_not_change_places(compiled):
+    wrong = found(compiled, LEGS["fixed"], lambda g, m: swap(g, m, 0, 1))
+    assert any("numbers" in text for text in wrong.places)
+
+
+def test_drones_of_an_optimal_assignment_may(compiled):
+    number = LEGS["four"]
+    _, logged = loaded(compiled / "output.mcap")
+    message = logged.segments[number].message
+    first, second = np.flatnonzero(np.array(message.places) >= 0)[:2]
+    wrong = found(compiled, number, lambda g, m: swap(g, m, first, second))
+    # What comes after it no longer fits: the hold is in the former places.
+    assert not any(text.startswith(f"“{message.name}”") for text in wrong.places)
+
+
+def test_a_place_taken_twice_is_found(compiled):
+    def change(goals, _):
+        goals[0] = goals[1]
+
+    wrong = found(compiled, LEGS["four"], change)
+    assert any("twice" in text for text in wrong.places)
+
+
+def test_a_group_may_not_take_the_others_places(compiled):
+    wrong = found(compiled, LEGS["groups"], lambda g, m: swap(g, m, 0, 3))
+    assert wrong.places
+
+
+@pytest.mark.parametrize("number", LEGS.values())
+def test_a_goal_off_its_place_by_a_micrometre_is_found(compiled, number):
+    def change(goals, _):
+        goals[2, 1] += 1e-6
+
+    wrong = found(compiled, number, change)
+    assert wrong.places or wrong.rules
