@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import logging
 import os
 import random
 import resource
@@ -303,6 +304,8 @@ def _child(subject, folder, case, limit, said):
         descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
+        # What is logged is told to standard error, as in the command.
+        logging.root.handlers.clear()
         subject.attempt(folder, case)
         status = 0
     except BaseException:  # noqa: BLE001 - all of it is told

@@ -48,6 +48,7 @@ def checked(folder, *arguments):
         timeout=300,
         env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     )
+    assert "Traceback" not in done.stderr
     assert done.returncode == 0, done.stderr[-2000:] + done.stdout[-500:]
     assert not (Path(folder) / "showc-crash.txt").exists()
     *report, last = done.stdout.strip().splitlines()

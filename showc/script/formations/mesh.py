@@ -97,9 +97,8 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
         )
     judge(content, name, suffix)
     trimesh = _trimesh()
-    log = logging.getLogger("trimesh")
-    heard = log.disabled
-    log.disabled = True  # it tells of damaged files there, with tracebacks
+    heard = logging.root.manager.disable
+    logging.disable()  # it tells everyone of damaged files, with tracebacks
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -114,7 +113,7 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
     except Exception:  # noqa: BLE001 - readers of models raise anything
         raise _unreadable(name, suffix) from None
     finally:
-        log.disabled = heard
+        logging.disable(heard)
     if corners.shape[1:] != (3, 3):
         raise _unreadable(name, suffix)
     if len(corners) > MAX_TRIANGLES:
