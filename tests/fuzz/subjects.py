@@ -304,6 +304,7 @@ def _child(subject, folder, case, limit, said):
         descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
+        sys.stdout, sys.stderr = (os.fdopen(number, "w") for number in (1, 2))
         # What is logged is told to standard error, as in the command.
         logging.root.handlers.clear()
         subject.attempt(folder, case)
