@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from showc.vehicle_link.setpoints import NEGLIGIBLE
+
 if TYPE_CHECKING:
     import socket
     from collections.abc import Sequence
@@ -28,9 +30,6 @@ RATE_JERK = 2.0
 JERK = 10.0
 """Jerk that a change of rate may add [m/s³]: two thirds of the 15 m/s³ that autopilots
 need to follow solved flights."""
-
-STILL = 1e-6
-"""Speeds below this do not bound the rate [m/s]."""
 
 
 class Clock(Protocol):
@@ -85,7 +84,7 @@ class ShowClock:
         self.rate_change = 0.0
         self._plan, self._authority = plan, authority
         self._goal = 0.0
-        speed = max(plan.greatest_speed, STILL)
+        speed = max(plan.greatest_speed, NEGLIGIBLE)
         self._jerk = min(RATE_JERK, JERK / speed)
 
     @property
@@ -131,11 +130,15 @@ class ShowClock:
         wanted = min(wanted, abs(left) / span)
         present = max(sign * self.rate_change, 0.0)
         wanted = min(wanted, present + self._jerk * span)
-        instant = self._plan.at(self.time)
-        room = self._authority.room(
-            sign * instant.velocity, self.rate**2 * instant.acceleration
-        )
-        return float(sign * min(wanted, room))
+        # What is sent is the end of the period: both of its ends have to fit.
+        for ahead in (0.0, span):
+            rate = self.rate + sign * wanted * ahead
+            instant = self._plan.at(self.time + 0.5 * (self.rate + rate) * ahead)
+            room = self._authority.room(
+                sign * instant.velocity, rate**2 * instant.acceleration
+            )
+            wanted = min(wanted, room)
+        return float(sign * wanted)
 
 
 class Rounds:

@@ -38,8 +38,11 @@ SETTLING = 2.0
 """Time for which a stopped fleet is held by setpoints, before it lands or is handed to
 its autopilots [s]."""
 
-LANDING_TIME = 90.0
-"""Time in which vehicles must have landed [s]."""
+LANDING_TIME = 60.0
+"""Time in which vehicles must have landed, besides that of the descent [s]."""
+
+DESCENT_SPEED = 0.5
+"""Slowest mean speed of a landing [m/s]: ArduCopter's last ten metres by default."""
 
 HOLDING_TIME = 10.0
 """Time in which they must have taken over the hold, or their parameters back [s]."""
@@ -340,8 +343,14 @@ class Conductor:
 
     def _brought_down(self, pilots: list[Pilot]) -> str:
         """Land these vehicles and wait until they are disarmed."""
-        deadline = self.clock.now() + LANDING_TIME
         flying = list(pilots)
+        heights = [
+            float(place.position[2] - pilot.pad[2])
+            for pilot in pilots
+            if (place := pilot.tells.place) is not None
+        ]
+        descent = max(heights, default=0.0) / DESCENT_SPEED
+        deadline = self.clock.now() + LANDING_TIME + descent
         while flying:
             now = self._listen(0.05)
             if now > deadline:

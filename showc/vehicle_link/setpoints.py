@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 GRID = 0.02
 """Step of the times at which the plan's greatest values are looked for [s]."""
 
+NEGLIGIBLE = 1e-3
+"""Speeds below this bound no change of the clock's rate [m/s]: of at most 1 a second,
+which adds a thousandth of a m/s²."""
+
 AUTOPILOT_JERK = 15.0
 """Jerk limit that ArduCopter needs to follow solved flights [m/s³]: with its default of
 5 it flew 2.4 to 5.5 m off, from 15 on the limit no longer decided."""
@@ -73,7 +77,7 @@ class Authority:
         velocity
             Of each drone, shape (n, 3) [m/s].
         acceleration
-            Likewise [m/s²]; where it is beyond the envelope there is no room.
+            Likewise [m/s²]; where it is beyond the authority there is no room.
         """
         flat, push = velocity[:, :2], acceleration[:, :2]
         square = np.sum(flat * flat, axis=1)
@@ -82,11 +86,12 @@ class Authority:
         root = np.sqrt(np.maximum(along**2 - square * over, 0.0))
         rise, lift = velocity[:, 2], acceleration[:, 2]
         end = np.where(rise > 0.0, self.up - lift, -self.down - lift)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.where(square > 0.0, (root - along) / square, np.inf)
-            upright = np.where(rise != 0.0, end / rise, np.inf)
-        # Beyond the envelope already, and moving further out: no room.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            level, upright = (root - along) / square, end / rise
+        # Beyond the authority already, and moving further out: no room.
         level = np.where((over > 0.0) & (along >= 0.0), 0.0, level)
+        level = np.where(square > NEGLIGIBLE**2, level, np.inf)
+        upright = np.where(np.abs(rise) > NEGLIGIBLE, upright, np.inf)
         return max(0.0, float(min(level.min(), upright.min())))
 
 
