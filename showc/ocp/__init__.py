@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
     from showc.ocp.collocation.transcription import Transcription
     from showc.ocp.coupling import Imposed
+    from showc.ocp.fault import StatementError
     from showc.ocp.graded.loop import GradedOptions, solve_graded
-    from showc.ocp.guess import Guess
+    from showc.ocp.guess import Data, Guess
     from showc.ocp.history import (
         Decision,
         IntervalRecord,
@@ -35,12 +36,13 @@ if TYPE_CHECKING:
     from showc.ocp.outcome import ErrorEstimate, Result
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.quantity import HalfSpaces
-    from showc.ocp.solution import Multipliers, PhaseSolution, Solution
+    from showc.ocp.solution import Multipliers, Optimum, PhaseSolution, Solution
 
 __all__ = [
     "Agent",
     "AgentsOptions",
     "AgentsSolution",
+    "Data",
     "Decision",
     "ErrorEstimate",
     "GradedOptions",
@@ -52,6 +54,7 @@ __all__ = [
     "Mesh",
     "MeshRecord",
     "Multipliers",
+    "Optimum",
     "Options",
     "Overrides",
     "Phase",
@@ -63,6 +66,7 @@ __all__ = [
     "Solution",
     "SolverMissingError",
     "SolverOptions",
+    "StatementError",
     "Step",
     "Transcription",
     "margins",
@@ -87,7 +91,9 @@ _HOMES = {
     "Imposed": "coupling",
     "GradedOptions": "graded.loop",
     "solve_graded": "graded.loop",
+    "Data": "guess",
     "Guess": "guess",
+    "StatementError": "fault",
     "Decision": "history",
     "IntervalRecord": "history",
     "MeshRecord": "history",
@@ -100,6 +106,7 @@ _HOMES = {
     "HalfSpaces": "quantity",
     "ErrorEstimate": "outcome",
     "Multipliers": "solution",
+    "Optimum": "solution",
     "PhaseSolution": "solution",
     "Result": "outcome",
     "Solution": "solution",

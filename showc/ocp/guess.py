@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from showc.ocp.fault import StatementError, check_known
+
 if TYPE_CHECKING:
+    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution
 
 FloatArray = NDArray[np.float64]
 
-Curve = float | FloatArray | Callable[[FloatArray], FloatArray]
-"""A number, values at equal steps over the phase, or a function of the fraction of
-the phase (an array in [0, 1])."""
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """Values at given times, joined by straight lines; constant before and after."""
+
+    times: Sequence[float] | FloatArray
+    """Increasing, in the problem's unit of time."""
+    values: Sequence[float] | FloatArray
+
+    def __post_init__(self) -> None:
+        times, values = np.asarray(self.times), np.asarray(self.values)
+        if times.shape != values.shape or times.ndim != 1 or times.size == 0:
+            raise StatementError(
+                f"data with {times.shape} times and {values.shape} values; wanted one "
+                "value for each time"
+            )
+        if not np.all(np.isfinite([times, values])) or np.any(np.diff(times) <= 0.0):
+            raise StatementError("the times of data do not increase, or are no numbers")
+
+
+Curve = float | FloatArray | Data | Callable[[FloatArray], FloatArray]
+"""A number, values at equal steps over the phase, values at given times, or a function
+of the fraction of the phase (an array in [0, 1])."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +58,58 @@ class Guess:
     statics: Mapping[str, float] = field(default_factory=dict)
 
 
-def sample(curve: Curve, fraction: FloatArray) -> FloatArray:
-    """Values of ``curve`` at ``fraction`` of the phase."""
+def check_guess(problem: Problem, guess: object) -> None:
+    """Raise where a guess is none, or names what the problem does not have.
+
+    Raises
+    ------
+    StatementError
+        With the names there are.
+    """
+    if guess is None or hasattr(guess, "phases"):
+        return
+    if not isinstance(guess, Guess):
+        hint = "ocp.Guess({...})" if isinstance(guess, dict) else "an ocp.Guess"
+        raise StatementError(
+            f"the guess is of type {type(guess).__name__}; wanted {hint} or a solution"
+        )
+    phases = {phase.name for phase in problem.phases}
+    known = [
+        called
+        for phase in problem.phases
+        for name in (*phase.states, *phase.controls)
+        for called in (name, f"{phase.name}.{name}")
+    ]
+    check_known(guess.curves, known, "the guess")
+    check_known(guess.durations, phases, "the guess of durations")
+    check_known(guess.starts, phases, "the guess of starts")
+    check_known(
+        guess.statics, [s.name for s in problem.statics], "the guess of statics"
+    )
+    for name, curve in guess.curves.items():
+        if callable(curve) or isinstance(curve, Data):
+            continue
+        values = np.asarray(curve, dtype=object)
+        numbers = all(isinstance(v, (int, float, np.number)) for v in values.ravel())
+        if (
+            values.ndim > 1
+            or not numbers
+            or not np.all(np.isfinite(values.astype(float)))
+        ):
+            raise StatementError(
+                f"the guess of {name!r} has the shape {values.shape}; wanted a number, "
+                "a row of numbers, ocp.Data, or a function of the fraction of the phase"
+            )
+
+
+def sample(
+    curve: Curve, fraction: FloatArray, start: float = 0.0, duration: float = 1.0
+) -> FloatArray:
+    """Values of ``curve`` at ``fraction`` of a phase that lies there in time."""
+    if isinstance(curve, Data):
+        return np.asarray(
+            np.interp(start + fraction * duration, curve.times, curve.values)
+        )
     if callable(curve):
         return np.broadcast_to(np.asarray(curve(fraction), dtype=float), fraction.shape)
     values = np.atleast_1d(np.asarray(curve, dtype=np.float64))

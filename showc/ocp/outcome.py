@@ -16,6 +16,7 @@ class Result(Enum):
     CONTRADICTION = "The bounds contradict each other before any search."
     ITERATION_LIMIT = "The solver used all its iterations."
     TIME_LIMIT = "The solver used all its time."
+    UNBOUNDED = "The objective improves without limit; a bound is missing."
     DIVERGED = "The iterates grow without limit; a bound is missing."
     INVALID_NUMBER = "The problem's functions gave an invalid number."
     FAILED = "The solver failed for a reason of its own."

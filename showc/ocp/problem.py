@@ -7,10 +7,21 @@ and CasADi's functions (``casadi.sin``, ...). Units are the user's own.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import casadi
+import numpy as np
 
 from showc.ocp.coupling import GREATEST_DEGREE, polynomial_degree
+from showc.ocp.fault import (
+    StatementError,
+    check_known,
+    check_name,
+    check_scale,
+    scalar,
+    users_line,
+)
 from showc.ocp.quantity import (
     Bound,
     Control,
@@ -21,6 +32,12 @@ from showc.ocp.quantity import (
     interval,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+GREATEST_INDEX = 5
+"""Greatest differential index that is looked for."""
+
 
 class Phase:
     """A stretch of time with its own states, controls and dynamics."""
@@ -29,6 +46,8 @@ class Phase:
         self, name: str, start: tuple[Bound, Bound], duration: tuple[Bound, Bound]
     ) -> None:
         self.name = name
+        self.line = users_line()
+        """File and line where the phase is stated."""
         self.start = start
         self.duration_bounds = duration
         self.time: Expression = casadi.SX.sym(f"{name}.time")
@@ -59,6 +78,7 @@ class Phase:
         start: object = None,
         end: object = None,
         scale: float | None = None,
+        shape: int | tuple[int, int] | None = None,
     ) -> Expression:
         """Add a state that keeps ``lower`` and ``upper`` at every instant.
 
@@ -73,19 +93,36 @@ class Phase:
             or ``None`` for free.
         scale
             Typical magnitude; by default from bounds, ends and guess.
+        shape
+            Length of a vector, or rows and columns of a matrix, whose elements are
+            states named ``name[0]`` or ``name[0,1]``. Bounds and end values are then
+            for all elements, or arrays (for ends also nested lists) of that shape.
 
         Returns
         -------
         casadi.SX
-            The symbol to write expressions with.
+            The symbol to write expressions with, of the shape asked for.
+
+        Raises
+        ------
+        StatementError
+            If the name is taken, or a bound or end value makes no sense.
         """
-        self._check_new(name)
-        low, high = interval((lower, upper))
+        if shape is not None:
+            return elements(
+                name,
+                shape,
+                {"lower": lower, "upper": upper, "start": start, "end": end},
+                partial(self.state, scale=scale),
+            )
+        self._check_new(name, "state", scale)
+        what = f"state {name!r}"
+        low, high = interval((lower, upper), what)
         symbol = casadi.SX.sym(name)
         self.states[name] = State(
-            Quantity(name, symbol, low, high, scale),
-            interval(start),
-            interval(end),
+            Quantity(name, symbol, low, high, scale, users_line()),
+            interval(start, f"the start of {what}"),
+            interval(end, f"the end of {what}"),
             casadi.SX.sym(f"{name}(start)"),
             casadi.SX.sym(f"{name}(end)"),
         )
@@ -100,18 +137,30 @@ class Phase:
         degree: int | None = None,
         continuous: bool = False,
         scale: float | None = None,
+        shape: int | tuple[int, int] | None = None,
     ) -> Expression:
         """Add a control that keeps ``lower`` and ``upper`` at every instant.
 
         ``degree`` is that of its polynomial on each mesh interval: 0 (constant), 1
         (linear), higher, or ``None`` to leave it to the solver (one less than the
-        state's degree on a plain transcription).
+        state's degree on a plain transcription). ``continuous``: whether neighbouring
+        intervals share the value at their border. ``shape``: of a vector or matrix, as
+        :meth:`state` takes it.
         """
-        self._check_new(name)
-        low, high = interval((lower, upper))
+        if shape is not None:
+            make = partial(
+                self.control, degree=degree, continuous=continuous, scale=scale
+            )
+            return elements(name, shape, {"lower": lower, "upper": upper}, make)
+        self._check_new(name, "control", scale)
+        if degree is not None and (not isinstance(degree, int) or degree < 0):
+            raise StatementError(
+                f"the degree of control {name!r} is {degree!r}; wanted 0, 1, ..."
+            )
+        low, high = interval((lower, upper), f"control {name!r}")
         symbol = casadi.SX.sym(name)
         self.controls[name] = Control(
-            Quantity(name, symbol, low, high, scale),
+            Quantity(name, symbol, low, high, scale, users_line()),
             degree,
             continuous,
             casadi.SX.sym(f"{name}(start)"),
@@ -120,8 +169,32 @@ class Phase:
         return symbol
 
     def derivative(self, state: Expression, expression: Expression) -> None:
-        """Set the time derivative of ``state``."""
-        self.derivatives[self._name_of(state)] = casadi.SX(expression)
+        """Set the time derivative of ``state``, a symbol or a vector or matrix of them.
+
+        Raises
+        ------
+        StatementError
+            If it is no state of this phase, or the shapes differ.
+        """
+        symbols = casadi.SX(state)
+        if symbols.numel() != 1:
+            rates = casadi.SX(expression)
+            if rates.shape != symbols.shape:
+                raise StatementError(
+                    f"the derivative has the shape {rates.shape}, the state "
+                    f"{symbols.shape}; wanted one rate for each element"
+                )
+            for symbol, rate in zip(_entries(symbols), _entries(rates), strict=True):
+                self.derivative(symbol, rate)
+            return
+        name = self._name_of(state)
+        if name not in self.states:
+            raise StatementError(
+                f"{name!r} is a control of phase {self.name!r}; only states have a "
+                "derivative. To limit a control's rate make it a state whose "
+                "derivative is a new control"
+            )
+        self.derivatives[name] = scalar(expression, f"the derivative of {name!r}")
 
     def constrain(
         self,
@@ -132,15 +205,22 @@ class Phase:
         name: str | None = None,
         scale: float | None = None,
     ) -> None:
-        """Bound ``expression`` of states, controls, time and statics at all times."""
-        low, high = interval((lower, upper))
+        """Bound ``expression`` of states, controls, time and statics at all times.
+
+        With ``lower`` equal to ``upper`` it is an equation, which determines a control
+        (an algebraic variable); its index is
+        :meth:`index_of`.
+        """
         title = name or f"path constraint {len(self.path_constraints) + 1}"
         if any(other.name == title for other in self.path_constraints):
-            raise ValueError(
+            raise StatementError(
                 f"phase {self.name!r} has two path constraints named {title!r}"
             )
+        low, high = interval((lower, upper), f"path constraint {title!r}")
+        check_scale(scale, f"path constraint {title!r}")
+        symbol = scalar(expression, f"path constraint {title!r}")
         self.path_constraints.append(
-            Quantity(title, casadi.SX(expression), low, high, scale)
+            Quantity(title, symbol, low, high, scale, users_line())
         )
 
     def constrain_rate(
@@ -163,6 +243,33 @@ class Phase:
         expression = found[0] if len(found) == 1 else sum(rate**2 for rate in found)
         self.constrain(expression, lower, upper, name=name, scale=scale)
         self.rates[name] = names
+
+    def index_of(self, name: str) -> int | None:
+        """Return the differential index of the path equation ``name``.
+
+        It is one more than the number of times that the equation must be differentiated
+        by time until a control enters it. An index of 1 is an algebraic equation for a
+        control; with a higher one the equation restricts the states themselves, and is
+        better stated in its differentiated form with end conditions.
+
+        Returns
+        -------
+        int or None
+            ``None``: no control enters it at all, up to an index of 5.
+        """
+        known = {constraint.name: constraint for constraint in self.path_constraints}
+        check_known([name], known, f"index_of of phase {self.name!r}")
+        states = [state.quantity.symbol for state in self.states.values()]
+        rates = [self.derivatives[key] for key in self.states]
+        controls = casadi.vertcat(*[c.quantity.symbol for c in self.controls.values()])
+        expression = known[name].symbol
+        for index in range(1, GREATEST_INDEX + 1):
+            if self.controls and casadi.depends_on(expression, controls):
+                return index
+            slopes = casadi.jacobian(expression, casadi.vertcat(*states))
+            later = casadi.jacobian(expression, self.time)
+            expression = casadi.mtimes(slopes, casadi.vertcat(*rates)) + later
+        return None
 
     def couple(
         self,
@@ -194,35 +301,44 @@ class Phase:
         ValueError
             If the expression is no such polynomial, or the name is taken.
         """
-        low, high = interval((lower, upper))
         title = name or f"coupling {len(self.couplings) + 1}"
         if any(other.name == title for other in self.couplings):
-            raise ValueError(f"phase {self.name!r} has two couplings named {title!r}")
+            raise StatementError(
+                f"phase {self.name!r} has two couplings named {title!r}"
+            )
+        low, high = interval((lower, upper), f"coupling {title!r}")
+        expression = scalar(expression, f"coupling {title!r}")
         states = casadi.vertcat(*[s.quantity.symbol for s in self.states.values()])
         others = [c.quantity.symbol for c in self.controls.values()]
         others += [self.time, self.initial_time, self.duration]
         depends = casadi.depends_on(casadi.SX(expression), casadi.vertcat(*others))
         if depends or polynomial_degree(expression, states) is None:
-            raise ValueError(
+            raise StatementError(
                 f"coupling {title!r} of phase {self.name!r} is no polynomial of degree "
                 f"{GREATEST_DEGREE} at most in the states; state it as one (a squared "
                 "distance, say), or use constrain"
             )
-        self.couplings.append(Quantity(title, casadi.SX(expression), low, high, scale))
+        line = users_line()
+        self.couplings.append(Quantity(title, expression, low, high, scale, line))
 
     def integral(self, expression: Expression) -> Expression:
         """Symbol of the integral of ``expression`` over the phase."""
         symbol = casadi.SX.sym(f"{self.name}.integral{len(self.integrals)}")
-        self.integrals.append((symbol, casadi.SX(expression)))
+        self.integrals.append((symbol, scalar(expression, "the integrand")))
         return symbol
 
     def initial(self, quantity: Expression) -> Expression:
         """Symbol of a state's or control's value at the start of the phase."""
-        return self._member(quantity).initial
+        return self._ends(quantity, "initial")
 
     def final(self, quantity: Expression) -> Expression:
         """Symbol of a state's or control's value at the end of the phase."""
-        return self._member(quantity).final
+        return self._ends(quantity, "final")
+
+    def _ends(self, quantity: Expression, which: str) -> Expression:
+        symbols = casadi.SX(quantity)
+        ends = [getattr(self._member(one), which) for one in _entries(symbols)]
+        return casadi.reshape(casadi.vertcat(*ends), *symbols.shape)
 
     def half_space(self, name: str, states: list[Expression], rows: int) -> None:
         """Add ``rows`` linear constraints per interval on Bernstein coefficients.
@@ -232,19 +348,25 @@ class Phase:
         names = tuple(self._name_of(state) for state in states)
         self.half_spaces.append(HalfSpaces(name, names, rows))
 
-    def _check_new(self, name: str) -> None:
+    def _check_new(self, name: str, kind: str, scale: float | None) -> None:
+        check_name(name, f"a {kind} of phase {self.name!r}")
         if name in self.states or name in self.controls:
-            raise ValueError(f"phase {self.name!r} has two quantities named {name!r}")
+            raise StatementError(
+                f"phase {self.name!r} has two quantities named {name!r}"
+            )
+        check_scale(scale, f"{kind} {name!r}")
 
     def _name_of(self, symbol: Expression) -> str:
         name = str(symbol)
+        if isinstance(symbol, casadi.MX):
+            raise StatementError(f"{name} is a CasADi MX; wanted a symbol of state()")
         for table in (self.states, self.controls):
             if name in table and casadi.is_equal(
                 table[name].quantity.symbol,
                 symbol,
             ):
                 return name
-        raise ValueError(
+        raise StatementError(
             f"{name} is no state or control of phase {self.name!r}; wanted one of "
             f"{', '.join([*self.states, *self.controls])}"
         )
@@ -276,11 +398,13 @@ class Problem:
     statics: list[Quantity] = field(default_factory=list)
     boundary_constraints: list[Quantity] = field(default_factory=list)
     links: list[tuple[int, int, tuple[str, ...]]] = field(default_factory=list)
-    objective: Expression = field(default_factory=lambda: casadi.SX(0))
+    objective: Expression = None
+    """``None``: not stated yet."""
     maximises: bool = False
 
     def parameter(self, name: str, default: float | None = None) -> Expression:
         """Add a number that is given anew for each solve."""
+        self._check_new(name, "parameter")
         symbol = casadi.SX.sym(name)
         self.parameters[name] = (symbol, default)
         return symbol
@@ -294,9 +418,11 @@ class Problem:
         scale: float | None = None,
     ) -> Expression:
         """Add an unknown that does not change with time."""
-        low, high = interval((lower, upper))
+        self._check_new(name, "static")
+        check_scale(scale, f"static {name!r}")
+        low, high = interval((lower, upper), f"static {name!r}")
         symbol = casadi.SX.sym(name)
-        self.statics.append(Quantity(name, symbol, low, high, scale))
+        self.statics.append(Quantity(name, symbol, low, high, scale, users_line()))
         return symbol
 
     def phase(
@@ -320,11 +446,13 @@ class Problem:
             of a linked phase is where the one before ends, whatever is said here.
         """
         if any(phase.name == name for phase in self.phases):
-            raise ValueError(f"problem {self.name!r} has two phases named {name!r}")
-        low, high = interval(duration)
+            raise StatementError(f"problem {self.name!r} has two phases named {name!r}")
+        check_name(name, f"a phase of problem {self.name!r}")
+        low, high = interval(duration, f"the duration of phase {name!r}")
         if isinstance(low, (int, float)) and low < 0.0:
             low = 0.0
-        phase = Phase(name, interval(start), (low, high))
+        begin = interval(start, f"the start of phase {name!r}")
+        phase = Phase(name, begin, (low, high))
         self.phases.append(phase)
         return phase
 
@@ -338,41 +466,223 @@ class Problem:
         scale: float | None = None,
     ) -> None:
         """Bound an expression of end values, times, integrals and statics."""
-        low, high = interval((lower, upper))
         title = name or f"boundary constraint {len(self.boundary_constraints) + 1}"
+        what = f"boundary constraint {title!r}"
+        if any(title == other.name for other in self.boundary_constraints):
+            raise StatementError(f"problem {self.name!r} has two of the name {title!r}")
+        low, high = interval((lower, upper), what)
+        check_scale(scale, what)
         self.boundary_constraints.append(
-            Quantity(title, casadi.SX(expression), low, high, scale)
+            Quantity(title, scalar(expression, what), low, high, scale, users_line())
         )
 
     def link(
-        self, first: Phase, second: Phase, states: list[str] | None = None
+        self,
+        first: Phase,
+        second: Phase,
+        states: Sequence[str] | None = None,
+        *,
+        jumps: Mapping[str, Expression] | None = None,
     ) -> None:
-        """Let ``second`` start when and where ``first`` ends.
+        """Let ``second`` start when, and as far as is said where, ``first`` ends.
 
-        ``states`` names those that are continuous; by default all that both have.
+        Parameters
+        ----------
+        first, second
+            Phases of this problem.
+        states
+            Names of the states that are continuous; by default all that both have and
+            that do not jump. An empty list links the times alone.
+        jumps
+            For states of ``second`` that start elsewhere: an expression of end values,
+            such as ``{"v": -0.8 * first.final(v)}``.
+
+        Raises
+        ------
+        StatementError
+            If a phase is not this problem's, or a state is not in both.
         """
-        names = states or [name for name in first.states if name in second.states]
+        for phase in (first, second):
+            if not any(phase is own for own in self.phases):
+                name = getattr(phase, "name", phase)
+                raise StatementError(f"{name!r} is no phase of problem {self.name!r}")
+        what = f"the link of phases {first.name!r} and {second.name!r}"
+        leaps = dict(jumps or {})
+        check_known(leaps, second.states, f"a jump in {what}")
+        shared = [name for name in first.states if name in second.states]
+        if isinstance(states, str):
+            raise StatementError(
+                f"{what} has a text for states; wanted a list of names"
+            )
+        names = [n for n in shared if n not in leaps] if states is None else states
+        check_known(names, shared, what)
+        if both := sorted(set(names) & set(leaps)):
+            raise StatementError(f"{what} has {both[0]!r} both continuous and jumping")
+        for name, value in leaps.items():
+            self.constrain_boundary(
+                second.states[name].initial - scalar(value, f"the jump of {name!r}"),
+                0.0,
+                0.0,
+                name=f"jump of {name} to phase {second.name}",
+            )
         before, after = self.phases.index(first), self.phases.index(second)
         self.links.append((before, after, tuple(names)))
 
     def minimise(self, expression: Expression) -> None:
         """Set the objective, an expression of end values, times and integrals."""
-        self.objective = casadi.SX(expression)
+        self.objective = scalar(expression, "the objective")
         self.maximises = False
 
     def maximise(self, expression: Expression) -> None:
         """Set an objective to be made as large as possible."""
-        self.objective = casadi.SX(expression)
+        self.minimise(expression)
         self.maximises = True
 
+    def _check_new(self, name: str, kind: str) -> None:
+        taken = [*self.parameters, *(static.name for static in self.statics)]
+        check_name(name, f"a {kind} of problem {self.name!r}", taken)
+
     def check(self) -> None:
-        """Raise ``ValueError`` where the problem is not completely stated."""
+        """Raise :class:`StatementError` where the problem is not completely stated."""
         if not self.phases:
-            raise ValueError(f"problem {self.name!r} has no phase; add one")
+            raise StatementError(f"problem {self.name!r} has no phase; add one")
         for phase in self.phases:
             missing = [name for name in phase.states if name not in phase.derivatives]
             if missing:
-                raise ValueError(
+                raise StatementError(
                     f"phase {phase.name!r} has no derivative for state "
-                    f"{', '.join(missing)}; call phase.derivative"
+                    f"{', '.join(missing)}; call phase.derivative",
+                    phase.states[missing[0]].quantity.line,
                 )
+        if self.objective is None:
+            raise StatementError(
+                f"problem {self.name!r} has no objective; call minimise or maximise "
+                "(minimise(0) for any trajectory that keeps the constraints)",
+                self.phases[0].line,
+            )
+        self._check_symbols()
+
+    def _check_symbols(self) -> None:
+        """Raise where an expression has a symbol that it may not have."""
+        shared = [symbol for symbol, _ in self.parameters.values()]
+        statics = [static.symbol for static in self.statics]
+        ends: list[Expression] = [*shared, *statics]
+        inside: dict[str, str] = {}
+        for phase in self.phases:
+            members: list[State | Control] = [
+                *phase.states.values(),
+                *phase.controls.values(),
+            ]
+            ends += [phase.initial_time, phase.duration]
+            ends += [end for m in members for end in (m.initial, m.final)]
+            ends += [symbol for symbol, _ in phase.integrals]
+            known = [
+                *shared,
+                *statics,
+                phase.time,
+                *(m.quantity.symbol for m in members),
+            ]
+            inside |= {m.quantity.name: phase.name for m in members}
+            inside[phase.time.name()] = phase.name
+            named = [
+                (f"the derivative of {name!r}", rate, phase.states[name].quantity.line)
+                for name, rate in phase.derivatives.items()
+            ]
+            named += [
+                (f"path constraint {c.name!r}", c.symbol, c.line)
+                for c in phase.path_constraints
+            ]
+            named += [("an integrand", e, phase.line) for _, e in phase.integrals]
+            for what, expression, line in named:
+                for name in _foreign(expression, known):
+                    raise StatementError(
+                        f"{what} in phase {phase.name!r} contains {name!r}; it may "
+                        "contain states, controls and time of that phase, parameters "
+                        "and statics (a duration inside is a static equal to it)",
+                        line,
+                    )
+        for what, expression, line in [
+            ("the objective", self.objective, self.phases[0].line),
+            *(
+                (f"boundary constraint {c.name!r}", c.symbol, c.line)
+                for c in self.boundary_constraints
+            ),
+        ]:
+            for name in _foreign(expression, ends):
+                home = inside.get(name)
+                hint = (
+                    f"write initial({name}), final({name}) or an integral over phase "
+                    f"{home!r}"
+                    if home
+                    else "it may contain end values, times, integrals, parameters and "
+                    "statics of this problem"
+                )
+                raise StatementError(f"{what} contains {name!r} itself; {hint}", line)
+
+
+def _foreign(expression: Expression, known: Sequence[Expression]) -> list[str]:
+    """Names of symbols in ``expression`` that are not among the ``known`` ones."""
+    keys = {symbol.element_hash() for symbol in known}
+    used = casadi.symvar(casadi.SX(expression))
+    return [s.name() for s in used if s.element_hash() not in keys]
+
+
+def _entries(matrix: Expression) -> list[Expression]:
+    """Elements of a matrix, column by column."""
+    return list(casadi.vertsplit(casadi.vec(casadi.densify(matrix))))
+
+
+def elements(
+    name: str,
+    shape: int | tuple[int, int],
+    values: Mapping[str, object],
+    make: Callable[..., Expression],
+) -> Expression:
+    """Make a quantity for each element of a vector or matrix.
+
+    Parameters
+    ----------
+    name
+        Of the whole; an element is called ``name[i]`` or ``name[i,j]``.
+    shape
+        Length, or rows and columns.
+    values
+        Settings by name: one for all elements, or an array of the shape.
+    make
+        Called with an element's name and settings; returns its symbol.
+
+    Raises
+    ------
+    StatementError
+        If the shape makes no sense, or a setting has another one.
+    """
+    check_name(name, "a vector")
+    rows, columns = (shape, 1) if isinstance(shape, int) else shape
+    if rows < 1 or columns < 1:
+        raise StatementError(f"{name!r} has the shape {shape}; wanted 1 or more")
+    flat = isinstance(shape, int)
+
+    def setting(key: str, i: int, j: int) -> object:
+        value: Any = values[key]
+        if value is None or np.ndim(value) == 0 or isinstance(value, tuple):
+            return value
+        array = np.asarray(value, dtype=object)
+        wanted = (rows,) if flat else (rows, columns)
+        if array.shape != wanted:
+            raise StatementError(
+                f"{key!r} of {name!r} has the shape {array.shape}; wanted {wanted}, or "
+                "one value for all elements"
+            )
+        return array[i] if flat else array[i, j]
+
+    table = [
+        [
+            make(
+                f"{name}[{i}]" if flat else f"{name}[{i},{j}]",
+                **{key: setting(key, i, j) for key in values},
+            )
+            for j in range(columns)
+        ]
+        for i in range(rows)
+    ]
+    return casadi.vertcat(*[casadi.horzcat(*row) for row in table])

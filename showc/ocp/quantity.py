@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from showc.ocp.fault import StatementError, scalar
+
 Expression = Any
 """A CasADi ``SX`` scalar or a number."""
 
@@ -14,17 +16,33 @@ Bound = Any
 INFINITY = float("inf")
 
 
-def interval(value: object) -> tuple[Bound, Bound]:
-    """Read ``value`` as (lower, upper): a pair, one fixed value, or nothing."""
+def interval(value: object, what: str) -> tuple[Bound, Bound]:
+    """Read ``value`` as (lower, upper): a pair, one fixed value, or nothing.
+
+    ``what`` is bounded, for messages.
+
+    Raises
+    ------
+    StatementError
+        If it is none of these, or its lower bound lies above its upper one.
+    """
     if value is None:
         return -INFINITY, INFINITY
-    if isinstance(value, tuple):
-        lower, upper = value
-        return (
-            -INFINITY if lower is None else lower,
-            INFINITY if upper is None else upper,
-        )
-    return value, value
+    pair = value if isinstance(value, (tuple, list)) else (value, value)
+    if len(pair) != 2:
+        raise StatementError(f"{what} has {len(pair)} bounds; wanted lower and upper")
+    low = _bound(pair[0], -INFINITY, what)
+    high = _bound(pair[1], INFINITY, what)
+    if isinstance(low, float) and isinstance(high, float) and low > high:
+        raise StatementError(f"{what} is to be at least {low:g} and at most {high:g}")
+    return low, high
+
+
+def _bound(value: object, nothing: float, what: str) -> Bound:
+    if value is None:
+        return nothing
+    expression = scalar(value, f"a bound of {what}")
+    return float(expression) if expression.is_constant() else expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +55,8 @@ class Quantity:
     upper: Bound
     scale: float | None = None
     """Typical magnitude; ``None``: taken from the bounds and the guess."""
+    line: str = ""
+    """File and line where it is stated."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,12 +63,24 @@ class PhaseSolution:
         return self.states.end - self.states.start
 
     def state(self, name: str) -> PiecewisePolynomial:
-        """Return the polynomial of the state ``name``, one component."""
-        return self.states.select([self.state_names.index(name)])
+        """Return the polynomial of the state ``name``; of a vector, all."""
+        return self.states.select(_numbers(name, self.state_names))
 
     def control(self, name: str) -> PiecewisePolynomial:
-        """Return the polynomial of the control ``name``, one component."""
-        return self.controls.select([self.control_names.index(name)])
+        """Return the polynomial of the control ``name``; of a vector, all."""
+        return self.controls.select(_numbers(name, self.control_names))
+
+
+def _numbers(name: str, names: tuple[str, ...]) -> list[int]:
+    """Places of a quantity, or of all elements of a vector or matrix, in ``names``."""
+    found = [
+        i
+        for i, known in enumerate(names)
+        if known == name or known.startswith(f"{name}[")
+    ]
+    if not found:
+        raise KeyError(f"no {name!r}; there is {', '.join(names) or 'nothing'}")
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +92,18 @@ class Multipliers:
     of_constraints: FloatArray
     objective_scale: float = 1.0
     """What the objective was divided by, in its own unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """One of several optima that different starts led to."""
+
+    objective: float
+    result: Result | None
+    """How its refinement ended; ``None``: it was not refined, and its objective is that
+    of a first mesh."""
+    starts: tuple[int, ...]
+    """Numbers of the starts that led to it; 0 is the given or usual one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +124,8 @@ class Solution:
     history: tuple[MeshRecord, ...] = ()
     """Every mesh that was solved on the way, with what was done to each of its
     intervals and why; empty for a solve on a mesh of the caller's own."""
+    optima: tuple[Optimum, ...] = ()
+    """All optima that the starts led to, the best first; empty for a single start."""
 
     @property
     def duration(self) -> float:

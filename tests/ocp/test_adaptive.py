@@ -357,3 +357,24 @@ def test_effort_ends_the_refinement():
 
 def _stop(_: ocp.MeshRecord) -> None:
     raise StopIteration
+
+
+def test_several_starts_find_and_report_several_optima():
+    # Two valleys: past the obstacle on the near side, or on the far one.
+    problem = ocp.Problem("two ways")
+    phase = problem.phase(duration=1.0)
+    y = phase.state("y", -3.0, 3.0, start=0.0, end=0.0)
+    u = phase.control("u", -20.0, 20.0)
+    phase.derivative(y, u)
+    wall = ca.exp(-((phase.time - 0.5) ** 2) / 0.02)
+    phase.constrain((y - 0.3) ** 2 - wall, 0.0, None, name="wall")
+    problem.minimise(phase.integral(u**2))
+    one = ocp.solve(problem, options=ocp.Options(tolerance=1e-4))
+    many = ocp.solve(problem, options=ocp.Options(tolerance=1e-4, starts=5, jobs=2))
+    again = ocp.solve(problem, options=ocp.Options(tolerance=1e-4, starts=5))
+    assert len(many.optima) >= 2
+    objectives = [found.objective for found in many.optima]
+    assert objectives == sorted(objectives)
+    assert many.objective == objectives[0] <= one.objective * (1.0 + 1e-4)
+    assert sorted(k for found in many.optima for k in found.starts) == list(range(5))
+    assert many.optima == again.optima

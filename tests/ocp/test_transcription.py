@@ -167,6 +167,7 @@ def test_wrong_names_and_missing_parameters_are_refused():
 
 def test_an_incomplete_problem_is_refused():
     problem = ocp.Problem("half")
+    problem.minimise(0.0)
     with pytest.raises(ValueError, match="has no phase"):
         ocp.Transcription(problem, ocp.Mesh(()))
     phase = problem.phase("flight", duration=1.0)

@@ -16,13 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.adaptive.loop import solve as solve_adaptively
+from showc.ocp.adaptive.multistart import solve_from_many
 from showc.ocp.adaptive.nudge import nudged
 from showc.ocp.adaptive.options import Options
 from showc.ocp.audit.couplings import CouplingAuditor
 from showc.ocp.collocation.limits import Overrides, Statement
 from showc.ocp.coupling import Imposed, merged
+from showc.ocp.fault import StatementError
+from showc.ocp.guess import check_guess
 from showc.ocp.mesh import Mesh
 from showc.ocp.outcome import Result
+from showc.ocp.solution import Solution
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import PhaseMesh
     from showc.ocp.problem import Problem
-    from showc.ocp.solution import PhaseSolution, Solution
+    from showc.ocp.solution import PhaseSolution
 
 ROUNDS = 20
 """Greatest number of times that couplings are added or tightened."""
@@ -208,6 +212,33 @@ def solve(
         If the problem is not completely stated or a name is unknown.
     """
     chosen = options or Options()
+    if not isinstance(chosen, Options):
+        kind = type(chosen).__name__
+        raise StatementError(f"the options are of type {kind}; wanted ocp.Options")
+    problem.check()
+    check_guess(problem, guess)
+    if chosen.starts > 1:
+
+        def from_start(start: Guess | Solution | None, quick: bool) -> Solution:  # noqa: FBT001
+            one = replace(chosen, starts=1, meshes=1 if quick else chosen.meshes)
+            if not quick and isinstance(start, Solution):
+                one = replace(one, mesh=_same_mesh(start))
+            return solve(
+                problem,
+                guess=start,
+                parameters=parameters,
+                overrides=overrides,
+                options=one,
+            )
+
+        return solve_from_many(
+            problem,
+            guess,
+            parameters or {},
+            from_start,
+            starts=chosen.starts,
+            jobs=chosen.jobs,
+        )
     couplings = Couplings(problem, parameters or {})
     iterations = 0
     history: list[MeshRecord] = []

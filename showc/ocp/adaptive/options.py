@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from showc.ocp.collocation.solver import SolverOptions
+from showc.ocp.fault import StatementError
+from showc.ocp.nodes import Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from showc.ocp.adaptive.refine import Rule
     from showc.ocp.coupling import Imposed
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh
-    from showc.ocp.nodes import Scheme
+
+Rule = Literal["decay", "curvature"]
+"""How an interval is refined; see :mod:`showc.ocp.adaptive.refine`."""
 
 INNER_DEGREE = 3
 """Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
@@ -86,3 +89,20 @@ class Options:
     """How each nonlinear program is solved."""
     progress: Callable[[MeshRecord], None] | None = None
     """Called after each mesh."""
+    starts: int = 1
+    """Number of different starts, each solved; the best solution counts, and
+    :attr:`showc.ocp.Solution.optima` lists all that were found."""
+    jobs: int = 1
+    """Processes among which the starts are shared."""
+
+    def __post_init__(self) -> None:
+        least = {"tolerance": 1e-15, "meshes": 1, "points": 1, "effort": 0.0}
+        for name, low in (*least.items(), ("starts", 1), ("jobs", 1)):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float)) or not value >= low:
+                raise StatementError(f"{name} is {value!r}; wanted at least {low:g}")
+        for name, choice in (("scheme", Scheme), ("rule", Rule)):
+            value = getattr(self, name)
+            if value not in get_args(choice):
+                wanted = ", ".join(map(repr, get_args(choice)))
+                raise StatementError(f"{name} is {value!r}; wanted one of {wanted}")

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -34,12 +34,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.ocp.adaptive.options import Rule
     from showc.ocp.adaptive.switches import Structure
     from showc.ocp.solution import PhaseSolution
 
     FloatArray = NDArray[np.float64]
-
-Rule = Literal["decay", "curvature"]
 
 LEAST_POINTS = 3
 MOST_POINTS = 12

@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.ocp import scaling
 from showc.ocp.collocation.builder import Scales
+from showc.ocp.fault import check_known, check_scale
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,6 +62,7 @@ class Statement:
     """The problem's bounds with numbers put in for its parameters."""
 
     def __init__(self, problem: Problem) -> None:
+        problem.check()
         self.problem = problem
         self.names = list(problem.parameters)
         symbols = [symbol for symbol, _ in problem.parameters.values()]
@@ -125,7 +127,18 @@ class Statement:
         return Table(self.slots, np.asarray(self._function(parameters)).ravel())
 
     def scales(self, hints: Mapping[str, float]) -> Scales:
-        """Scales from bounds, end values and ``hints`` by name."""
+        """Scales from bounds, end values and ``hints`` by name.
+
+        Raises
+        ------
+        StatementError
+            If a hint is for nothing there is, or not above 0.
+        """
+        known = known_names(self.problem) | {s.name for s in self.problem.statics}
+        known |= {f"{phase.name}.duration" for phase in self.problem.phases}
+        check_known(hints, sorted({*known, "objective"}), "a scale")
+        for name, hint in hints.items():
+            check_scale(hint, repr(name))
         defaults = [
             np.nan if default is None else default
             for _, default in self.problem.parameters.values()
@@ -163,8 +176,8 @@ class Statement:
                 )
             )
             bounds = table["duration", phase.name]
-            hint = hints.get(f"{phase.name}.duration")
-            durations.append(hint or scaling.of_duration(*bounds))
+            known_duration = hints.get(f"{phase.name}.duration")
+            durations.append(known_duration or scaling.of_duration(*bounds))
         statics = np.array([scale(s, "") for s in self.problem.statics])
         return Scales(
             tuple(states),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.ocp.guess import Curve, Guess, curves_of, sample
+from showc.ocp.guess import Curve, Data, Guess, check_guess, curves_of, sample
 from showc.ocp.nodes import collocation, fitting_points
 from showc.ocp.solution import Solution
 from showc.trajectory import bernstein_basis_inverse
@@ -41,6 +41,7 @@ def starting_point(
     elif isinstance(guess, Solution):
         given = Guess(statics=guess.statics)
     time = 0.0
+    check_guess(built.problem, guess)
     for p, phase in enumerate(built.problem.phases):
         place = layout.phases[p]
         curves: Mapping[str, Curve] = {}
@@ -50,6 +51,8 @@ def starting_point(
         else:
             begin = given.starts.get(phase.name, time)
             duration = given.durations.get(phase.name, 0.0)
+            if duration <= 0.0 and len(built.problem.phases) == 1:
+                duration = _spanned(given)
             if duration <= 0.0:
                 scale = built.scales.durations[p]
                 duration = _default_duration(phase, scale, table, changes)
@@ -69,6 +72,12 @@ def starting_point(
         value = given.statics.get(static.name, middle(low, high))
         point[number] = min(max(value, low), high)
     return point
+
+
+def _spanned(given: Guess) -> float:
+    """Time that the data of a guess span, 0 if it has none."""
+    data = [curve for curve in given.curves.values() if isinstance(curve, Data)]
+    return max((float(d.times[-1] - d.times[0]) for d in data), default=0.0)
 
 
 def _carried(
@@ -138,6 +147,7 @@ def _place_curves(
     phase, mesh = built.problem.phases[index], built.mesh.phases[index]
     place = built.discretisation.layout.phases[index]
     breaks = np.concatenate([[0.0], np.cumsum(mesh.widths(point[place.durations]))])
+    span = float(breaks[-1])
     breaks = breaks / breaks[-1] if breaks[-1] > 0.0 else breaks
     rows = [(name, place.state_row(i)) for i, name in enumerate(phase.states)]
     states = len(rows)
@@ -166,7 +176,9 @@ def _place_curves(
                 else tuple(float(v) for v in collocation("gauss", degree + 1)[0])
             )
             fraction = breaks[k] + np.array(s) * (breaks[k + 1] - breaks[k])
-            fitted = bernstein_basis_inverse(degree, s) @ sample(curve, fraction)
+            fitted = bernstein_basis_inverse(degree, s) @ sample(
+                curve, fraction, float(point[place.start]), span
+            )
             point[coefficients] = np.clip(fitted, lower, upper)
 
 

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+UNLIMITED = 1e6
+"""Size, over their scales, of an objective and an unknown that grow without limit."""
 SHARE = 0.1
 """Share of the change found that the objective is divided by. Its slopes are then some
 tens at the start, as IPOPT's own scaling has them, and the search goes by the objective
@@ -175,8 +177,13 @@ class Transcription:
             np.asarray(answer["lam_g"]).ravel(),
             unit,
         )
+        growing = None if result.usable else self._growing(multipliers, limits, vector)
+        if growing is not None:
+            result = Result.UNBOUNDED
         message = result.value
-        if not result.usable:
+        if growing is not None:
+            message = f"{message} {growing}"
+        elif not result.usable:
             message = f"{message} {worst_violation(self, multipliers, limits, vector)}"
         solution = self._solution(result, message, multipliers, limits, given)
         objective = float(answer["f"]) * unit
@@ -232,6 +239,27 @@ class Transcription:
             if np.isfinite(size) and size > 0.0:
                 sizes.append(size)
         return float(SHARE * np.median(sizes)) if sizes else 1.0
+
+    def _growing(
+        self, found: Multipliers, limits: Box, vector: FloatArray
+    ) -> str | None:
+        """Name the unbounded quantity with which an objective grows, if one does."""
+        built = self.discretisation
+        value = float(built.program.values(found.unknowns, vector)[0])
+        free = ~(np.isfinite(limits.lower) & np.isfinite(limits.upper))
+        size = np.where(free, np.abs(found.unknowns), 0.0)
+        if not (value < -UNLIMITED or np.isnan(value)) or size.max() < UNLIMITED:
+            return None
+        worst = int(np.argmax(size))
+        reached = f"reaches {found.unknowns[worst] * built.unknown_scale[worst]:.3g}"
+        for phase, place in zip(self.problem.phases, built.layout.phases, strict=True):
+            rows = [(n, place.state_row(i)) for i, n in enumerate(phase.states)]
+            rows += [(n, place.control_row(j)) for j, n in enumerate(phase.controls)]
+            rows.append(("duration", [place.durations]))
+            for name, tables in rows:
+                if any(worst in table for table in tables):
+                    return f"{name!r} of phase {phase.name!r} {reached}; bound it."
+        return f"A static {reached}; bound it."
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
         if warm not in self._solvers:
