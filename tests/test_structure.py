@@ -61,7 +61,6 @@ CORE = {
     "audit": {"collocation"},
     "adaptive": {"collocation", "audit"},
     "graded": {"collocation", "audit"},
-    "agents": {"collocation", "audit", "adaptive", "graded"},
 }
 
 

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from showc.ocp.adaptive.constraint_generation import solve
     from showc.ocp.adaptive.options import Options
-    from showc.ocp.agents.agent import Agent
-    from showc.ocp.agents.common_time import AgentsOptions, AgentsSolution, solve_agents
     from showc.ocp.audit.margins import Margin, margins
     from showc.ocp.collocation.limits import Overrides
     from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
@@ -39,9 +37,6 @@ if TYPE_CHECKING:
     from showc.ocp.solution import Multipliers, Optimum, PhaseSolution, Solution
 
 __all__ = [
-    "Agent",
-    "AgentsOptions",
-    "AgentsSolution",
     "Data",
     "Decision",
     "ErrorEstimate",
@@ -71,17 +66,12 @@ __all__ = [
     "Transcription",
     "margins",
     "solve",
-    "solve_agents",
     "solve_graded",
 ]
 
 _HOMES = {
     "solve": "adaptive.constraint_generation",
     "Options": "adaptive.options",
-    "Agent": "agents.agent",
-    "AgentsOptions": "agents.common_time",
-    "AgentsSolution": "agents.common_time",
-    "solve_agents": "agents.common_time",
     "Margin": "audit.margins",
     "margins": "audit.margins",
     "Overrides": "collocation.limits",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,6 @@ from showc.flight import (
 from showc.plan.metric import measure
 from showc.solve.bound import lower_bound
 from showc.solve.conflicts import Encounters, closest, conflicts
-from showc.solve.joint import GAP, JointResult, fly_jointly, suits
 from showc.solve.limiting import Limiting, limiting_time
 from showc.solve.relaxation import Relaxation
 from showc.solve.repair import Repair
@@ -157,25 +155,7 @@ class _Solver:
         if leg.duration is not None:
             return self._fixed(leg.duration, shared)
         limiting = self._limiting(solve=True)
-        return self._jointly(limiting) or self._shortest(limiting, shared)
-
-    def _jointly(self, limiting: Limiting) -> LegFlight | None:
-        """Plan a few drones together where that is better; None elsewhere."""
-        leg = self.leg
-        ends = leg.start, leg.goal
-        if not suits(self.aircraft, self.separation, *ends, limiting.time):
-            return None
-        self.progress.stage(f"{leg.name}: drones planned together", 1)
-        task = (self.aircraft, *ends, self.separation, leg.others_parked)
-        planning = partial(fly_jointly, gap=min(GAP, self.options.gap))
-        (found,) = self.workers.run(planning, [task], self.progress.advance)
-        self.tried.add("joint_solves", found.solves)
-        if not found.solved:
-            self.progress.note(
-                f"{leg.name}: not planned together ({found.message}); each on its own"
-            )
-            return None
-        return self._finish(found, limiting)
+        return self._shortest(limiting, shared)
 
     def _limiting(self, *, solve: bool) -> Limiting:
         limiting = limiting_time(
@@ -380,7 +360,7 @@ class _Solver:
         )
 
     def _finish(
-        self, repair: Repair | StretchedFlights | JointResult, limiting: Limiting
+        self, repair: Repair | StretchedFlights, limiting: Limiting
     ) -> LegFlight:
         trajectories = repair.trajectories
         nearest = self._closest(trajectories)

@@ -76,12 +76,10 @@ def flights() -> list[Case]:
         Case(one, "pockit", {"mesh": [10, 6], "tolerance": 1e-4}, "refined to 1e-4"),
         Case(one, "mpopt", {"mesh": [10, 6], "tolerance": 1e-4}, "10 x 6, adapted"),
         Case(one, "rockit", {"mesh": [40, 4]}, "40 x 4"),
-        Case(six, "showc", {"way": "agents"}, "core, agents"),
         Case(six, "showc", joint, "fleet"),
         Case(six, "yapss", {"mesh": [10, 6]}, "10 x 6, all pairs"),
         Case(six, "maptor", {"mesh": [10, 6]}, "10 x 6, fixed, all pairs"),
         Case(six, "rockit", {"mesh": [40, 4]}, "40 x 4, all pairs"),
-        Case(crossed, "showc", {"way": "agents"}, "core, agents"),
         Case(crossed, "showc", joint, "fleet"),
         Case(crossed, "yapss", {"mesh": [10, 6]}, "10 x 6, all pairs"),
     ]

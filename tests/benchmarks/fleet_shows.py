@@ -38,8 +38,6 @@ class Case:
     """Greatest time of the compile on two cores [s]; None: nothing is asked."""
     gap: float = 0.01
     """Greatest time over the bound, as a fraction."""
-    joint: bool = False
-    """Whether to try the joint problem of all drones as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +209,7 @@ def swap(drones: int, time: float) -> FleetShow:
         fixed=True,
         more="launch: {altitude: 20}\nlanding: {altitude: 20}\n",
     )
-    cases = (Case(label, 0, time, 0.03, joint=drones <= 6),)
+    cases = (Case(label, 0, time, 0.03),)
     return FleetShow(label, drones, script, cases)
 
 

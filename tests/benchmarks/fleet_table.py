@@ -12,7 +12,6 @@ cache. What was compiled is proved by ``showc verify`` of the same run. Beside i
   the full dynamics.
 - ``law``: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way, the duration law of
   common show tools.
-- ``joint``: a few drones planned together; their common time, and how long that took.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ if TYPE_CHECKING:
 
 HEADS = (
     "transition", "asked", "compile [s]", "cpu [s]", "peak [MiB]", "t_f [s]",
-    "over minimum", "over bound", "nearest [m]", "ruckig [s]", "law [s]", "joint",
+    "over minimum", "over bound", "nearest [m]", "ruckig [s]", "law [s]",
 )  # fmt: skip
 WHOLE = (
     "show", "legs", "flight [s]", "compile [s]", "of the flight", "cpu [s]",
@@ -65,13 +64,10 @@ and `verify` is the median of three runs; asked of the ten pictures are less tha
 times the flight, and less than a tenth of the compile.
 `ruckig`: the shared straight-line profile under the same limits on velocity, level
 acceleration and jerk (drones beyond a limit of the full dynamics, and the worst use of
-one); `law`: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way; `joint`: a few
-drones planned together, their common time and how long that took.
+one); `law`: T = max(1.5 d / v, sqrt(6 d / a)) for the longest way.
 """
 PAGE = ROOT / "showc" / "docs" / "benchmarks.md"
 TITLE = "## Fleets\n"
-JOINT_LIMIT = 180.0
-"""Time after which the joint problem is given up [s]."""
 REFUSED = "the autopilot would make"
 """Words of the compiler where it has no missions that are proved apart."""
 
@@ -206,36 +202,7 @@ def _transition(
         f"{certificate['closest']['distance']:.3f}",
         f"{peer:.2f} ({beyond} beyond, {use:.2f})",
         f"{duration_law(way, leg):.2f}",
-        joint_problem(show, leg) if case.joint else "–",
     )
-
-
-def joint_problem(show: FleetShow, leg: Leg) -> str:
-    """Try all drones in one problem, in a process that can be stopped."""
-    with tempfile.TemporaryDirectory(prefix="showc-joint-") as place:
-        folder = Path(place)
-        (folder / "show.yaml").write_text(show.script)
-        command = [sys.executable, str(Path(__file__)), "--joint", str(leg.index)]
-        needed = run(command, folder, limit=JOINT_LIMIT)
-    if needed.code == -1:
-        return f"no end in {JOINT_LIMIT:.0f} s"
-    said = _last(needed.output)[:80]
-    if needed.code != 0:
-        return said
-    return f"{said} in {needed.wall:.1f} s, {needed.processor:.1f} CPU"
-
-
-def solve_jointly(index: int) -> None:
-    """Plan the drones of a leg of the script together; print how that ended."""
-    from showc.solve.joint import fly_jointly
-    from showc.solve.leg import aircraft_of
-
-    result = load_show("show.yaml")
-    assert result.show is not None
-    itinerary = build_itinerary(result.show)
-    leg, show = itinerary.legs[index], itinerary.show
-    found = fly_jointly(aircraft_of(show, leg), leg.start, leg.goal, show.separation)
-    say(f"{found.duration:.3f} s" if found.solved else found.message)
 
 
 def ruckig_profile(way: np.ndarray, leg: Leg) -> tuple[float, int, float]:
@@ -339,11 +306,7 @@ def main() -> None:
     parser.add_argument(
         "--write", action="store_true", help="put the tables into the documentation"
     )
-    parser.add_argument("--joint", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.joint is not None:
-        solve_jointly(arguments.joint)
-        return
     if unknown := set(arguments.shows) - set(shows):
         parser.error(f"no such show: {', '.join(sorted(unknown))}")
     # As an installer leaves it: no compile pays for what is done once.

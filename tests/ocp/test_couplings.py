@@ -120,6 +120,7 @@ def test_the_audit_sees_a_dip_between_samples():
     x = phase.state("x", start=-3.5, end=3.5)
     phase.derivative(x, phase.control("u", 1.0, 1.0))
     phase.couple((x - 0.123456) ** 2, (0.5e-3) ** 2, None, name="dip")
+    problem.minimise(0.0)
     solution = ocp.Transcription(problem, ocp.Mesh.uniform(3, 2)).solve()
     table = Statement(problem).table(np.zeros(0))
     (found,) = CouplingAuditor(problem, phase, 0).violations(solution, table)

@@ -16,6 +16,7 @@ def coupled(*, integral_in_constraint: bool) -> ocp.Problem:
     s = problem.static("s", 0.1, 2.0)
     first = problem.phase("first", duration=(0.5, 3.0), start=(0.0, 1.0))
     second = problem.phase("second", duration=(0.5, 3.0))
+    costs = 0.0
     for phase in (first, second):
         x = phase.state("x", -2.0, 2.0, start=0.3 if phase is first else None)
         y = phase.state("y", -3.0, 3.0, end=0.1 if phase is second else None)
@@ -28,12 +29,12 @@ def coupled(*, integral_in_constraint: bool) -> ocp.Problem:
         cost = phase.integral(u**2 + w**2 * p + x * y)
         if phase is first and integral_in_constraint:
             problem.constrain_boundary(cost**2, None, 4.0, name="energy")
-        problem.objective += cost * p
+        costs += cost * p
     problem.link(first, second)
     problem.constrain_boundary(
         second.final(second.states["x"].quantity.symbol) * s, 0.0, 0.5, name="end"
     )
-    problem.minimise(problem.objective + second.final_time**2 + s**2)
+    problem.minimise(costs + second.final_time**2 + s**2)
     return problem
 
 

@@ -73,7 +73,7 @@ class _Refinement:
         self.guess = guess
         mesh = self.options.mesh or plain_mesh(self.auditors, 10, 4)
         solution = self.attempts.attempt(mesh, guess)
-        if solution.result in {Result.CONTRADICTION, Result.UNBOUNDED}:
+        if solution.result is Result.CONTRADICTION:
             return solution
         if solution.result.usable:
             return self._unsymmetric(self._weighed(solution), guess)

@@ -4,7 +4,6 @@
 ``graded``: the core's ``solve_graded`` with its defaults, controls linear on intervals.
 ``mesh``: the core on a fixed mesh. ``drone``: the least time of one drone. ``fleet``:
 a leg of several drones as ``compile`` solves it, in one process, without the cache.
-``agents``: several drones by the core's ``solve_agents``, with its defaults.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import casadi
 import numpy as np
-from benchmarks import quadrotor
 from benchmarks.audit import Answer, Piece
 from benchmarks.quadrotor import SEPARATION
 
@@ -86,8 +84,6 @@ def solve(problem: Problem, settings: dict) -> Answer:
         return answer(ocp.solve_graded(build(problem), options=chosen))
     if way == "fleet":
         return _fleet(problem, settings)
-    if way == "agents":
-        return _agents(problem)
     return answer(ocp.solve(build(problem)))
 
 
@@ -143,41 +139,6 @@ def _one_drone(problem: Problem) -> Answer:
         points=result.intervals,
         message=result.status,
         solved=result.solved,
-    )
-
-
-def _agents(problem: Problem) -> Answer:
-    """State one drone, and the ends of all."""
-    start, goal = _places(problem)
-    alone = quadrotor.move(problem.name, (tuple(start[0]),), (tuple(goal[0]),))
-    agents = [
-        ocp.Agent(
-            dict(zip("xyz", first, strict=True)), dict(zip("xyz", last, strict=True))
-        )
-        for first, last in zip(start.tolist(), goal.tolist(), strict=True)
-    ]
-    found = ocp.solve_agents(build(alone), agents, position="xyz", distance=SEPARATION)
-    if not found.solved:
-        raise RuntimeError(found.message)
-    parts = [answer(solution) for solution in found.solutions]
-    pieces = [
-        Piece(
-            together[0].start,
-            together[0].end,
-            together[0].state_times,
-            np.concatenate([piece.states for piece in together], axis=1),
-            together[0].control_times,
-            np.concatenate([piece.controls for piece in together], axis=1),
-        )
-        for together in zip(*(part.pieces for part in parts), strict=True)
-    ]
-    return Answer(
-        objective=found.duration,
-        pieces=pieces,
-        solves=found.solves,
-        points=parts[0].points,
-        message=f"least time of the slowest alone {found.bound:.4f}",
-        solved=True,
     )
 
 
