@@ -441,6 +441,11 @@ def manifest(log: Log) -> Iterator[Lie]:  # noqa: C901 - a table
         "VRF107",
         lambda found: found.manifest(lambda whole: whole.update(more=1)),
     )
+    yield Lie(
+        "manifest of another version",
+        "VRF107",
+        lambda found: found.manifest(lambda m: m["versions"].update(showc="9.9")),
+    )
     for key in content:
         yield Lie(
             f"manifest without {key}",

@@ -69,7 +69,11 @@ def check_cover(
             "attachments are those of the show",
             _attachments(log, metadata, show, anchor),
         ),
-        ("VRF107", "manifest is that of the show", _manifest(manifest, show, anchor)),
+        (
+            "VRF107",
+            "manifest is that of the show",
+            _manifest(manifest, log, show, anchor),
+        ),
     )
     return [
         Check(
@@ -193,7 +197,7 @@ def _list(names: Iterator[str] | list[str]) -> str:
 
 
 def _manifest(
-    manifest: dict[str, Any] | None, show: LoggedShow, anchor: Anchor
+    manifest: dict[str, Any] | None, log: LogFile, show: LoggedShow, anchor: Anchor
 ) -> Iterator[str]:
     if manifest is None:
         yield f"{MANIFEST} inside the log is no JSON object"
@@ -230,6 +234,12 @@ def _manifest(
             else leg
             for leg in found["segments"]
         ]
+    versions = found.get("versions")
+    if (
+        not isinstance(versions, dict)
+        or f"showc {versions.get('showc')}" != log.library
+    ):
+        yield "it is of another version of showc than the log"
     for key in sorted(found.keys() | wanted.keys() | set(FREE)):
         if key not in found:
             yield f"{key} is missing"
