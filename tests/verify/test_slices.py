@@ -76,10 +76,6 @@ def test_flights_stay_near_their_chords(seed, most_rows, low, width, measure):
     assert np.all(far <= piece.radius + 1e-9)
     assert measure(flown[:, 0] - piece.begin).max() < 1e-9
     assert measure(flown[:, -1] - piece.end).max() < 1e-9
-    whole = np.flatnonzero(piece.whole)
-    for drone in whole:
-        along = values(np.broadcast_to(piece.hull[drone], (200, 6, 3)), share)
-        assert np.abs(along - flown[drone]).max() < 1e-9
 
 
 @settings(deadline=None, max_examples=60, derandomize=True)

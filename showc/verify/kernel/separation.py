@@ -25,13 +25,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import halves, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.slices import Measure, Slice, edges, measures, near_pairs, take
+from showc.verify.kernel.slices import Measure, edges, measures, near_pairs, take
 from showc.verify.kernel.statement import Statement
 from showc.verify.kernel.tracks import MOMENT, Stretch, Tracks, cut
 
@@ -78,8 +78,6 @@ class Encounter:
     """Show time at which it does [s]."""
     segments: tuple[str, ...]
     """Names of what is under way then."""
-    pairs_halved: int
-    """Pairs on slices that needed their polynomials, for the record."""
     error: float = 0.0
     """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
 
@@ -140,7 +138,6 @@ def closest_of(found: Sequence[Encounter]) -> Encounter | None:
     return replace(
         closest,
         lower=min(encounter.lower for encounter in found),
-        pairs_halved=sum(encounter.pairs_halved for encounter in found),
         error=max(encounter.error for encounter in found),
     )
 
@@ -196,6 +193,29 @@ def _searched(stretch: Stretch, measure: Measure, wanted: float) -> Encounter:
     return search.result(names)
 
 
+class _Pairs(NamedTuple):
+    """Pairs of drones over intervals of time, each array of shape (n,)."""
+
+    first: IntArray
+    second: IntArray
+    low: FloatArray
+    """Show time [s]."""
+    high: FloatArray
+    """Show time [s]."""
+
+    def some(self, chosen: NDArray[np.bool_]) -> _Pairs:
+        """Return those that are chosen."""
+        first, second, low, high = self
+        return _Pairs(first[chosen], second[chosen], low[chosen], high[chosen])
+
+    def halved(self) -> _Pairs:
+        """Return the first halves of all intervals, then the second ones."""
+        middle = 0.5 * (self.low + self.high)
+        low = np.concatenate([self.low, middle])
+        high = np.concatenate([middle, self.high])
+        return _Pairs(np.tile(self.first, 2), np.tile(self.second, 2), low, high)
+
+
 class _Search:
     """Branch and bound over one stretch with one measure."""
 
@@ -205,76 +225,40 @@ class _Search:
         self.best = np.inf
         self.pair = (0, 1)
         self.time = 0.0
-        self.halved = 0
         self.error = 0.0
 
     def result(self, segments: tuple[str, ...]) -> Encounter:
         """Say what was found, while ``segments`` are under way."""
-        return Encounter(
-            max(self.best - RESOLUTION - self.error, 0.0),
-            self.best,
-            self.pair,
-            self.time,
-            segments,
-            self.halved,
-            self.error,
-        )
+        lower = max(self.best - RESOLUTION - self.error, 0.0)
+        return Encounter(lower, self.best, self.pair, self.time, segments, self.error)
 
-    def stretch(self, all_axes: Tracks) -> None:
+    def stretch(self, tracks: Tracks) -> None:
         """Search the stretch."""
         axes = list(self.measure.axes)
-        scaled = all_axes.position[:, :, axes] * np.array(self.measure.scale)
-        positions = Tracks(
-            all_axes.begin,
-            all_axes.end,
-            all_axes.first,
-            all_axes.starts,
-            all_axes.ends,
-            np.ascontiguousarray(scaled),
-        )
+        scaled = tracks.position[:, :, axes] * np.array(self.measure.scale)
+        positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(np.abs(scaled).max(initial=0.0))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
         self._instant(positions)
-        batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
-        size = 0
+        batch: list[_Pairs] = []
         for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
             piece = take(positions, low, high, self.measure)
-            pairs = piece.near(self.measure, self.best - RESOLUTION / 2)
-            one = piece.whole[pairs].all(axis=1)
-            self._one_polynomial(piece, pairs[one])
-            pairs = pairs[~one]
-            if pairs.size == 0:
-                continue
-            times = np.full(pairs.shape[0], low), np.full(pairs.shape[0], high)
-            batch.append((pairs[:, 0], pairs[:, 1], *times))
-            size += pairs.shape[0]
-            if size >= _BATCH:
+            first, second = piece.near(self.measure, self.best - RESOLUTION / 2).T
+            times = np.full(first.size, low), np.full(first.size, high)
+            batch.append(_Pairs(first, second, *times))
+            if sum(part.first.size for part in batch) >= _BATCH:
                 self._decide(positions, batch)
-                batch, size = [], 0
+                batch = []
         if batch:
             self._decide(positions, batch)
 
-    def _one_polynomial(self, piece: Slice, pairs: IntArray) -> None:
-        """Enclose the distances of pairs of which each flies one polynomial."""
-        for begin in range(0, pairs.shape[0], _BATCH):
-            first, second = pairs[begin : begin + _BATCH].T
-            self._enclose(
-                piece.hull[first] - piece.hull[second],
-                first,
-                second,
-                np.full(first.size, piece.low),
-                np.full(first.size, piece.high),
-            )
-
-    def _take(
-        self, distance: FloatArray, first: IntArray, second: IntArray, time: FloatArray
-    ) -> None:
+    def _take(self, distance: FloatArray, pairs: _Pairs, time: FloatArray) -> None:
         """Remember the nearest of some distances that are reached."""
-        index = int(np.argmin(distance))
-        if distance[index] < self.best:
+        index = int(np.argmin(distance)) if distance.size else 0
+        if distance.size and distance[index] < self.best:
             self.best = float(distance[index])
-            self.pair = int(first[index]), int(second[index])
+            self.pair = int(pairs.first[index]), int(pairs.second[index])
             self.time = float(time[index])
 
     def _instant(self, positions: Tracks) -> None:
@@ -287,72 +271,48 @@ class _Search:
             reach = 2.0 * reach if reach < extent else np.inf
             pairs = near_pairs(place, min(reach, 2.0 * extent + 1.0))
         first, second = pairs.T
+        time = np.full(first.size, positions.begin)
         distance = self.measure(place[first] - place[second])
-        self._take(distance, first, second, np.full(first.size, positions.begin))
+        self._take(distance, _Pairs(first, second, time, time), time)
 
-    def _decide(
-        self,
-        positions: Tracks,
-        batch: list[tuple[IntArray, IntArray, FloatArray, FloatArray]],
-    ) -> None:
+    def _decide(self, positions: Tracks, batch: list[_Pairs]) -> None:
         """Enclose the distances of candidate pairs over their slices."""
-        first = np.concatenate([part[0] for part in batch])
-        second = np.concatenate([part[1] for part in batch])
-        low = np.concatenate([part[2] for part in batch])
-        high = np.concatenate([part[3] for part in batch])
-        row_a, row_b = positions.at(first, low), positions.at(second, low)
-        last_a, last_b = positions.first[first + 1] - 1, positions.first[second + 1] - 1
-        while first.size:
+        pairs = _Pairs._make(map(np.concatenate, zip(*batch, strict=True)))
+        rows = [positions.at(drone, pairs.low) for drone in pairs[:2]]
+        while pairs.first.size:
+            last = [positions.first[drone + 1] - 1 for drone in pairs[:2]]
+            ends = [
+                np.where(row < end, positions.ends[row], np.inf)
+                for row, end in zip(rows, last, strict=True)
+            ]
             # Up to where the first of the two polynomials ends.
-            stop = np.minimum(
-                high,
-                np.minimum(
-                    np.where(row_a < last_a, positions.ends[row_a], np.inf),
-                    np.where(row_b < last_b, positions.ends[row_b], np.inf),
-                ),
-            )
-            difference = positions.between(row_a, low, stop)
-            difference -= positions.between(row_b, low, stop)
-            self._enclose(difference, first, second, low, stop)
-            row_a = row_a + ((positions.ends[row_a] <= stop) & (row_a < last_a))
-            row_b = row_b + ((positions.ends[row_b] <= stop) & (row_b < last_b))
-            more = stop < high
-            low = stop[more]
-            first, second, high = first[more], second[more], high[more]
-            row_a, row_b = row_a[more], row_b[more]
-            last_a, last_b = last_a[more], last_b[more]
+            stop = np.minimum(pairs.high, np.minimum(*ends))
+            difference = positions.between(rows[0], pairs.low, stop)
+            difference -= positions.between(rows[1], pairs.low, stop)
+            self._enclose(difference, pairs._replace(high=stop))
+            more = stop < pairs.high
+            rows = [
+                (row + (end <= stop))[more] for row, end in zip(rows, ends, strict=True)
+            ]
+            pairs = pairs._replace(low=stop).some(more)
 
-    def _enclose(
-        self,
-        difference: FloatArray,
-        first: IntArray,
-        second: IntArray,
-        low: FloatArray,
-        high: FloatArray,
-    ) -> None:
-        self._take(self.measure(difference[:, 0]), first, second, low)
-        self._take(self.measure(difference[:, -1]), first, second, high)
-        open_ = self._could_be_nearer(difference)
-        if not open_.any():
-            return
-        self.halved += int(open_.sum())
-        work = difference[open_]
+    def _enclose(self, work: FloatArray, pairs: _Pairs) -> None:
+        """Enclose distances from coefficients of differences, (n, degree + 1, axes)."""
+        self._take(self.measure(work[:, 0]), pairs, pairs.low)
+        self._take(self.measure(work[:, -1]), pairs, pairs.high)
+        keep = self._could_be_nearer(work)
+        work, pairs = work[keep], pairs.some(keep)
         if not self.measure.largest:
             work = square_sum(work)[:, :, None]
-        first, second, low, high = first[open_], second[open_], low[open_], high[open_]
         for _ in range(_ROUNDS):
             keep = self._lower(work) < self.best - RESOLUTION / 2
             if not keep.any():
                 return
-            left, right = halves(work[keep])
-            first, second = np.tile(first[keep], 2), np.tile(second[keep], 2)
-            middle = 0.5 * (low[keep] + high[keep])
-            low = np.concatenate([low[keep], middle])
-            high = np.concatenate([middle, high[keep]])
-            work = np.concatenate([left, right])
-            self._take(self._value(work[:, 0]), first, second, low)
-            self._take(self._value(work[:, -1]), first, second, high)
-        raise ArithmeticError("separation: the enclosure does not close")
+            work, pairs = np.concatenate(halves(work[keep])), pairs.some(keep).halved()
+            self._take(self._value(work[:, 0]), pairs, pairs.low)
+            self._take(self._value(work[:, -1]), pairs, pairs.high)
+        # Rounding is coarser than what is wanted: nothing is proved.
+        self.error = np.inf
 
     def _could_be_nearer(self, difference: FloatArray) -> NDArray[np.bool_]:
         """Whether a plane between the pair fails to settle it; (n,)."""

@@ -46,19 +46,11 @@ class Measure:
     largest: bool
     """Whether the distance is the largest component (else the Euclidean length)."""
 
-    def __call__(self, difference: FloatArray) -> FloatArray:
-        """Distances (n,) of differences (n, axes), scaled already."""
+    def __call__(self, difference: FloatArray, axis: int = -1) -> FloatArray:
+        """Distances of differences, scaled already, that lie along one ``axis``."""
         if self.largest:
-            return np.asarray(np.abs(difference).max(axis=-1))
-        return np.asarray(np.sqrt(np.einsum("...k,...k", difference, difference)))
-
-    def lengths(self, difference: FloatArray) -> FloatArray:
-        """Distances (..., n) of differences (..., axes, n), scaled already."""
-        if self.largest:
-            return np.asarray(np.abs(difference).max(axis=-2))
-        return np.asarray(
-            np.sqrt(np.einsum("...kn,...kn->...n", difference, difference))
-        )
+            return np.asarray(np.abs(difference).max(axis=axis))
+        return np.asarray(np.sqrt(np.sum(difference**2, axis=axis)))
 
     def of_chords(self, begin: FloatArray, end: FloatArray) -> FloatArray:
         """Lower bounds (n,) of the distances on the way from ``begin`` to ``end``.
@@ -125,21 +117,12 @@ def near_pairs(points: FloatArray, reach: float) -> IntArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """What every drone flies from ``low`` to ``high``."""
+    """Where every drone is in a slice of time."""
 
-    low: float
-    """Show time [s]."""
-    high: float
-    """Show time [s]."""
-    hull: FloatArray
-    """Coefficients of the first polynomial of each drone in the slice, restricted to
-    it, shape (drones, degree + 1, axes)."""
-    whole: NDArray[np.bool_]
-    """Whether that one covers the slice, shape (drones,)."""
     begin: FloatArray
-    """Where each drone is at ``low``, shape (drones, axes)."""
+    """Where each is at its start, shape (drones, axes)."""
     end: FloatArray
-    """Where it is at ``high``, shape (drones, axes)."""
+    """Where it is at its end, shape (drones, axes)."""
     radius: FloatArray
     """Of the ball around the middle of the chord that holds the flight, (drones,)."""
     away: FloatArray
@@ -169,9 +152,8 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
     last = positions.first[1:] - 1
     lows, highs = np.full(count, low), np.full(count, high)
     hull = positions.between(row, lows, highs)
-    whole = (positions.ends[row] >= high) | (row == last)
     parts = [(np.arange(count), hull, row.copy())]
-    more = np.flatnonzero(~whole)
+    more = np.flatnonzero((positions.ends[row] < high) & (row < last))
     while more.size:
         row[more] += 1
         part = positions.between(row[more], lows[more], highs[more])
@@ -190,10 +172,10 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
         chord = (end - begin)[drones].T
         off = part.transpose(1, 2, 0) - (begin[drones].T + since * chord)
         off -= steps * ((until - since) * chord)
-        off = measure.lengths(off).max(axis=0)
+        off = measure(off, axis=-2).max(axis=0)
         away[drones] = np.maximum(away[drones], off)
     radius = 0.5 * measure(end - begin) + away
-    return Slice(low, high, hull, whole, begin, end, radius, away)
+    return Slice(begin, end, radius, away)
 
 
 def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -87,111 +87,72 @@ class Tracks:
         return result
 
 
-class Stretches(NamedTuple):
-    """Times between which the set of flying segments does not change."""
-
-    edges: FloatArray
-    """Show times, increasing, shape (n + 1,) [s]."""
-    segments: tuple[tuple[Segment, ...], ...]
-    """Segments that fly in each stretch."""
-
-
-def stretches(show: LoggedShow) -> Stretches:
-    """Cut the show where a segment starts or ends."""
-    times = [0.0, show.duration]
-    for segment in show.segments:
-        times += [segment.start, segment.end]
-    edges = np.unique(np.round(times, 9))
-    flying = tuple(
-        tuple(
-            segment
-            for segment in show.segments
-            if segment.start < high - MOMENT and segment.end > low + MOMENT
-        )
-        for low, high in pairwise(edges.tolist())
-    )
-    return Stretches(edges, flying)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
     """A stretch of the show, and where drones wait that do not fly in it."""
 
-    show: LoggedShow
     begin: float
     """Show time [s]."""
     end: float
     """Show time [s]."""
     segments: tuple[Segment, ...]
-    """What is under way."""
+    """What is under way: all of them from its begin to its end."""
     places: FloatArray
     """Of those that fly in none of the segments, shape (drones, 3) [m]."""
 
     def tracks(self) -> Tracks:
         """Positions of all drones."""
-        return _stretch(self.show, self.places, self.begin, self.end, self.segments)
+        owners, starts, ends, positions = [], [], [], []
+        waiting = np.ones(self.places.shape[0], dtype=bool)
+        for segment in self.segments:
+            waiting[segment.drones] = False
+            for table in segment.tables:
+                begin, end = table.start + segment.start, table.end + segment.start
+                # Ends of a segment may miss the stretch's edge by rounding alone.
+                keep = (end > self.begin + MOMENT) & (begin < self.end - MOMENT)
+                owners.append(table.owner[keep])
+                starts.append(begin[keep])
+                ends.append(end[keep])
+                positions.append(table.state[keep][:, :, :3])
+        still = np.flatnonzero(waiting)
+        owners.append(still)
+        starts.append(np.full(still.size, self.begin))
+        ends.append(np.full(still.size, self.end))
+        positions.append(self.places[still][:, None, :])
+        some = [array for array in positions if array.size]
+        degree = max(array.shape[1] for array in some) - 1
+        position = np.concatenate([elevate(array, degree) for array in some])
+        owner, start = np.concatenate(owners), np.concatenate(starts)
+        order = np.lexsort((start, owner))
+        counts = np.bincount(owner, minlength=waiting.size)
+        first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        end = np.concatenate(ends)
+        return Tracks(
+            self.begin, self.end, first, start[order], end[order], position[order]
+        )
 
 
 def cut(show: LoggedShow) -> list[Stretch]:
-    """Cut the show into stretches, in the order of time.
+    """Cut the show where a segment starts or ends, in the order of time.
 
     A drone that takes part in no segment of a stretch stands where its last segment
     ended, or, before its first, where that will start: on its pad.
     """
-    place = _first_places(show)
-    edges, flying = stretches(show)
-    found = []
-    for low, high, segments in zip(edges[:-1], edges[1:], flying, strict=True):
-        found.append(Stretch(show, float(low), float(high), segments, place))
-        place = place.copy()
-        for segment in segments:
-            if segment.end <= high + MOMENT:
-                place[segment.drones] = segment.ends()[1][:, :3]
-    return found
-
-
-def _first_places(show: LoggedShow) -> FloatArray:
     place = np.zeros((show.drones, 3))
     for segment in sorted(show.segments, key=lambda one: one.start, reverse=True):
         place[segment.drones] = segment.ends()[0][:, :3]
-    return place
-
-
-def _stretch(
-    show: LoggedShow,
-    place: FloatArray,
-    low: float,
-    high: float,
-    segments: tuple[Segment, ...],
-) -> Tracks:
-    owners, starts, ends, positions = [], [], [], []
-    waiting = np.ones(show.drones, dtype=bool)
-    for segment in segments:
-        waiting[segment.drones] = False
-        for table in segment.tables:
-            begin, end = table.start + segment.start, table.end + segment.start
-            # Ends of a segment may miss the stretch's edge by rounding alone.
-            keep = (end > low + MOMENT) & (begin < high - MOMENT)
-            owners.append(table.owner[keep])
-            starts.append(begin[keep])
-            ends.append(end[keep])
-            positions.append(table.state[keep][:, :, :3])
-    still = np.flatnonzero(waiting)
-    owners.append(still)
-    starts.append(np.full(still.size, low))
-    ends.append(np.full(still.size, high))
-    positions.append(place[still][:, None, :])
-    degree = max(array.shape[1] for array in positions if array.size) - 1
-    owner, start = np.concatenate(owners), np.concatenate(starts)
-    order = np.lexsort((start, owner))
-    counts = np.bincount(owner, minlength=show.drones)
-    return Tracks(
-        low,
-        high,
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        start[order],
-        np.concatenate(ends)[order],
-        np.concatenate([elevate(array, degree) for array in positions if array.size])[
-            order
-        ],
-    )
+    times = [0.0, show.duration]
+    times += [time for one in show.segments for time in (one.start, one.end)]
+    found = []
+    for low, high in pairwise(np.unique(np.round(times, 9)).tolist()):
+        flying = tuple(
+            one
+            for one in show.segments
+            if one.start < high - MOMENT and one.end > low + MOMENT
+        )
+        found.append(Stretch(low, high, flying, place))
+        place = place.copy()
+        for segment in flying:
+            if segment.end <= high + MOMENT:
+                place[segment.drones] = segment.ends()[1][:, :3]
+    return found
