@@ -1,4 +1,4 @@
-"""What can go wrong, by who can act on it.
+"""What can go wrong, by the person that can act on it.
 
 A :class:`ShowError` is the user's to mend: the command line prints its message,
 never a traceback, and ends with its ``exit_code``. Anything else that escapes is

@@ -5,7 +5,7 @@ a device cannot feed it for ever; only up to a limit; and, where a folder is giv
 if it lies inside, links followed. What is wrong is said without a byte of its content.
 
 A file is written into a stage first, a folder with a name of chance in the same place.
-A process holds its stages locked. Who finds one that no process holds knows that its
+A process holds its stages locked. A stage that no process holds shows that its
 process was killed, and clears it away.
 """
 

@@ -29,7 +29,7 @@ def usable_cores() -> int:
 def undisturbed() -> Iterator[None]:
     """Start processes that an interrupt from the keyboard does not reach.
 
-    It reaches the whole group; whoever reads this hears of it, and ends its workers.
+    It reaches the whole group; a reader of this file hears of it and ends its workers.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -1,4 +1,4 @@
-"""What long work tells whoever watches: a protocol, and the watcher that is silent."""
+"""What long work reports to its watcher: a protocol, and the silent one."""
 
 from __future__ import annotations
 

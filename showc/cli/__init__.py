@@ -21,7 +21,7 @@ class Verbs(click.Group):
         "verify": "Prove a compiled show again, from its bytes alone.",
         "export": "Write a compiled show for other systems, proved as written.",
         "view": "Make a page that plays the show in any browser.",
-        "report": "Make the page for the person who signs the show off.",
+        "report": "Make the page on which a show is signed off.",
         "diff": "Compare two compiled shows.",
         "upload": "Put missions onto vehicles, read them back, keep a record.",
         "stream": "Fly the trajectories themselves as timed setpoints.",

@@ -1,4 +1,4 @@
-"""``showc report``: the page for the person who signs the show off."""
+"""``showc report``: the page on which a show is signed off."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ import click
 def command(
     log: Path, output: Path | None, leg: int | None, drone: int, quiet: bool
 ) -> int:
-    """Make the page for the person who signs the show off.
+    """Make the page on which a show is signed off.
 
     Verifies the log first, and shows what was proved: site map with fence, table of
     transitions (time, bound, gap, smallest separation, greatest speed and tilt),

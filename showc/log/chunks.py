@@ -196,7 +196,7 @@ class ChunkWriter:
             begin += room
 
     def _note(self, channels: list[int], size: int, time: int) -> None:
-        """Put messages of so many bytes that come next into the chunk's index."""
+        """Put the messages that come next into the chunk's index, ``size`` bytes."""
         offset = self._size
         for channel in channels:
             self._index[channel].append((time, offset))

@@ -61,12 +61,12 @@ def lights_left_out(show: Show) -> tuple[str, ...]:
         return (NO_LIGHTS,)
     stepped, effects = [], []
     for transition in show.transitions:
-        who = "" if transition.group is None else f" (group {transition.group})"
+        members = "" if transition.group is None else f" (group {transition.group})"
         if transition.fade == "linear":
-            stepped.append(f"{transition.name}{who}")
+            stepped.append(f"{transition.name}{members}")
         effect = transition.effect or show.formations[transition.to].effect
         if effect is not None:
-            effects.append(f"{effect.kind} over {transition.to}{who}")
+            effects.append(f"{effect.kind} over {transition.to}{members}")
     found = []
     if effects:
         found.append(

@@ -1,4 +1,4 @@
-"""Planning: who flies from where to where, before anyone knows how fast."""
+"""Planning: each drone's way from place to place, before its time is known."""
 
 from showc.plan.build import build_itinerary, chapters
 from showc.plan.itinerary import Itinerary, Leg, LegKind

@@ -69,7 +69,7 @@ def assign(
     separation
         The metric to measure in.
     required
-        The first so many places must all be taken; None: no such rule.
+        Number of places, from the first on, that must be taken; None: no such rule.
 
     Returns
     -------

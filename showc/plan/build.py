@@ -35,9 +35,9 @@ PARKED = -1
 
 
 def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
-    """Lay out all legs of ``show`` and give out the places.
+    """Lay out all legs of ``show`` and assign drones to places.
 
-    ``progress`` is told of each chapter.
+    ``progress`` hears of each chapter.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
     """
     watcher = progress or Silent()
     flown = chapters(show)
-    watcher.stage("give out the places", len(flown) + 1)
+    watcher.stage("assign drones to places", len(flown) + 1)
     builder = _Builder(show)
     builder.launch()
     for chapter in flown:
@@ -136,7 +136,7 @@ class _Builder:
         given = choose(self.position, above.points, self.show.separation)
         if landing.assignment == "fixed":
             given = replace(given, reason="every drone to its own pad")
-        # Who is above a pad already, lands from there.
+        # A fleet above its pads already lands from there.
         if not np.array_equal(above.points[given.places], self.position):
             self._move("approach", "approach to the pads", above, given)
         self._hold("reaching the pads", landing.hold)
@@ -187,7 +187,7 @@ class _Builder:
     def _give(
         self, transition: Transition, formation: Formation, members: IntArray
     ) -> Assignment:
-        """Give out the places of ``formation``, and parking places to the rest."""
+        """Assign drones to the places of ``formation``, and the rest to parking."""
         start = self.position[members]
         drones, places = members.size, formation.points.shape[0]
         choose = assign if transition.assignment == "optimal" else in_order

@@ -1,4 +1,4 @@
-"""The itinerary: who flies from where to where, before anyone knows how fast.
+"""The itinerary: each drone's way from place to place, before its time is known.
 
 A show becomes an ordered list of legs. A leg moves a set of drones from hover to
 hover in one common time, or holds them still.
@@ -67,4 +67,4 @@ class Itinerary:
     show: Show
     """The show, with the formations that planning added: above the pads, groups."""
     legs: tuple[Leg, ...]
-    """Every leg has all drones of the fleet; who does not move, hovers."""
+    """Every leg has all drones of the fleet; a drone that does not move hovers."""

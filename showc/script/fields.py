@@ -197,7 +197,10 @@ TRANSITION = Section(
             default_text="as short as can be",
         ),
         Field(
-            "group", Reference("group"), "Who moves.", default_text="the whole fleet"
+            "group",
+            Reference("group"),
+            "The drones that move.",
+            default_text="the whole fleet",
         ),
         Field("colour", COLOUR, "Colours on arrival, instead of the formation's."),
         Field(

@@ -67,8 +67,8 @@ def _members(settings: Settings) -> dict[str, tuple[list[int], Mark]]:
     groups: dict[str, tuple[list[int], Mark]] = {}
     if "groups" not in settings:
         return groups
-    # A drone belongs to one group: who has more members than drones is at fault by
-    # what has been read up to there.
+    # A drone belongs to one group: more members than drones are a fault by what has
+    # been read up to there.
     left = MAX_PLACES + 1
     for name, setting in settings.section("groups").values.items():
         value = setting.value

@@ -228,12 +228,12 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
             continue
         flying = drones if group is None else len(sketch.groups[group])
         places = len(formation.points)
-        who = "drones" if group is None else f"drones of the group `{group}`"
+        flown = "drones" if group is None else f"drones of the group `{group}`"
         if places > flying or (places < flying and sketch.parking is None):
             yield Diagnostic(
                 "SHW205",
                 Severity.ERROR,
-                f"`{formation.name}` has {places} places for {flying} {who}",
+                f"`{formation.name}` has {places} places for {flying} {flown}",
                 item.mark_of("to"),
                 secondary=(Label(formation.mark, f"{places} places"),),
                 help="change the formation's `count`, or `drones`"

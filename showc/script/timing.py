@@ -102,14 +102,14 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         least, drone = least_duration(show, index)
         if transition.duration >= least:
             continue
-        who = f"drone {drone + 1}" if drone is not None else "some drone"
+        slowest = f"drone {drone + 1}" if drone is not None else "some drone"
         yield Diagnostic(
             "SHW209",
             Severity.ERROR,
             f"`{transition.name}` needs at least {number_text(_up(least))} s, the "
             f"script gives {number_text(transition.duration)} s",
             settings[index].mark_of("duration"),
-            notes=(f"{who} cannot be there sooner, by its speed and thrust alone",),
+            notes=(f"{slowest} cannot be there sooner, by its speed and thrust alone",),
             help=f"give at least {number_text(_up(least))} s, or leave `duration` out",
         )
 

@@ -32,7 +32,7 @@ LISTENING = 1.5
 second between heartbeats, so that another one with its system id is noticed."""
 
 COUNTDOWN = 1.0
-"""Time between everybody's readiness and the start of the clock [s]."""
+"""Time between the readiness of all vehicles and the start of the clock [s]."""
 
 SETTLING = 2.0
 """Time for which a stopped fleet is held by setpoints, before it lands or is handed to
@@ -367,8 +367,8 @@ class Conductor:
     def _stop(self) -> None:
         """Stop in order: the fleet's clock to rest, then as the options say.
 
-        On the ground and in the climb everybody lands. A vehicle that has left the mode
-        of setpoints by itself is in somebody else's hands: it is left alone.
+        On the ground and in the climb all vehicles land. A vehicle that has left the
+        mode of setpoints by itself is in other hands: it is left alone.
         """
         reasons = {pilot.drone: pilot.reason for pilot in self.pilots}
         # What watches may be what failed.

@@ -1,4 +1,4 @@
-"""The report: what the person who signs a show off needs to see, on paper."""
+"""The report: what a signature under a show needs to see, on paper."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ def _place(where: Mapping[str, Any]) -> str:
     if "time" in where:
         parts.append(clock(where["time"]))
     if "file" in where:
-        # The folder is that of whoever verified; the name says enough.
+        # The folder is the verifier's own; the name says enough.
         parts.append(str(where["file"]).rsplit("/", 1)[-1])
     return ", ".join(parts)
 

@@ -117,7 +117,7 @@ def outlines(font: TTFont, text: str, name: str) -> list[Contour]:
 
 
 def _judge(font: TTFont, text: str) -> None:
-    """Refuse letters composed of so many others that drawing them never ends."""
+    """Refuse letters composed of more others than can be drawn in time."""
     if "glyf" not in font:
         return
     glyphs, names = font["glyf"], font.getBestCmap()
