@@ -167,9 +167,9 @@ def command(
         return rejected.result.exit_code(strict=strict) or 1
     if as_json:
         click.echo(json.dumps(summary(compiled), indent=1))
-        return 0
-    click.echo(table(compiled))
-    return 0
+    else:
+        click.echo(table(compiled))
+    return 1 if compiled.refused else 0
 
 
 def report(result: LoadResult, *, as_json: bool) -> None:

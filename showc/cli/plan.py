@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -34,13 +35,16 @@ def command(
     """Say what compile would solve and why, and bounds on each transition's time.
 
     Gives out the places and bounds every leg's time from below (a proof) and from
-    above (a straight flight that always exists), without solving anything.
+    above (a straight flight that always exists), without solving anything. Says what
+    missions cannot carry.
 
     \b
       showc plan my-show.yaml
     """
     from showc.cli.compile import report
+    from showc.mission.outlook import mission_outlook
     from showc.pipeline.outlook import outlook
+    from showc.plan import build_itinerary
     from showc.script import load_show
     from showc.solve.options import SolveOptions
 
@@ -48,11 +52,19 @@ def command(
     if result.show is None:
         report(result, as_json=as_json)
         return result.exit_code(strict=False) or 1
-    legs = outlook(result.show, SolveOptions(cache=cache_dir))
+    itinerary = build_itinerary(result.show)
+    legs = outlook(itinerary, SolveOptions(cache=cache_dir))
+    missions = mission_outlook(itinerary)
     pending = sum(leg.solve for leg in legs)
     if as_json:
         click.echo(
-            json.dumps({"pending": pending, "legs": [leg.to_json() for leg in legs]})
+            json.dumps(
+                {
+                    "pending": pending,
+                    "legs": [leg.to_json() for leg in legs],
+                    "missions": asdict(missions),
+                }
+            )
         )
     else:
         width = max(len(leg.name) for leg in legs)
@@ -62,4 +74,8 @@ def command(
                 f"{leg.reason}"
             )
         click.echo(f"compile would solve {pending} of {len(legs)} legs")
+        for reason in missions.refused:
+            click.echo(f"missions: none (see --no-missions): {reason}")
+        for note in missions.notes:
+            click.echo(f"missions: {note}")
     return 3 if detailed_exitcode and pending else 0

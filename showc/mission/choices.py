@@ -54,13 +54,14 @@ WIDER = (0.0, 0.05, 0.1, 0.15, 0.25, 0.5)
 
 
 def candidates(
-    leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
+    leg: Leg, flight: LegFlight | None, builder: StageBuilder, around: Surroundings
 ) -> Iterator[tuple[str, list[Stage]]]:
     """All encodings: the straight one, then the quickest first."""
     straight = builder.lines(
         leg.drones, around.positions[leg.drones], leg.goal, leg.limits
     )
-    first = straight.lasting(max(flight.duration, straight.together))
+    solved = 0.0 if flight is None else flight.duration
+    first = straight.lasting(max(solved, straight.together))
     yield "straight", [first]
     if first.drones.size == 0:
         return
@@ -86,7 +87,7 @@ class _Choices:
     """
 
     leg: Leg
-    flight: LegFlight
+    flight: LegFlight | None
     builder: StageBuilder
     around: Surroundings
 
@@ -129,8 +130,8 @@ class _Choices:
         pause = CLOCK_LAG + self.around.pause
         if not stages:
             return pause
-        late = self.around.timing.spread
-        return sum(stage.finish(late) + pause for stage in stages)
+        late = self.around.timing.late
+        return sum(stage.finish(late(stage.profile.speed)) + pause for stage in stages)
 
     def _apart(self, stage: Stage, positions: FloatArray) -> bool:
         """Whether the stage's drones keep apart if all delays are as expected."""
@@ -172,6 +173,8 @@ class _Choices:
     ) -> Iterator[Choice]:
         waits = [
             staggered(gap, stage.followed, MARGINS[retry])
+            if gap.drones
+            else np.zeros(0)
             for stage, gap in zip(stages, gaps, strict=True)
         ]
         later = [
@@ -193,6 +196,8 @@ class _Choices:
         return self._with_waits(name, stages, gaps, retry)
 
     def _bends(self, stops: int) -> Iterator[Choice]:
+        if self.flight is None:
+            return
         ways = bends(self.leg, self.flight, self.builder, self.around, stops)
         legs = [lines for _, way in ways for lines in way]
         quick = iter(flown(legs, [lines.together for lines in legs]))

@@ -97,6 +97,8 @@ def near_pairs(
     # Rounding must not hide a pair.
     count = moving.size
     found = [a * count + b for a, b, _ in boxes.within(distance * (1.0 + 1e-9))]
+    if not found:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     a, b = np.divmod(np.sort(np.concatenate(found)), count)
     return a, b
 

@@ -27,7 +27,7 @@ from showc.mission.lights import (
     light_items,
     pulse_widths,
 )
-from showc.mission.timing import SPIN_UP
+from showc.mission.timing import LIFT_OFF
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,7 +153,7 @@ class _Writer:
         self.drone = drone
         self.yaw = yaw
         self.items: list[MissionItem] = []
-        self.clock = SPIN_UP
+        self.clock = LIFT_OFF
         parameters = encoder.parameters
         self.limits = {
             SpeedKind.LEVEL: parameters.cruise_speed,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from showc.errors import ExportError
 from showc.mission.choices import candidates
 from showc.mission.separation import Closest, closest_encounter
+from showc.mission.space import leaves
 from showc.mission.surroundings import Surroundings, stage_motion
 
 if TYPE_CHECKING:
@@ -35,9 +36,11 @@ class Encoding:
 
 
 def choose_encoding(
-    leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
+    leg: Leg, flight: LegFlight | None, builder: StageBuilder, around: Surroundings
 ) -> Encoding:
     """Return the first encoding of ``leg`` whose predicted flights keep apart.
+
+    ``flight`` is the leg solved; None before that: then no bend can follow it.
 
     Raises
     ------
@@ -45,9 +48,14 @@ def choose_encoding(
         If none does; names the pair, the time and the distance of the best one.
     """
     best: Closest | None = None
+    outside: int | None = None
     for name, stages in candidates(leg, flight, builder, around):
         closest, positions = [], around.positions
         for stage in stages:
+            out = stage.drones[leaves(stage, around.site)]
+            if out.size:
+                outside = outside or int(out[0]) + 1
+                break
             found = closest_encounter(
                 stage_motion(stage, positions, around.timing),
                 around.separation,
@@ -62,10 +70,18 @@ def choose_encoding(
             positions[stage.drones] = stage.end
         else:
             return Encoding(name, tuple(stages), tuple(closest))
-    raise _refusal(leg, best, around)
+    raise _refusal(leg, best, around.separation.distance, outside)
 
 
-def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportError:
+def _refusal(
+    leg: Leg, best: Closest | None, wanted: float, outside: int | None
+) -> ExportError:
+    if best is None and outside is not None:
+        return ExportError(
+            f"{leg.name}: the straight legs of missions leave the flight volume or the "
+            f"fence (drone {outside}, with what an autopilot flies beyond its end); "
+            "give the formations more room, or fly the show with `showc stream`"
+        )
     if best is None:
         return ExportError(
             f"{leg.name}: no mission encoding of this leg was found; "
@@ -74,8 +90,7 @@ def _refusal(leg: Leg, best: Closest | None, around: Surroundings) -> ExportErro
     return ExportError(
         f"{leg.name}: drones {best.drone_a + 1} and {best.drone_b + 1} come as near as "
         f"{best.distance:.2f} m at {best.time:.1f} s of the leg on the flights that "
-        f"the autopilot would make (each delay up to {around.timing.spread:.2f} s more "
-        f"or less than its leg's); wanted {around.separation.distance:g} m. "
+        f"the autopilot would make; wanted {wanted:g} m. "
         "Straight legs, more time, staggered releases, bends, layers of height and "
         "ways above the others were tried. Give "
         "the formations more room, or fly the show with `showc stream`"

@@ -19,6 +19,7 @@ from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.mission.stage import StageBuilder
 from showc.mission.timeline import MANY, build_timeline
+from showc.mission.timing import ARMED
 from showc.mission.waypoints import waypoint_file
 from showc.progress import Silent
 
@@ -195,6 +196,10 @@ def _warnings(
             f"{flight.duration:.0f} s, which `showc stream` flies"
         ),
     ]
+    found.append(
+        f"arm every vehicle at least {ARMED:g} s before its mission starts, within "
+        "10 s: else it lifts off late, or disarms"
+    )
     if timeline.legs:
         latest = clock.text(prediction["latest_mission_start"])
         again = "day" if clock.start else "hour"

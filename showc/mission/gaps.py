@@ -90,6 +90,9 @@ def release_gaps(
         How surely every leg is flown on time.
     """
     a, b = crossing_pairs(stage, separation, required)
+    if not a.size:
+        none = np.zeros(0)
+        return Gaps(stage.drones.size, a, b, none, none)
     clock = _Clock.of(stage, timing)
     far = clock.farthest
     begin, goal = stage.begin, stage.end
@@ -146,6 +149,7 @@ class _Clock:
     @classmethod
     def of(cls, stage: Stage, timing: Timing) -> _Clock:
         profile, level = stage.profile, stage.level
+        spread = timing.spread(profile.speed)
         # Close together at the ends, where progress is slow.
         nodes = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, NODES))
         time = nodes[:, None] * profile.duration
@@ -153,9 +157,9 @@ class _Clock:
         beyond = stage.overshoot if timing.overshoots else 0.0 * level
         return cls(
             part.T.ravel(),
-            time_followed(level, time + timing.spread).T.ravel(),
-            time_followed(level, time - timing.spread).T.ravel(),
-            time_followed(level, profile.duration + SETTLING + timing.spread),
+            time_followed(level, time + spread).T.ravel(),
+            time_followed(level, time - spread).T.ravel(),
+            time_followed(level, profile.duration + SETTLING + spread),
             1.0 + beyond / profile.length,
             stage.farthest if timing.overshoots else stage.end,
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from showc.mission.crew import side_by_side
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
-from showc.mission.timing import CLOCK_LAG, CLOCKED, SPIN_UP
+from showc.mission.timing import CLOCK_LAG, LEAST_SPREAD, LIFT_OFF
 from showc.mission.tracking import INSTANT
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class PredictedFlight:
         t = np.asarray(times, dtype=np.float64)[:, None]
         line = self.timeline
         follow = np.zeros(line.pads.shape[0])
-        follow[line.takeoff.drones] = SPIN_UP + line.takeoff.followed
+        follow[line.takeoff.drones] = LIFT_OFF + line.takeoff.followed
         base, moved = line.pads.copy(), []
         for drones, since, over, ways in self._moves(t, follow):
             # Most stages are over, or have not begun, at all of these times.
@@ -98,7 +98,7 @@ class PredictedFlight:
         """
         line = self.timeline
         for stage, begin in (
-            (line.takeoff, np.full(line.takeoff.drones.size, SPIN_UP)),
+            (line.takeoff, np.full(line.takeoff.drones.size, LIFT_OFF)),
             (line.staging, follow[line.staging.drones]),
         ):
             yield stage.drones, times - begin, stage.followed, partial(_climbed, stage)
@@ -141,7 +141,7 @@ def prediction_summary(
         "latest_mission_start": _latest(timeline),
         "duration": round(timeline.duration, 3),
         "delay": round(_typical_delay(timeline), 3),
-        "delay_spread": CLOCKED.spread,
+        "delay_spread": LEAST_SPREAD,
         "clock_lag": CLOCK_LAG,
         "required_separation": flight.itinerary.show.separation.distance,
         "launch": _encounter(timeline.launch_closest),

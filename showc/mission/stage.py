@@ -72,10 +72,11 @@ class Stage:
         """Time from its own release until each one has followed its leg, (n,) [s]."""
         return time_followed(self.level, self.profile.duration)
 
-    def finish(self, late: float = 0.0) -> float:
+    def finish(self, late: float | FloatArray = 0.0) -> float:
         """Time from the release until all have followed their legs [s].
 
-        ``late`` [s] is by how much they may be later than they most likely are.
+        ``late`` [s], or (n,), is by how much they may be later than they most likely
+        are.
         """
         time = time_followed(self.level, self.profile.duration + late)
         return float((self.wait + time).max(initial=0.0))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from showc.mission.stage import Stage
     from showc.mission.timing import Timing
+    from showc.script.show import Site
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]
@@ -29,6 +30,8 @@ class Surroundings:
     """Where everyone is before the leg, shape (drones, 3), on the grid [m]."""
     separation: Separation
     """What every pair keeps."""
+    site: Site
+    """Whose volume and fence they keep."""
     timing: Timing
     """How surely legs are flown on time."""
     pause: float = 0.0
@@ -58,8 +61,9 @@ def stage_motion(
     begin[stage.drones], end[stage.drones] = stage.begin, stage.end
     rank = np.full(count, len(stage.profile), dtype=np.int64)
     rank[stage.drones] = np.arange(stage.drones.size)
+    spread = timing.spread(stage.profile.speed)
     # At no time in particular, there is no last instant.
-    last = stage.finish(timing.spread) if np.isfinite(timing.spread) else np.inf
+    last = stage.finish(spread) if np.isfinite(spread).all() else np.inf
     beyond = stage.overshoot if timing.overshoots else np.zeros(stage.drones.size)
     return Motion(
         begin,
@@ -67,12 +71,9 @@ def stage_motion(
         with_rest(stage.profile).select(rank),
         start + np.append(stage.wait, 0.0)[rank],
         np.append(stage.level, 0.0)[rank],
-        np.full(count, timing.spread),
+        np.append(spread, timing.spread(np.zeros(1)))[rank],
         np.append(beyond, 0.0)[rank],
-        (
-            start - timing.spread,
-            start + last,
-        ),
+        (start - float(spread.max(initial=0.0)), start + last),
     )
 
 

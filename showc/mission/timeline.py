@@ -20,7 +20,14 @@ from showc.mission.following import SETTLING
 from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import Closest, Motion, closest_encounter
 from showc.mission.stagger import STEP
-from showc.mission.timing import ANYTIME, CLOCK_LAG, CLOCKED, SPIN_UP
+from showc.mission.timing import (
+    ANYTIME,
+    ARMED,
+    CLOCK_LAG,
+    LEAST_SPREAD,
+    LIFT_OFF,
+    Timing,
+)
 from showc.mission.tracking import tracks
 
 if TYPE_CHECKING:
@@ -36,6 +43,10 @@ if TYPE_CHECKING:
 
 MANY = 200
 """Fleets of so many drones are worth several processes."""
+
+UNSURE = ARMED + 2.0 * LEAST_SPREAD
+"""By how much the climb may end later than predicted: if a vehicle is armed at the
+last moment, and twice the spread of a leg [s]."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
@@ -104,8 +115,8 @@ class Timeline:
     @property
     def staged(self) -> float:
         """Mission time at which the slowest drone has climbed [s]."""
-        climb = SPIN_UP + self.takeoff.finish() + self.staging.finish()
-        return climb + 2.0 * CLOCKED.spread
+        climb = LIFT_OFF + self.takeoff.finish() + self.staging.finish()
+        return climb + UNSURE
 
 
 def build_timeline(
@@ -156,6 +167,7 @@ class _Layout:
         self.show = flight.itinerary.show
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
+        self.timing = Timing(wind=self.show.site.wind)
         self.arrival = 0.0
         self.free = 0.0
 
@@ -170,8 +182,8 @@ class _Layout:
         positions[staging.drones] = staging.end
         self.progress.advance()
         found, places = self._encodings(moves[1:-1], positions)
-        climbed = SPIN_UP + takeoff.finish() + staging.finish()
-        self._reached(climbed, climbed + 2.0 * CLOCKED.spread)
+        climbed = LIFT_OFF + takeoff.finish() + staging.finish()
+        self._reached(climbed, climbed + UNSURE)
         encodings = iter(zip(found, places[1:], strict=True))
         legs = []
         for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
@@ -238,7 +250,8 @@ class _Layout:
         self, stage: Stage, positions: FloatArray, name: str
     ) -> Closest | None:
         """Nearest encounter of a stage that may be flown at any time."""
-        around = Surroundings(positions, self.show.separation, ANYTIME)
+        show = self.show
+        around = Surroundings(positions, show.separation, show.site, ANYTIME)
         motion = stage_motion(stage, positions, ANYTIME)
         found = closest_encounter(
             _at_rest(motion), self.show.separation, enough=around.required
@@ -268,7 +281,11 @@ class _Layout:
 
         def encode(number: int) -> Encoding:
             around = Surroundings(
-                places[number], self.show.separation, CLOCKED, self.pause
+                places[number],
+                self.show.separation,
+                self.show.site,
+                self.timing,
+                self.pause,
             )
             item = moves[number]
             chosen = choose_encoding(item.leg, item, self.builder, around)
@@ -296,9 +313,10 @@ class _Layout:
         for stage in encoding.stages:
             release = round(ceil(self.free / STEP - 1e-6) * STEP, 6)
             releases.append(release)
+            speed = stage.profile.speed
             self._reached(
                 release + stage.finish() + 0.5 * CLOCK_LAG,
-                release + stage.finish(CLOCKED.spread) + CLOCK_LAG,
+                release + stage.finish(self.timing.late(speed)) + CLOCK_LAG,
             )
         return ScheduledLeg(
             item.leg,

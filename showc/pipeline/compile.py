@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from showc.errors import ShowError
+from showc.errors import ExportError, ShowError
 from showc.pipeline.artifact import folder_of, place, prepare
 from showc.pipeline.manifest import build_manifest, log_token
 from showc.progress import Silent
@@ -72,6 +72,8 @@ class Compiled:
     """The script and its warnings."""
     warnings: tuple[str, ...] = field(default=())
     """What the missions cannot carry, and other things worth knowing."""
+    refused: str | None = None
+    """Why there are no missions, although they were wanted."""
 
 
 def compile_script(
@@ -112,12 +114,14 @@ def compile_script(
     autopilot = options.autopilot or result.show.mission.autopilot
     itinerary = build_itinerary(result.show, watcher)
     flight = solve_itinerary(itinerary, options.solve, watcher)
-    missions = _missions(flight, options, watcher)
+    missions, refused = _missions(flight, options, watcher), None
+    if isinstance(missions, str):
+        refused, missions = missions, _none(flight, missions)
     manifest = build_manifest(
         flight,
         token=missions.fleet_token,
         missions={
-            "autopilot": autopilot if options.missions else None,
+            "autopilot": autopilot if missions.files else None,
             "start": None if options.start is None else options.start.isoformat(),
             "warnings": list(missions.warnings),
             "prediction": missions.prediction,
@@ -142,14 +146,22 @@ def compile_script(
         flight=flight,
         result=result,
         warnings=missions.warnings,
+        refused=refused,
     )
 
 
-def _missions(flight: Flight, options: CompileOptions, watcher: Progress) -> MissionSet:
-    """Missions as the options ask for; without any, only what the manifest needs."""
-    from showc.mission import MissionSet, mission_files  # noqa: PLC0415 - heavy
+def _missions(
+    flight: Flight, options: CompileOptions, watcher: Progress
+) -> MissionSet | str:
+    """Missions as the options ask for; why not, where there can be none.
 
-    if options.missions:
+    What was solved, perhaps for long, is worth writing without them.
+    """
+    from showc.mission import mission_files  # noqa: PLC0415 - heavy
+
+    if not options.missions:
+        return _none(flight, NO_MISSIONS)
+    try:
         return mission_files(
             flight,
             start=options.start,
@@ -158,4 +170,12 @@ def _missions(flight: Flight, options: CompileOptions, watcher: Progress) -> Mis
             progress=watcher,
             jobs=options.solve.jobs,
         )
-    return MissionSet({}, log_token(flight), {}, (NO_MISSIONS,), None)
+    except ExportError as error:
+        return f"no missions were written: {error} (--no-missions leaves them out)"
+
+
+def _none(flight: Flight, why: str) -> MissionSet:
+    """Return what the manifest needs where there are no missions."""
+    from showc.mission import MissionSet  # noqa: PLC0415 - heavy
+
+    return MissionSet({}, log_token(flight), {}, (why,), None)

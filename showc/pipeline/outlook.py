@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.plan.itinerary import Leg
+    from showc.plan.itinerary import Itinerary, Leg
     from showc.script.show import Show
     from showc.solve.options import SolveOptions
     from showc.vehicle import Limits
@@ -40,18 +40,10 @@ class LegOutlook:
         return asdict(self)
 
 
-def outlook(show: Show, options: SolveOptions) -> list[LegOutlook]:
-    """Look at every leg of ``show``: bounds on its time, and whether it is cached.
-
-    Raises
-    ------
-    PlanError
-        If the places cannot be given out.
-    """
-    from showc.plan import build_itinerary  # noqa: PLC0415 - heavy, and not for check
+def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
+    """Look at every leg of a show: bounds on its time, and whether it is cached."""
     from showc.solve.cache import Cache, leg_key  # noqa: PLC0415
 
-    itinerary = build_itinerary(show)
     cache = Cache.of(options)
     return [
         _look(

@@ -94,9 +94,9 @@ SITE = Section(
         ),
         Field(
             "wind",
-            Quantity("m/s", minimum=0.0, maximum=30.0),
+            Quantity("m/s", minimum=0.0, maximum=8.0),
             "Wind in which missions are to keep time: their slots wait for drones that "
-            "it delays. More than 8 m/s was not measured, and is refused.",
+            "it delays. How missions are flown in more was not measured.",
             default=0.0,
         ),
     ),
@@ -215,6 +215,12 @@ TRANSITION = Section(
     short="to",
 )
 
+BOARDS = (
+    *("4k", "8k", "15k", "16k", "32k"),
+    *("f4", "f405", "pixhawk", "cube", "fmuv3", "sitl", "h743"),
+)
+"""Autopilot boards whose room for missions is known."""
+
 MISSION = Section(
     "mission",
     "For the mission files.",
@@ -254,7 +260,7 @@ MISSION = Section(
         ),
         Field(
             "board",
-            Text(40),
+            Choice(BOARDS),
             "Autopilot board, for the number of items it can hold.",
             default="pixhawk",
         ),

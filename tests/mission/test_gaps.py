@@ -26,7 +26,7 @@ from showc.mission.speeds import fitting_speed, speed_for
 from showc.mission.stage import Stage
 from showc.mission.stagger import STEP, staggered
 from showc.mission.surroundings import stage_motion
-from showc.mission.timing import CLOCKED
+from showc.mission.timing import Timing
 from showc.plan.itinerary import Itinerary
 from showc.vehicle import Separation
 
@@ -75,7 +75,7 @@ def two(points, fast):
 def nearest(stage, separation, later):
     """Least distance if the second drone leaves ``later`` [s] than the first."""
     waits = np.array([max(-later, 0.0), max(later, 0.0)])
-    moved = stage_motion(stage.waiting(waits), stage.begin, CLOCKED)
+    moved = stage_motion(stage.waiting(waits), stage.begin, Timing())
     return closest_encounter(moved, separation).distance
 
 
@@ -84,7 +84,7 @@ def nearest(stage, separation, later):
 def test_a_gap_is_just_enough(points, fast, other, shape):
     separation = Separation(1.0, shape, vertical_stretch=2.0)
     stage = two(points, (fast, other))
-    gaps = release_gaps(stage, separation, CLOCKED, 1.0)
+    gaps = release_gaps(stage, separation, Timing(), 1.0)
     assume(gaps.first.size == 1)
     one_way = np.isposinf([gaps.after[0], gaps.before[0]]).any()
     for gap, sign in ((gaps.after[0], 1.0), (gaps.before[0], -1.0)):
@@ -101,7 +101,7 @@ def test_a_gap_is_just_enough(points, fast, other, shape):
 def test_whoever_can_only_pass_first_cannot_pass_second(points, fast, other):
     separation = Separation(1.0, "sphere")
     stage = two(points, (fast, other))
-    gaps = release_gaps(stage, separation, CLOCKED, 1.0)
+    gaps = release_gaps(stage, separation, Timing(), 1.0)
     assume(gaps.first.size == 1)
     for gap, sign in ((gaps.after[0], 1.0), (gaps.before[0], -1.0)):
         # After a minute everybody has ended.

@@ -14,7 +14,7 @@ import numpy as np
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from showc.verify.decode import parse
-from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
+from showc.verify.missions.law import CLOCK_LAG
 from showc.verify.missions.legs import joined
 from showc.verify.report import Check, Place
 from showc.verify.sample import point_layout, points_of
@@ -134,16 +134,16 @@ class _Tubes:
         row = np.maximum(leg, 0)
         own = self._leg[drone, row]
         since = np.repeat(times, shape[1]) - self._release[drone, row]
-        late = self._table.law_time(own, since - CLOCK_LAG) - SPREAD
-        early = self._table.law_time(own, since) + SPREAD
+        late = self._table.law_time(own, since - CLOCK_LAG) - self._table.spread[own]
+        early = self._table.law_time(own, since) + self._table.spread[own]
         rear, slow = self._table.fraction(own, late)
         front, fast = self._table.fraction(own, early)
         # Between these the speed is greatest nearest to the leg's middle.
         between = np.clip(0.5 * self._table.duration[own], late, early)
         middle = self._table.fraction(own, between)[1]
         speed = np.maximum.reduce([slow, fast, middle]) * self._table.length[own]
-        settles = late < self._table.duration[own] + SETTLING
-        front *= np.where(settles, self._table.excess[own], 1.0)
+        # Beyond its end a drone swings for longer than it counts for the separation.
+        front *= self._table.excess[own]
         begin, end = self._begin[:, drone, row], self._end[:, drone, row]
         along = end - begin
         off = _distance(place, begin + rear * along, begin + front * along)
@@ -158,8 +158,9 @@ class _Tubes:
             rows = np.flatnonzero(some)
             one, other = lines[drone[rows]].transpose(1, 2, 0)
             there = _distance(place[:, rows], one, other)
-            waits = leg[rows] < 0
-            off[rows] = np.where(waits, there, np.minimum(there, off[rows]))
+            swings = there - self._table.overshoot[own[rows]]
+            landing = np.minimum(swings, off[rows])
+            off[rows] = np.where(leg[rows] < 0, there, landing)
         over = off - BESIDE - BESIDE_FAST * speed
         return np.asarray(np.maximum(over, 0.0).reshape(shape))
 

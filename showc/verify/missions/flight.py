@@ -245,7 +245,7 @@ def _check_slots(
     worst, where, note = np.inf, Place(), ""
     legs, climbed = [], 0.0
     for drone, (mission, own) in enumerate(zip(missions, stops, strict=False)):
-        surely = mission.profiles.followed(SPREAD)
+        surely = mission.profiles.followed(mission.profiles.late)
         likely = mission.profiles.followed(0.0)
         held = np.zeros(mission.release.size)
         held[own.rows - 1] = own.holds

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
     from showc.verify.missions.legs import MissionLegs
+    from showc.verify.report import Verdict
 
 GROUP = "missions"
 
@@ -88,8 +89,12 @@ def mission_parts(
         described = {}
     if described.get("autopilot", "") is None and described.get("files") == {}:
         return [partial(_without, folder, log)]
+    # A dialect that the script does not name is read as such, and stays unproved.
+    accepted = terms.autopilot
+    if described.get("autopilot") == "px4":
+        terms = replace(terms, autopilot="px4")
     wanted = _Folder(folder, show.drones, terms)
-    read = partial(_check_files, wanted, log, show, manifest, described)
+    read = partial(_check_files, wanted, log, show, manifest, accepted)
     if terms.autopilot != "ardupilot":
         return [read]
     return [
@@ -176,8 +181,7 @@ class _Folder:
                 every.append(self.mission(drone))
             except MissionFormatError as error:
                 raise MissionFormatError(f"drone {drone + 1}: {error}") from None
-        values = {name: float(text) for name, text in self.terms.parameters.items()}
-        return mission_legs(every, show.rules.site, values, clock)
+        return mission_legs(every, show.rules.site, self.terms, clock)
 
 
 def read_file(path: Path) -> bytes:
@@ -244,7 +248,7 @@ def _check_files(
     log: LogFile,
     show: LoggedShow,
     manifest: dict[str, Any],
-    described: dict[str, Any],
+    accepted: str,
 ) -> list[Check]:
     """Check names, hashes and every line of the files."""
     folder, terms = wanted.path, wanted.terms
@@ -255,6 +259,8 @@ def _check_files(
         )
         place = Place(file=str(folder))
         return [Check("VRF401", GROUP, FILES, "fail", where=place, notes=(note,))]
+    described = manifest.get("missions")
+    described = described if isinstance(described, dict) else {}
     listed = described.get("files")
     listed = listed if isinstance(listed, dict) else {}
     contents, bad = _contents(wanted, listed)
@@ -273,8 +279,10 @@ def _check_files(
         note = f"the manifest says {said!r}, the script {terms.autopilot!r}"
         checks.append(Check("VRF410", GROUP, KNOWN, "fail", notes=(note,)))
     elif terms.autopilot != "ardupilot":
-        note = f"the script accepts that for {terms.autopilot}: mission.autopilot"
-        checks.append(Check("VRF410", GROUP, KNOWN, "accepted", notes=(note,)))
+        named = accepted == terms.autopilot
+        note = f"mission.autopilot of the script is {accepted}"
+        verdict: Verdict = "accepted" if named else "unproved"
+        checks.append(Check("VRF410", GROUP, KNOWN, verdict, notes=(note,)))
     else:
         found = contents.get(PARAMETERS, b"")
         checks.append(_check_parameters(found, parameter_file(terms)))

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.verify.missions.language import MissionFormatError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -26,8 +28,19 @@ GRAVITY = 9.80665
 METRES_PER_DEGREE = 111318.845
 """Length of a degree in ArduPilot's flat earth [m]."""
 
+TUBES = (
+    (0.0, ((5.0, 0.61), (6.5, 1.10), (8.7, 1.82)), (0.21, 0.21)),
+    (5.0, ((5.0, 0.91), (8.7, 3.34)), (0.70, 0.70)),
+    (8.0, ((5.0, 2.62), (8.7, 8.74)), (2.19, 5.66)),
+)
+"""Wind [m/s]; for legs up to a speed [m/s] how far off the predicted flight drones were
+flown [m]; how late they arrived, on legs up to 5.2 m/s and on faster ones [s]."""
+
+BRISK = 5.2
+"""Fastest of the legs that were late by the first of these [m/s]."""
+
 SPREAD = 0.20
-"""How much more or less than the delay of its leg a drone may be late [s]."""
+"""How much more or less than the delay of its leg a drone may be late, at least [s]."""
 
 SETTLING = 1.5
 """For how long after its leg a drone may be beyond its end [s]."""
@@ -93,6 +106,10 @@ class Profiles:
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
     overshoot: FloatArray
     """How far a drone may fly beyond its end, shape (n,) [m]."""
+    spread: FloatArray
+    """How much more or less than its delay a drone may be late, shape (n,) [s]."""
+    late: FloatArray
+    """How much later than predicted it may arrive, shape (n,) [s]."""
 
     @property
     def duration(self) -> FloatArray:
@@ -114,7 +131,7 @@ class Profiles:
         gap = 0.44 * np.exp(np.minimum(-t, 0.0) / 1.33)
         return np.asarray(t - 0.16 + self.level[leg] ** 2 * (gap - 0.28))
 
-    def followed(self, late: float) -> FloatArray:
+    def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
 
         By drones that are later than they most likely are by ``late`` [s]. The delay
@@ -161,11 +178,16 @@ class Profiles:
 
 
 def profiles(
-    displacement: FloatArray, level: FloatArray, vertical: FloatArray, law: Law
+    displacement: FloatArray,
+    level: FloatArray,
+    vertical: FloatArray,
+    law: Law,
+    wind: float = 0.0,
 ) -> Profiles:
     """Return the legs of ``displacement`` (n, 3) [m] in the autopilot's metric.
 
-    ``level`` and ``vertical`` (n,) [m/s] are the speeds in force. Along a line, speed
+    ``level`` and ``vertical`` (n,) [m/s] are the speeds in force, ``wind`` [m/s] is
+    what the script states. Along a line, speed
     and acceleration are the greatest that keep the horizontal and the vertical limits.
     """
     length = np.linalg.norm(displacement, axis=1)
@@ -189,7 +211,24 @@ def profiles(
     edges, phases = _assembled(length, speed, _ramp(speed, push, law))
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    return Profiles(length, speed, edges, phases, flat, beyond)
+    still = np.where(length > 0.0, speed, 0.0)
+    spread, late = _tubes(still, wind)
+    return Profiles(length, speed, edges, phases, flat, beyond, spread, late)
+
+
+def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
+    """Spreads and latenesses (n,) [s] of legs by their speeds (n,) [m/s]."""
+    known = [row for row in TUBES if wind <= row[0]]
+    if not known:
+        raise MissionFormatError(
+            f"how missions are flown in a wind of {wind:g} m/s was not measured"
+        )
+    _, bands, (slow, fast) = known[0]
+    tops = np.array([top for top, _ in bands])
+    widths = np.array([width / top for top, width in bands])
+    band = np.minimum(np.searchsorted(tops, speed), tops.size - 1)
+    spread = np.maximum(widths[band], SPREAD)
+    return spread, np.maximum(np.where(speed <= BRISK, slow, fast), spread)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.language import Item, Mission
+    from showc.verify.missions.terms import Terms
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -73,16 +74,17 @@ class Clock:
 
 
 def mission_legs(
-    missions: Sequence[Mission], site: Site, values: Mapping[str, float], clock: Clock
+    missions: Sequence[Mission], site: Site, terms: Terms, clock: Clock
 ) -> list[MissionLegs]:
-    """Return what a fleet of ArduPilot's flies under one set of parameters.
+    """Return what a fleet of ArduPilot's flies, by the script's ``terms``.
 
     Raises
     ------
     MissionFormatError
         If a parameter is missing, or slots do not follow each other; names the drone.
     """
-    law = Law.of(values)
+    values = {name: float(text) for name, text in terms.parameters.items()}
+    law, wind = Law.of(values), terms.wind
     read = []
     for drone, mission in enumerate(missions):
         try:
@@ -94,7 +96,7 @@ def mission_legs(
     # All legs of the fleet at once: a call for each drone would take far longer.
     step = np.concatenate([one.steps for one in read])
     limits = np.concatenate([one.limits for one in read])
-    every = profiles(step, limits[:, 0], limits[:, 1], law)
+    every = profiles(step, limits[:, 0], limits[:, 1], law, wind)
     edges = np.cumsum([0, *(len(one.steps) for one in read)]).tolist()
     return [
         MissionLegs(one.places, one.release, every.part(begin, end), one.lines)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.missions.law import SETTLING, SPREAD
+from showc.verify.missions.law import SETTLING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -73,5 +73,6 @@ class Reach:
         """Law's times (m,) [s] of the latest at the start, the earliest at the end."""
         leg = self.stretch.leg[drone]
         since = self.stretch.first + after - self.stretch.release[drone]
-        late = self.flights.law_time(leg, since) - SPREAD
-        return late, self.flights.law_time(leg, since + length) + SPREAD
+        spread = self.flights.spread[leg]
+        late = self.flights.law_time(leg, since) - spread
+        return late, self.flights.law_time(leg, since + length) + spread

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
+TOUCHES = 1e-9
+"""Lines that are so near an edge touch it [m]."""
+
 ROUNDING = 0.02
 """How far a stored place may be off the one that was meant [m]."""
 
@@ -91,7 +94,9 @@ def inside_fence(missions: Sequence[MissionLegs], site: Site) -> Inside | None:
                 segment_distance(_flat(a), _flat(b), first, second),
                 out=found,
             )
+    # What touches an edge may be on its other side, however near.
     spare = np.minimum(lines - site.fence_margin, tails)
+    spare[np.minimum(lines, tails) <= TOUCHES] = -np.inf
     spare[~contains(corners, begin[:, :2])] = -np.inf
     return _least(spare, drone, line)
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.missions.law import SPREAD
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -105,7 +103,7 @@ def stretches(
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    fleet = _timed_legs(missions, flights.followed(SPREAD), first_leg)
+    fleet = _timed_legs(missions, flights, first_leg)
     late = np.argwhere(fleet.last[:, :-1] > fleet.first[:, 1:])
     if late.size:
         drone, leg = late[0].tolist()
@@ -118,9 +116,10 @@ def stretches(
 
 
 def _timed_legs(
-    missions: Sequence[MissionLegs], followed: FloatArray, first_leg: IntArray
+    missions: Sequence[MissionLegs], flights: Profiles, first_leg: IntArray
 ) -> _Timed:
     """Return the legs of all drones, those that are timed."""
+    followed = flights.followed(flights.spread)
     timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
     shape = len(missions), max((rows.size for rows in timed), default=0) or 1
     legs = np.zeros(shape, dtype=np.int64)
@@ -139,8 +138,9 @@ def _timed_legs(
         along[drone, part] = one.places[some + 1] - one.places[some]
         if rows.size:
             release[drone, part] = one.release[rows]
-            first[drone, part] = release[drone, part] - SPREAD
-            last[drone, part] = release[drone, part] + followed[legs[drone, part]]
+            own = legs[drone, part]
+            first[drone, part] = release[drone, part] - flights.spread[own]
+            last[drone, part] = release[drone, part] + followed[own]
     return _Timed(legs, release, first, last, begin, along)
 
 
