@@ -138,6 +138,7 @@ class Phase:
         continuous: bool = False,
         scale: float | None = None,
         shape: int | tuple[int, int] | None = None,
+        rate: tuple[Bound, Bound] | None = None,
     ) -> Expression:
         """Add a control that keeps ``lower`` and ``upper`` at every instant.
 
@@ -145,13 +146,27 @@ class Phase:
         (linear), higher, or ``None`` to leave it to the solver (one less than the
         state's degree on a plain transcription). ``continuous``: whether neighbouring
         intervals share the value at their border. ``shape``: of a vector or matrix, as
-        :meth:`state` takes it.
+        :meth:`state` takes it. ``rate``: bounds of its time derivative; the control is
+        then a state, and ``rate of`` it the control.
         """
         if shape is not None:
             make = partial(
-                self.control, degree=degree, continuous=continuous, scale=scale
+                self.control,
+                degree=degree,
+                continuous=continuous,
+                scale=scale,
+                rate=rate,
             )
             return elements(name, shape, {"lower": lower, "upper": upper}, make)
+        if rate is not None:
+            if not isinstance(rate, (tuple, list)) or len(rate) != 2:
+                raise StatementError(
+                    f"the rate of control {name!r} is {rate!r}; wanted two bounds"
+                )
+            quantity = self.state(name, lower, upper, scale=scale)
+            pace = self.control(f"rate of {name}", *rate, degree=degree)
+            self.derivative(quantity, pace)
+            return quantity
         self._check_new(name, "control", scale)
         if degree is not None and (not isinstance(degree, int) or degree < 0):
             raise StatementError(
@@ -191,8 +206,8 @@ class Phase:
         if name not in self.states:
             raise StatementError(
                 f"{name!r} is a control of phase {self.name!r}; only states have a "
-                "derivative. To limit a control's rate make it a state whose "
-                "derivative is a new control"
+                "derivative. To limit how fast a control changes, state it with "
+                "rate=(lower, upper)"
             )
         self.derivatives[name] = scalar(expression, f"the derivative of {name!r}")
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from showc.ocp.export import ROWS, Drawing, arrays, drawing, frame, table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -124,6 +127,9 @@ class Solution:
     history: tuple[MeshRecord, ...] = ()
     """Every mesh that was solved on the way, with what was done to each of its
     intervals and why; empty for a solve on a mesh of the caller's own."""
+    slack: float = 0.0
+    """What the solver's tolerance leaves open, in units of the objective: multipliers
+    times the distances to the bounds and equations they belong to, summed."""
     optima: tuple[Optimum, ...] = ()
     """All optima that the starts led to, the best first; empty for a single start."""
 
@@ -131,6 +137,22 @@ class Solution:
     def duration(self) -> float:
         """Time from the start of the first phase to the end of the last."""
         return self.phases[-1].end - self.phases[0].start
+
+    def arrays(self, rows: int = ROWS) -> dict[str, dict[str, FloatArray]]:
+        """Sample every phase: time, states and controls by name, each (rows,)."""
+        return arrays(self, rows)
+
+    def to_csv(self, path: str | Path, rows: int = ROWS) -> None:
+        """Write time, states and controls of all phases as a table."""
+        Path(path).write_text(table(self, rows), encoding="utf-8")
+
+    def to_frame(self, rows: int = ROWS) -> Any:  # noqa: ANN401 - of pandas
+        """Return the same table as a ``pandas.DataFrame``."""
+        return frame(self, rows)
+
+    def plot(self, *names: str) -> Drawing:
+        """Draw states and controls over time, all or those named."""
+        return drawing(self, names)
 
     def phase(self, name: str) -> PhaseSolution:
         """Return the phase of that name."""

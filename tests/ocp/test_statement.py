@@ -260,3 +260,24 @@ def test_an_objective_without_limit_says_so():
     solution = ocp.solve(problem)
     assert solution.result is ocp.Result.UNBOUNDED
     assert "'u'" in solution.message or "'x'" in solution.message
+
+
+def test_a_control_may_be_limited_in_how_fast_it_changes():
+    # Jerk limited rest to rest: least time (32 d / j) to the power 1/3.
+    problem = ocp.Problem("jerk")
+    phase = problem.phase(duration=(0.1, 20.0))
+    x = phase.state("x", start=0.0, end=1.0)
+    v = phase.state("v", start=0.0, end=0.0)
+    push = phase.control("push", -9.0, 9.0, rate=(-1.0, 1.0))
+    phase.derivative(x, v)
+    phase.derivative(v, push)
+    for end in (phase.initial(push), phase.final(push)):
+        problem.constrain_boundary(end, 0.0, 0.0)
+    problem.minimise(phase.duration)
+    solution = ocp.solve(problem)
+    assert solution.objective == pytest.approx(32.0 ** (1.0 / 3.0), rel=1e-6)
+    slope = solution.phases[0].state("push").derivative()
+    times = np.linspace(0.0, solution.duration, 1001)
+    assert np.abs(slope(times)).max() <= 1.0 + 1e-6
+    with pytest.raises(ocp.StatementError, match="wanted two bounds"):
+        phase.control("w", rate=1.0)

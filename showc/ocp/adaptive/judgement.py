@@ -110,7 +110,7 @@ def judge(
         max(float(a.dynamics.max()) for a in audits),
         0.0,
         max(float(a.path.max()) for a in audits),
-        weight * total,
+        weight * total + solution.slack / size,
     )
     must_cut = tuple(
         _limited(problem, solution, i, audit, tolerance)

@@ -35,6 +35,20 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
+def _slack(given: Mapping[str, FloatArray], answer: Mapping[str, Any]) -> float:
+    """Sum of multipliers times distances to what they belong to, scaled."""
+    total = 0.0
+    for values, low, high, force in (
+        ("x", "lbx", "ubx", "lam_x"),
+        ("g", "lbg", "ubg", "lam_g"),
+    ):
+        at, pull = (np.asarray(answer[name]).ravel() for name in (values, force))
+        # A positive multiplier belongs to the upper bound, a negative one to the lower.
+        gap = np.abs(np.where(pull > 0.0, given[high], given[low]) - at)
+        total += float(np.abs(pull[np.isfinite(gap)]) @ gap[np.isfinite(gap)])
+    return total if np.isfinite(total) else 0.0
+
+
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 UNLIMITED = 1e6
 """Size, over their scales, of an objective and an unknown that grow without limit."""
@@ -190,6 +204,7 @@ class Transcription:
         return replace(
             solution,
             objective=-objective if self.problem.maximises else objective,
+            slack=unit * _slack(scaled, answer),
             iterations=int(statistics["iter_count"]),
         )
 
