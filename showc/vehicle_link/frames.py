@@ -148,17 +148,18 @@ class Framer:
 
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
-        self._rest = b""
+        self.kept = b""
+        """Beginning of a frame whose rest has not come."""
 
     def feed(self, data: bytes) -> list[tuple[Any, bytes]]:
         """Return the messages that are whole now, each with its frame."""
-        if self._rest:
+        if self.kept:
             found, rest = self._scan(data)
             if not found or not MARKER.match(data):
-                found, rest = self._scan(self._rest + data)
+                found, rest = self._scan(self.kept + data)
         else:
             found, rest = self._scan(data)
-        self._rest = rest
+        self.kept = rest
         return found
 
     def _scan(self, data: bytes) -> tuple[list[tuple[Any, bytes]], bytes]:

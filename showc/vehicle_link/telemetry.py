@@ -22,6 +22,10 @@ second, and two may be lost."""
 CLOCK_TOLERANCE = 0.5
 """How far a vehicle's clock may run ahead or jump back against ours [s]."""
 
+CLOCK_KNOWN = 10.0
+"""Time of positions after which the least delay of the link is known [s]: the first
+ones may have waited for the link."""
+
 CLOCK_DRIFT = 1e-4
 """How much slower than ours a vehicle's clock may run: twice a crystal's 50 ppm."""
 
@@ -74,7 +78,7 @@ class Telemetry:
         """Where it is; None before it was anchored."""
         self._local: FloatArray | None = None
         self._anchor: FloatArray | None = None
-        self._boot = -np.inf
+        self._boot = self._since = -np.inf
         self._offset = np.inf
         self._handlers = {
             "HEARTBEAT": self._beaten,
@@ -195,7 +199,10 @@ class Telemetry:
         if boot <= self._boot:
             return
         offset = now - boot
-        if offset < self._offset - CLOCK_TOLERANCE < np.inf:
+        if not np.isfinite(self._boot):
+            self._since = boot
+        known = boot - self._since > CLOCK_KNOWN
+        if known and offset < self._offset - CLOCK_TOLERANCE:
             self.fault = (
                 f"has a clock that ran ahead by {self._offset - offset:.1f} s: it, or "
                 "this program, stood still"
