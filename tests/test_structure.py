@@ -35,7 +35,7 @@ MAY_IMPORT = {
     # Most of it imports less: see the rooms of verify.
     "verify": {"errors", "_version", "files", "processes", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.scene", "log.layout"},
-    "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify"},
+    "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
     "export": FOUNDATION | {"light", "log", "mission.geodesy", "verify", "foreign"},
 }
 

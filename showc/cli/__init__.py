@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from keyword import iskeyword
 from typing import ClassVar
 
 import click
@@ -20,6 +21,7 @@ class Verbs(click.Group):
         "compile": "Turn a show script into missions and a trajectory log.",
         "verify": "Prove a compiled show again, from its bytes alone.",
         "export": "Write a compiled show for other systems, proved as written.",
+        "import": "Write a show of others as a script, to be solved again.",
         "view": "Make a page that plays the show in any browser.",
         "report": "Make the page on which a show is signed off.",
         "diff": "Compare two compiled shows.",
@@ -41,7 +43,9 @@ class Verbs(click.Group):
         del ctx
         if cmd_name not in self.summaries:
             return None
-        module = import_module(f"showc.cli.{cmd_name}")
+        # A verb that Python keeps for itself has a module with a line behind it.
+        name = f"{cmd_name}_" if iskeyword(cmd_name) else cmd_name
+        module = import_module(f"showc.cli.{name}")
         command = module.command
         assert isinstance(command, click.Command)  # noqa: S101 - ours
         return command

@@ -4,16 +4,45 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import TYPE_CHECKING
+from math import radians
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
+    from showc.foreign.verdict import Questions
+
+Command = TypeVar("Command", bound="Callable[..., Any]")
 
 SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb"}
 """Endings of files that are no logs of showc's."""
+
+_POSITIVE = click.FloatRange(0.0, 1e6, min_open=True)
+
+_OPTIONS = (
+    ("--separation", "Show of others: least distance between two drones, in metres."),
+    ("--max-height", "Show of others: greatest height, in metres."),
+    ("--max-speed", "Show of others: greatest horizontal speed, in m/s."),
+    ("--max-climb", "Show of others: greatest speed up and down, in m/s."),
+)
+
+
+def foreign_options(command: Command) -> Command:
+    """Add the options that concern shows of others."""
+    tilt = click.option(
+        "--tilt",
+        type=click.FloatRange(1.0, 80.0),
+        default=30.0,
+        show_default=True,
+        help="Show of others: greatest tilt of the aircraft, in degrees.",
+    )
+    command = tilt(command)
+    for name, text in reversed(_OPTIONS):
+        command = click.option(name, type=_POSITIVE, help=text)(command)
+    return command
 
 
 def is_foreign(path: Path) -> bool:
@@ -21,17 +50,51 @@ def is_foreign(path: Path) -> bool:
     return path.is_dir() or path.suffix.lower() in SUFFIXES
 
 
-def verify_foreign(path: Path, *, as_json: bool) -> int:
+def verify_foreign(
+    path: Path,
+    *,
+    as_json: bool,
+    separation: float | None,
+    max_height: float | None,
+    max_speed: float | None,
+    max_climb: float | None,
+    tilt: float,
+) -> int:
     """Judge a show of another format, print the result, and return the exit code."""
     from showc.cli.console import colour_wanted
     from showc.foreign.folder import is_export, verify_export
     from showc.foreign.verdict import verify_foreign as judged
     from showc.verify.report import render_text
 
-    result = verify_export(path) if is_export(path) else judged(path)
+    if is_export(path):
+        result = verify_export(path)
+    else:
+        asked = (separation, max_height, max_speed, max_climb)
+        result = judged(path, _questions(*asked, tilt))
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=1))
     else:
         colour = colour_wanted(sys.stdout)
         click.echo(render_text(result, colour=colour), color=colour)
     return result.exit_code
+
+
+def _questions(
+    separation: float | None,
+    height: float | None,
+    speed: float | None,
+    climb: float | None,
+    tilt: float,
+) -> Questions:
+    from showc.foreign.facts import Asked
+    from showc.foreign.smoothing import Agility
+    from showc.foreign.verdict import THRUST_MAX, THRUST_MIN, Questions
+    from showc.log.showc_pb2 import Separation
+
+    agility = Agility(radians(tilt), THRUST_MIN, THRUST_MAX)
+    if separation is height is speed is climb is None:
+        return Questions(None, agility)
+    kept = None
+    if separation is not None:
+        kept = Separation(distance=separation, vertical_stretch=1.0)
+    return Questions(Asked("asked", kept, height, speed, climb, climb), agility)

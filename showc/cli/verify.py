@@ -6,8 +6,11 @@ import json
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
+
+from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
 
 
 @click.command(name="verify")
@@ -31,6 +34,7 @@ import click
     help="Leave the mission files and the manifest beside the log out.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+@foreign_options
 def command(
     log: Path,
     jobs: int | None,
@@ -38,8 +42,9 @@ def command(
     as_json: bool,
     no_missions: bool,
     quiet: bool,
+    **rules: Any,  # noqa: ANN401 - options of shows of others
 ) -> int:
-    """Prove a compiled show again, from its bytes alone.
+    """Prove a compiled show again, from its bytes alone, or judge a show of others.
 
     Shares no code with the compiler: reads every byte of the log, integrates the
     controls, bounds every limit and every pair's separation at every instant, compares
@@ -48,19 +53,24 @@ def command(
     Ends with 0 if all is proved, 1 if the show breaks a rule, 2 if the file is damaged
     or not a log of showc's.
 
+    Of a folder that showc export wrote, the written files are proved again. Of a .skyc,
+    .skyb files, a CSV zip, poly7 files, a .vviz or an animated glTF it says what the
+    file says at every instant, whether that can be flown, and what the firmware makes
+    of it, by the file's own rules and by those asked for.
+
     \b
       showc verify output.mcap
       showc verify output.mcap --json | jq .passed
+      showc verify night.skyc --separation 2.5 --tilt 25
     """
     # One thread each: the processes share the cores already.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     from showc.cli.console import colour_wanted, progress
-    from showc.cli.foreign import is_foreign, verify_foreign
     from showc.verify import render_text, verify_log
 
     if is_foreign(log):
-        return verify_foreign(log, as_json=as_json)
+        return verify_foreign(log, as_json=as_json, **rules)
     with progress(quiet=quiet or as_json) as watcher:
         verification = verify_log(
             log,

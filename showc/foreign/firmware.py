@@ -372,7 +372,8 @@ def _lands(found: Phases, tracks: Tracks, firmware: Firmware) -> Check:
     high = int(np.argmax(found.landing_height))
     value = float(found.landing_height[high])
     limit = firmware.takeoff_height
-    early = np.flatnonzero(found.landing < found.takeoff)
+    late = np.isfinite(found.takeoff) & (found.landing < found.takeoff)
+    early = np.flatnonzero(late)
     if early.size:
         return Check(
             "VRF545",

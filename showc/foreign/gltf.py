@@ -31,7 +31,7 @@ MAGIC = b"glTF"
 FLOAT = 5126
 """Component type of float32."""
 
-MOST_KEYS = 200_000
+MOST_KEYS = 50_000
 """Keys of one node."""
 
 MOST_DRONES = 5000

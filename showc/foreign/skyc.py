@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 MOST_DRONES = 5000
 """Drones that Skybrush's loader reads."""
 
-MOST_POINTS = 200_000
-"""Points of one drone: an hour at 50 a second."""
+MOST_POINTS = 50_000
+"""Points of one drone: a quarter of an hour at 50 a second."""
 
 MOST_INNER = 6
 """Inner control points of a segment: degree 7."""

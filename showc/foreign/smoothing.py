@@ -52,6 +52,9 @@ WIDEST = 10.0
 NARROWEST = 0.05
 """Step of the widths [s]."""
 
+FASTEST = 100.0
+"""Speed along an axis beyond which nothing is smoothed [m/s]: no multicopter has it."""
+
 _ANGLE, _THRUST, _LENGTH = 1e-3, 1e-3, 1e-4
 """Widths of the enclosures of tilt [rad], thrust over weight, and lengths [m]."""
 
@@ -228,6 +231,9 @@ def least_smoothing(tracks: Tracks, agility: Agility) -> Smoothed | None:
         if demand.within(agility):
             still = Greatest(0.0, 0.0, 0, tracks.begin)
             return Smoothed(0.0, demand, still, ())
+    velocity = derivative(tracks)
+    if np.abs(velocity.position).max() > FASTEST:
+        return None
     found = _least_width(tracks, agility)
     if found is None:
         return None

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-MOST_ROWS = 200_000
-"""Lines of one drone: an hour at 50 a second."""
+MOST_ROWS = 50_000
+"""Lines of one drone: a quarter of an hour at 50 a second."""
 
 DEGREE = 7
 """Degree of the pieces of a poly7 file."""

@@ -11,7 +11,7 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from showc.errors import DamagedFileError
-from showc.foreign.facts import Asked, own_rules, what_it_says
+from showc.foreign.facts import Asked, own_rules, searched, what_it_says
 from showc.foreign.firmware import Firmware, what_it_becomes
 from showc.foreign.reading import read_show
 from showc.foreign.smoothing import Agility, least_smoothing, smoothed
@@ -177,7 +177,8 @@ def _smoothed_apart(
     notes: tuple[str, ...] = ("the file's, less twice the tube",)
     value = facts.closest.lower - 2.0 * found.tube.upper
     if show.tracks.starts.size * 5 <= MOST_ROWS:
-        closest = closest_in(smoothed(show.tracks, found.width), separation)
+        soft = smoothed(show.tracks, found.width)
+        closest = closest_in(soft, searched(soft, separation))
         assert closest is not None  # noqa: S101 - there are pairs
         value, notes = closest.lower, ()
         pair = closest.pair

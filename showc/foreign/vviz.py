@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-MOST_DRONES, MOST_SAMPLES = 5000, 200_000
+MOST_DRONES, MOST_SAMPLES = 5000, 50_000
 """Performances that are read, and samples of one."""
 
 

@@ -1,0 +1,84 @@
+"""``showc import``: a show of others as a script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+class Instants(click.ParamType[tuple[float, ...]]):
+    """Show times in seconds, with commas between them."""
+
+    name = "times"
+
+    def convert(
+        self,
+        value: str | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[float, ...]:
+        """Parse them."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is no list of seconds such as 30,60.5", param, ctx)
+
+
+@click.command(name="import")
+@click.argument("show", type=click.Path(path_type=Path), metavar="SHOW")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="SHOW.yaml",
+    help="Where to put the script; its tables go into a folder of the same name.",
+)
+@click.option(
+    "--at",
+    type=Instants(),
+    default=(),
+    metavar="SECONDS,...",
+    help="Make formations of these instants too: for shows that never hold.",
+)
+@click.option("--force", is_flag=True, help="Replace a script that is there.")
+def command(show: Path, output: Path, at: tuple[float, ...], force: bool) -> int:
+    """Write a show of others as a script, to be solved again.
+
+    Where the whole fleet holds in the air is a formation, with its colours; transitions
+    lead from one to the next. Site, fence, speeds and least distance come along.
+
+    \b
+      showc import night.skyc -o night.yaml
+      showc import frames.zip -o night.yaml --at 30,60,90
+    """
+    from showc.errors import UsageError
+    from showc.files import write_file
+    from showc.foreign.reading import read_show
+    from showc.foreign.script import import_show
+    from showc.script import load_show
+
+    folder = output.with_suffix("")
+    if folder == output:
+        raise UsageError(f"{str(output)!r} has no ending; wanted a name such as a.yaml")
+    taken = [path for path in (output, folder) if path.exists()]
+    if taken and not force:
+        raise UsageError(
+            f"{str(taken[0])!r} is there already; choose another name, or --force"
+        )
+    imported = import_show(read_show(show), folder.name, at)
+    for name, table in imported.tables.items():
+        write_file(output.parent / name, table.encode())
+    write_file(output, imported.script.encode())
+    found = load_show(output).diagnostics
+    click.echo(
+        f"{output}: {len(imported.pictures)} formations, "
+        f"{len(found)} findings of showc check"
+    )
+    for lost in imported.lost:
+        click.echo(f"not in the script: {lost}")
+    click.echo(f"next: showc check {output}")
+    return 0
