@@ -133,7 +133,7 @@ def mission_files(
         return MissionSet(files, token, {"clock": "relative"}, notes, None)
     files["missions/ardupilot.parm"] = parameter_file(parameters)
     prediction = prediction_summary(
-        flight, timeline, clock, jobs if show.drones >= MANY else 1
+        flight, timeline, clock, parameters, jobs if show.drones >= MANY else 1
     )
     return MissionSet(
         files,
@@ -192,7 +192,7 @@ def _warnings(
     found = [
         f"load missions/ardupilot.parm onto {FIRMWARE} before the missions",
         (
-            f"the missions take {timeline.duration:.0f} s, the solved show "
+            f"the missions take {prediction['duration']:.0f} s, the solved show "
             f"{flight.duration:.0f} s, which `showc stream` flies"
         ),
     ]

@@ -5,8 +5,7 @@ full within TKOFF_SLEW_TIME, until it notices that the drone rises: by half the 
 upright acceleration, or a tenth of the greatest speed up. From then on it leads a point
 to the height asked for, by limits of speed, acceleration and jerk (its
 ``shape_pos_vel_accel``), 400 times a second, and ends the take-off when that is nearly
-there and slower than a tenth of the greatest speed up. The drone is rising then, and so
-the law of the climb after it need not wait for the drone as it does from rest.
+there and slower than a tenth of the greatest speed up.
 """
 
 from __future__ import annotations
@@ -40,13 +39,6 @@ LOOP = 1.0 / 400.0
 
 TENTH = 0.1
 """Part of the greatest speed up at which a take-off is noticed, and over."""
-
-RISING = 0.085
-"""How much sooner than from rest the climb after a take-off ends [s].
-
-By 0.07 to 0.10 s in a transcription of the autopilot's controllers, for climbs of 2.5
-to 12 m at 1 to 3 m/s after take-offs to 1.5 and 2.5 m under WPNAV_SPEED_UP 1.5 to 4.
-"""
 
 
 def takeoff_times(heights: Sequence[int], parameters: Parameters) -> FloatArray:

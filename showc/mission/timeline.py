@@ -17,7 +17,6 @@ from showc.errors import ExportError
 from showc.mission.crew import side_by_side
 from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
 from showc.mission.following import SETTLING
-from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.mission.separation import Closest, Motion, closest_encounter
 from showc.mission.stagger import STEP
 from showc.mission.timing import (
@@ -105,8 +104,6 @@ class Timeline:
     """Straight down, untimed."""
     land_start: float
     """Mission time at which the landing nominally begins [s]."""
-    duration: float
-    """Mission time at which the last drone is nominally down [s]."""
     launch_closest: Closest | None
     """Nearest encounter of the climb, at any timing."""
     land_closest: Closest | None
@@ -202,10 +199,6 @@ class _Layout:
         land_closest = self._untimed(descent, positions, "landing")
         self.progress.advance()
         land_start = self.arrival + pause
-        height = descent.begin[:, 2] - descent.end[:, 2]
-        slow = np.minimum(height, LAND_SLOW_HEIGHT)
-        fast = self.builder.parameters.descent_speed
-        down = slow / LAND_SLOW_SPEED + (height - slow) / fast
         return Timeline(
             pads,
             launch,
@@ -215,7 +208,6 @@ class _Layout:
             pause,
             descent,
             land_start,
-            land_start + float(down.max(initial=0.0)),
             launch_closest,
             land_closest,
         )

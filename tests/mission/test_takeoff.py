@@ -1,0 +1,72 @@
+"""When take-offs are over, and how landings sink."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mission.flights import shift_flight
+
+from showc.mission import mission_files
+from showc.mission.parameters import Parameters
+from showc.mission.predict import LAND_LEG, descent
+from showc.mission.takeoff import takeoff_times
+from showc.mission.timing import LIFT_OFF
+
+FLOWN = [
+    (5.0, 2.5, 250, 2.547),
+    (4.0, 2.5, 250, 2.592),
+    (4.0, 2.5, 150, 2.355),
+    (4.0, 1.5, 100, 1.712),
+    (2.0, 2.5, 250, 2.895),
+    (1.5, 1.5, 250, 3.005),
+    (1.0, 2.5, 150, 2.977),
+    (0.6, 2.5, 100, 3.100),
+]
+"""WPNAV_SPEED_UP [m/s], WPNAV_ACCEL_Z [m/s²], height [cm], and how long a transcription
+of the autopilot's controllers takes off, from the ground on [s]."""
+
+speeds = st.floats(0.3, 5.0)
+accelerations = st.floats(0.8, 3.0)
+
+
+def times(heights, speed, acceleration):
+    parameters = Parameters(speed_up=speed, acceleration_vertical=acceleration)
+    return takeoff_times(heights, parameters)
+
+
+@pytest.mark.parametrize(("speed", "acceleration", "height", "flown"), FLOWN)
+def test_takeoffs_last_as_long_as_they_are_flown(speed, acceleration, height, flown):
+    assert times([height], speed, acceleration)[0] == pytest.approx(flown, abs=0.01)
+
+
+def test_the_measured_takeoff():
+    # From AUTO to the waypoint at 2.5 m: 3.49 to 3.50 s in simulation.
+    assert LIFT_OFF + times([250], 4.0, 2.5)[0] == pytest.approx(3.495, abs=0.01)
+
+
+@settings(max_examples=30)
+@given(speeds, accelerations, st.lists(st.integers(100, 250), min_size=1, max_size=4))
+def test_higher_takes_longer(speed, most, heights):
+    assert np.all(np.diff(times(sorted(heights), speed, most)) >= 0.0)
+
+
+def test_a_landing_gains_speed_as_measured_and_ends_on_the_ground():
+    parameters = Parameters(descent_speed=1.0)
+    instants = np.arange(0.0, 60.0, 0.01)[:, None]
+    sunk = descent(instants, np.array([20.0]), parameters)[:, 0]
+    speed = np.gradient(sunk, 0.01)
+    assert speed[241] == pytest.approx(0.95, abs=0.01)
+    assert speed[(sunk > 16.1) & (sunk < 19.9)] == pytest.approx(0.5, abs=0.01)
+    assert sunk[-1] == 20.0
+    assert np.all(np.diff(sunk) >= 0.0)
+
+
+def test_each_drone_sinks_after_its_own_last_leg():
+    missions = mission_files(shift_flight(6))
+    predicted, last = missions.predicted, missions.prediction["legs"][-1]
+    pause = predicted.timeline.landing_pause
+    for drone, ended in zip(last["drones"], last["ended"], strict=True):
+        begin = ended + pause + LAND_LEG
+        before, after = predicted.position([begin - 0.2, begin + 3.0])[:, drone - 1, 2]
+        assert before == pytest.approx(6.0, abs=0.05)
+        assert after < 5.0
