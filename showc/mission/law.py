@@ -324,30 +324,3 @@ def _fitting_speed(
         low = np.where(inside, middle, low)
         high = np.where(inside, high, middle)
     return np.where(fits, speed, low)
-
-
-def speed_for(
-    limits: LegLimits,
-    parameters: Parameters,
-    duration: FloatArray,
-    slowest: FloatArray,
-) -> FloatArray:
-    """Cruise speeds (n,) [m/s] at which the legs take ``duration`` (n,) [s].
-
-    The inverse of ``T = L / V + T_ramp(V)``, which falls with V up to the speed that
-    just fits; by bisection. A leg that cannot be so fast gets its greatest speed, one
-    that would have to be slower than ``slowest`` (n,) [m/s] gets that.
-    """
-    high = _fitting_speed(limits, parameters, limits.speed)
-    low = np.minimum(slowest, high)
-    floor = low
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        safe = np.where(middle > 0.0, middle, 1.0)
-        takes = limits.length / safe + ramp_time(
-            middle, limits.acceleration, parameters
-        )
-        slow = takes > duration
-        low = np.where(slow, middle, low)
-        high = np.where(slow, high, middle)
-    return np.where(limits.length > 0.0, np.maximum(high, floor), 0.0)

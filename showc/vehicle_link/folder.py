@@ -11,6 +11,7 @@ from showc.errors import UsageError
 from showc.files import UnreadableFileError, inside, read_file
 from showc.mission.fleet import fleet_token
 from showc.vehicle_link.wire import WireItem, parse_parameters, parse_waypoints
+from showc.verify.missions.language import MissionFormatError, read_mission
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +57,8 @@ def read_fleet(folder: Path) -> FleetFolder:
     ------
     UsageError
         If the folder, the manifest or a file cannot be read, a file is missing, was
-        changed, or the missions are of more than one compile.
+        changed, or says what no mission of showc's says, or the missions are of more
+        than one compile.
     """
     manifest = _manifest(folder)
     try:
@@ -95,11 +97,26 @@ def read_fleet(folder: Path) -> FleetFolder:
             _drone_of(name),
             name,
             sha256(content).hexdigest(),
-            parse_waypoints(content, str(folder / name)),
+            _known(content, str(folder / name), autopilot),
         )
         for name, content in contents.items()
     )
     return FleetFolder(token, autopilot, missions, parameters)
+
+
+def _known(content: bytes, name: str, autopilot: str) -> tuple[WireItem, ...]:
+    """Read a mission, every row of which is one that showc writes.
+
+    What the verification refuses is put onto no vehicle: a stray item may end a flight
+    anywhere.
+    """
+    try:
+        read_mission(content, autopilot)
+    except MissionFormatError as error:
+        raise UsageError(
+            f"{name}: {error}; compile the show again, and verify it"
+        ) from None
+    return parse_waypoints(content, name)
 
 
 def _manifest(folder: Path) -> dict[str, Any]:

@@ -37,18 +37,6 @@ SMALLEST = 1e-15
 """Least number that what is positive can be (SI): below it quotients leave float64."""
 
 
-def read_rules(log: LogFile) -> LoggedShow:
-    """Decode the rules alone; return a show without segments.
-
-    Raises
-    ------
-    Damage
-        If they are missing, malformed or contradict each other.
-    """
-    rules, epoch = _rules(log, _channels(log)[RULES])
-    return LoggedShow(rules, (), epoch)
-
-
 def read_show(log: LogFile) -> LoggedShow:
     """Decode rules, segments and all polynomials.
 

@@ -31,7 +31,8 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
         for name, key in (("Take-off", "launch"), ("Landing", "land"))
         if prediction.get(key)
     ]
-    start = prediction.get("start") or "set by hand: no clock in the missions"
+    minute = prediction.get("start_minute")
+    start = prediction.get("start") or f"minute {minute} of any hour"
     warnings = "".join(f"<li>{text(one)}</li>" for one in missions.get("warnings", []))
     return (
         "<h2>Missions<small>prediction for "
@@ -48,7 +49,6 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
 def _leg(leg: Mapping[str, Any], words: frozenset[int]) -> str:
     slots = leg.get("slots", [leg["slot"]])
     more = small(f"in {len(slots)} groups") if len(slots) > 1 else ""
-    unclocked = leg.get("unclocked") or {}
     return row(
         [
             text(leg["name"]),
@@ -58,7 +58,7 @@ def _leg(leg: Mapping[str, Any], words: frozenset[int]) -> str:
             f"{leg['optimal_duration']:.2f}",
             f"{max(leg['position_difference'], default=0.0):.2f}",
             f"{max(leg['arrival_difference'], default=0.0):.2f}",
-            _encounter(unclocked.get("closest") or leg.get("closest")),
+            _encounter(leg.get("closest")),
         ],
         words=words,
     )

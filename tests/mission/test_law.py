@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.mission.law import leg_limits, profile, ramp_time, speed_for
+from showc.mission.law import leg_limits, profile, ramp_time
 from showc.mission.parameters import Parameters
+from showc.mission.speeds import fitting_speed, speed_for
 
 TUNED = Parameters(speed=10.0)
 STOCK = Parameters(
@@ -94,7 +95,8 @@ def test_measured_arrivals(parameters, arrival):
 )
 def test_measured_synchronised_arrivals(length, time, first, last):
     limits = legs([0.8 * length, 0.5 * length, 0.331662 * length])
-    speed = speed_for(limits, TUNED, np.array([time]), np.array([0.1]))
+    fastest = fitting_speed(limits, TUNED)
+    speed = speed_for(limits, TUNED, np.array([time]), np.array([0.1]), fastest)
     leg = profile(limits, TUNED, speed)
     times = np.linspace(0.0, leg.duration[0], 20_001)
     near = times[np.argmax(leg.distance(times[:, None])[:, 0] > length - 0.3)]
@@ -147,7 +149,8 @@ def test_speeds_solved_for_one_time_give_that_time(displacements, stretch):
         limits,
         TUNED,
         np.full(len(displacements), wanted),
-        np.full(len(limits.speed), 0),
+        np.full(len(limits.speed), 1e-3),
+        fitting_speed(limits, TUNED),
     )
     flown = profile(limits, TUNED, speed)
     np.testing.assert_allclose(flown.duration, wanted, rtol=1e-9)
@@ -155,7 +158,13 @@ def test_speeds_solved_for_one_time_give_that_time(displacements, stretch):
 
 def test_a_leg_that_cannot_be_slow_enough_arrives_early():
     limits = legs([[0.5, 0, 0], [30.0, 0, 0]])
-    speed = speed_for(limits, TUNED, np.full(2, 40.0), np.full(2, 0.15))
+    speed = speed_for(
+        limits,
+        TUNED,
+        np.full(2, 40.0),
+        np.full(2, 0.15),
+        fitting_speed(limits, TUNED),
+    )
     flown = profile(limits, TUNED, speed)
     assert speed[0] == pytest.approx(0.15)
     assert flown.duration[0] < 5.0
