@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from showc.verify.certificates import certified
-from showc.verify.kernel.choreography import joined_up
+from showc.verify.choreography import joined_up
 from showc.verify.kernel.dynamics import Tube, ties, tube
 from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import flint
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,9 +15,15 @@ from showc.log import showc_pb2 as pb
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.dynamics import (
     ANGLE,
+    GAMMA,
     POSITION,
     RATE,
     VELOCITY,
+    _chebyshev,
+    _Rows,
+    _scheme,
+    _sides,
+    _transform,
     allocation,
     ties,
     tube,
@@ -262,3 +269,89 @@ def test_a_flight_to_infinity_is_not_proved(log_and_show):
     with np.errstate(all="ignore"):
         radius = tube(spoilt.segments[0], show.rules.vehicle).radius
     assert np.all(np.isinf(radius[:, :3]))
+
+
+def bernstein_ball(coefficients, share):
+    """Value of a polynomial, by de Casteljau on balls."""
+    row = [flint.arb(float(one)) for one in coefficients]
+    while len(row) > 1:
+        row = [(1 - share) * a + share * b for a, b in pairwise(row)]
+    return row[0]
+
+
+def chebyshev_ball(coefficients, share):
+    """Value of a sum of Chebyshev polynomials of 2 s - 1, by Clenshaw on balls."""
+    x = 2 * share - 1
+    one, two = flint.arb(0), flint.arb(0)
+    for coefficient in reversed(coefficients[1:]):
+        one, two = flint.arb(float(coefficient)) + 2 * x * one - two, one
+    return flint.arb(float(coefficients[0])) + x * one - two
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    degree=st.integers(1, 8),
+    turn=st.sampled_from([1e-3, 0.1, 0.6]),
+)
+def test_what_interpolation_leaves_out_is_bounded_in_balls(seed, degree, turn):
+    """Accelerations in 200 bits, against the interpolant and its two error terms."""
+    rng = np.random.default_rng(seed)
+    state = np.zeros((1, degree + 1, 12))
+    state[0, :, 6:9] = rng.uniform(-turn, turn, (degree + 1, 3))
+    state[0, :, 9:] = rng.uniform(-1.7, 1.7, (degree + 1, 3))
+    control = np.zeros((1, 5, 4))
+    control[0, :, 0] = rng.uniform(3.0, 9.0, 5)
+    table = PieceTable(
+        np.array([0]), np.array([0, 1]), np.zeros(1), np.ones(1), state, control
+    )
+    scheme = _scheme(degree, 4)
+    sides = _sides(_Rows.of(table), VEHICLE, scheme)
+    found = np.tensordot(_transform(scheme.degree), sides.value, axes=1)[:, :3, 0]
+    allowed = (sides.error + GAMMA * scheme.gain * sides.size)[:3, 0]
+    flint.ctx.prec = 200
+    for share in (flint.arb(float(one)) for one in rng.uniform(0.0, 1.0, 12)):
+        push = bernstein_ball(control[0, :, 0], share) / flint.arb(VEHICLE.mass)
+        roll, pitch, yaw = (
+            bernstein_ball(state[0, :, 6 + axis], share) for axis in range(3)
+        )
+        level = roll.cos() * pitch.sin()
+        true = (
+            push * (level * yaw.cos() + roll.sin() * yaw.sin()),
+            push * (level * yaw.sin() - roll.sin() * yaw.cos()),
+            push * roll.cos() * pitch.cos() - flint.arb(VEHICLE.gravity),
+        )
+        for axis in range(3):
+            away = abs(true[axis] - chebyshev_ball(found[:, axis], share))
+            assert away < flint.arb(float(allowed[axis]))
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), degree=st.integers(0, 12))
+def test_integrals_and_coefficients_are_right_in_balls(seed, degree):
+    """Integrals of a polynomial from its values, against exact ones."""
+    rng = np.random.default_rng(seed)
+    logged = rng.uniform(-5.0, 5.0, degree + 1)
+    scheme = _scheme(degree, 0)
+    flint.ctx.prec = 200
+    value = scheme.state @ logged
+    rounding = GAMMA * scheme.gain * 5.0
+    share = flint.arb(float(rng.uniform()))
+    integral, again = logged, None
+    for matrix in (scheme.once, scheme.twice):
+        # The integral of a Bernstein polynomial has the mean of partial sums.
+        integral = [
+            sum((flint.arb(float(one)) for one in integral[:k]), flint.arb(0))
+            if again is None
+            else sum(integral[:k], flint.arb(0))
+            for k in range(len(integral) + 1)
+        ]
+        integral = [one / (len(integral) - 1) for one in integral]
+        again = integral
+        row = list(integral)
+        while len(row) > 1:
+            row = [(1 - share) * a + share * b for a, b in pairwise(row)]
+        away = abs(row[0] - chebyshev_ball(matrix @ value, share))
+        assert away < flint.arb(rounding)
+    direct = chebyshev_ball(_chebyshev(degree) @ logged, share)
+    assert abs(direct - bernstein_ball(logged, share)) < flint.arb(rounding)

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
+MOST = 500_000
+"""Intervals open at once at which a search gives up: what it looks for is undecided."""
+
+
 @lru_cache(maxsize=64)
 def binomials(degree: int) -> FloatArray:
     """Return C(degree, 0) ... C(degree, degree)."""

@@ -1,6 +1,9 @@
 """The lower bound on a leg's time, proved again from its witness.
 
-Between two hovers, at time t after the first and T - t before the second, roll is at
+**Theorem.** Where :func:`refuted` is true, no flight within the segment's limits makes
+the way of the witness's drone, from hover to hover, in the witness's time or less.
+
+Proof. Between two hovers, t after the first and T - t before the second, roll is at
 most ``c(s)``, s = min(t, T - t): with a the greatest angular acceleration and w the
 greatest rate, a s² / 2 until a s = w, then w s - w² / (2 a), and never more than the
 tilt limit; pitch alike. Thrust over mass times the body z axis is then a point of the

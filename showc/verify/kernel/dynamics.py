@@ -42,8 +42,8 @@ Proof. Write ~ for what is logged, e for flown minus logged, T for the segment's
    Delta, cannot leave |e| <= eta. So |e_i| <= sup |Delta_i| + G, G = a (exp(L) - 1).
 3. *Angles.* Their defect is worked out in step 1 with y1 the rates; G adds at most T G.
 4. *Velocity and position.* Each component of b has slopes of at most 1 in each angle:
-   the velocity gets at most A = T (U1 / m) (|e_phi| + |e_theta| + |e_psi|) besides its
-   defect, the position T A / 2.
+   the velocity gets at most A = T (U / m) (|e_phi| + |e_theta| + |e_psi|) besides its
+   defect, the position T A / 2, U being the thrust of four rotors at full speed.
 
 *Clipping.* Where coefficients of a squared rotor speed leave [0, 1] of the greatest, by
 kappa at most, the right sides are off by what kappa of all rotors gives.
@@ -112,7 +112,7 @@ ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
 TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
 """The same for each of the twelve states (SI)."""
 
-_AT_ONCE = 2_000
+_AT_ONCE = 1_000
 """Mesh intervals taken together: few enough to stay in the processor's cache."""
 
 
@@ -527,8 +527,8 @@ def _tube_of(table: PieceTable, vehicle: Vehicle) -> Tube:
     within = sup * np.exp(growth) <= ETA
     gyroscopic = np.where(within, sup * np.expm1(growth), np.inf)
     angles = greatest[1][3:] + total * gyroscopic
-    thrust = np.abs(fine.control[:, :, 0]).max(axis=1)
-    push = np.maximum.reduceat(thrust, each) / vehicle.mass
+    # Four rotors at full speed: clipped controls ask for no more.
+    push = 4.0 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2 / vehicle.mass
     lean = total * push * angles.sum(axis=0)
     radius = np.concatenate(
         [

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import halves
+from showc.verify.kernel.bernstein import MOST, halves
 from showc.verify.kernel.dynamics import GAMMA, POSITION
 from showc.verify.kernel.statement import Statement
 
@@ -112,6 +112,9 @@ def _enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
         open_ = ~(lower >= best - RESOLUTION)
         least = min(least, float(np.min(lower[~open_], initial=np.inf)))
         if not open_.any():
+            break
+        if np.count_nonzero(open_) > MOST:
+            least = -np.inf
             break
         path = np.concatenate(halves(path[open_]))
         rows = np.tile(rows[open_], 2)

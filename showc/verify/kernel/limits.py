@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import halves, square_sum
+from showc.verify.kernel.bernstein import MOST, halves, square_sum
 from showc.verify.kernel.dynamics import GAMMA, TOLERANCES, rotor_shares
 from showc.verify.kernel.statement import Statement
 
@@ -242,6 +242,8 @@ def _greatest(quantities: _Quantities, bound: Bound) -> Extreme:
     table = quantities.table
     work = bound.sign * quantities(bound.quantity)
     rounding = GAMMA * float(np.abs(work).max())
+    if not np.isfinite(rounding):
+        return Extreme(bound, np.inf, np.inf, int(table.drones[0]), 0.0)
     resolution = RESOLUTION * (bound.span**2 if bound.squared else bound.span)
     row = np.arange(work.shape[1])
     begin, length = np.zeros(row.size), np.ones(row.size)
@@ -254,10 +256,12 @@ def _greatest(quantities: _Quantities, bound: Bound) -> Extreme:
             late = work[-1, best] > work[0, best]
             moment = float(begin[best] + late * length[best])
         hull = work.max(axis=0)
-        # What is undefined stays open, and then undecided.
-        open_ = ~(hull <= lower + resolution)
+        open_ = hull > lower + resolution
         upper = max(upper, float(np.max(hull[~open_], initial=-np.inf)))
         if not open_.any():
+            break
+        if np.count_nonzero(open_) > MOST:
+            upper = np.inf
             break
         left, right = halves(work[:, open_].T)
         half = 0.5 * length[open_]

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import halves, square_sum
+from showc.verify.kernel.bernstein import MOST, halves, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
 from showc.verify.kernel.slices import Measure, edges, measures, near_pairs, take
 from showc.verify.kernel.statement import Statement
@@ -308,6 +308,8 @@ class _Search:
             keep = self._lower(work) < self.best - RESOLUTION / 2
             if not keep.any():
                 return
+            if np.count_nonzero(keep) > MOST:
+                break
             work, pairs = np.concatenate(halves(work[keep])), pairs.some(keep).halved()
             self._take(self._value(work[:, 0]), pairs, pairs.low)
             self._take(self._value(work[:, -1]), pairs, pairs.high)

@@ -10,8 +10,9 @@ their chords do, less the two differences; and no nearer than the middles of the
 chords, less the radii of the balls around them that hold all coefficients. Two points
 nearer than the edge of a lattice's cells lie in one cell or in neighbouring ones.
 
-*Rounding.* Everything is worked out in fewer than 1000 steps; the caller asks for a
-distance that is greater by :data:`GAMMA` of the greatest coordinate.
+*Rounding.* Everything is worked out in fewer than 1000 steps: the caller takes
+gamma_1000 (Higham 2002, section 3.1) of the greatest coordinate off what it concludes.
+Coefficients enclose values by Farouki 2012, section 4.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How the show joins up: hover at joints, formations reached, no gap, no jump.
 
-**Theorem.** Each statement below holds of the logged polynomials as they stand: it
+Each statement below holds of the logged polynomials as they stand: it
 compares single coefficients with each other and with what is asked for, so that no
 error but one rounding of a difference enters (u of the greater number, far below every
 tolerance). Of what is flown it holds with the tolerances of VRF301 to VRF304 besides
