@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from math import isfinite
 
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+"""The golden ratio, whose multiples spread evenly: places to look at, in any number."""
+
 
 def from_bounds(lower: float, upper: float, *ends: float) -> float:
     """Return the scale of a quantity with these bounds and end values."""
@@ -28,9 +31,12 @@ def of_duration(lower: float, upper: float) -> float:
     return lower if lower > 0.0 else 1.0
 
 
-def of_path(lower: float, upper: float) -> float:
-    """Return the scale in which a violation of a path constraint is measured."""
+def of_path(lower: float, upper: float, otherwise: float = 1.0) -> float:
+    """Return the scale in which a violation of a path constraint is measured.
+
+    ``otherwise`` is that of a constraint whose bounds do not tell it.
+    """
     finite = [abs(b) for b in (lower, upper) if isfinite(b) and b != 0.0]
     if isfinite(lower) and isfinite(upper) and upper > lower:
         return upper - lower
-    return max(finite, default=1.0)
+    return max(finite, default=otherwise)

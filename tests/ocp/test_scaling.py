@@ -7,7 +7,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from benchmarks.ocp_further import triple_integrator
+from benchmarks.ocp_further import orbit_raising, rayleigh, triple_integrator
 from benchmarks.ocp_hard import (
     bounce,
     bounce_optimum,
@@ -108,3 +108,27 @@ def test_ways_round_obstacles_are_arcs_on_which_they_are_touched():
     assert solution.objective == pytest.approx(slalom_optimum(), rel=1e-8)
     assert len(solution.history) <= 8
     assert len(solution.history[-1].phases[0].switches) == 6
+
+
+@pytest.mark.parametrize("factor", [1e-8, 1e8])
+def test_a_constraint_in_any_unit_is_kept_as_well(factor):
+    problem = rayleigh()
+    phase = problem.phases[0]
+    mixed = phase.path_constraints[0]
+    phase.path_constraints[0] = replace(mixed, symbol=factor * mixed.symbol)
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(44.8044449, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-8, 1e8])
+def test_a_boundary_condition_in_any_unit_is_kept_as_well(factor):
+    problem = orbit_raising()
+    (circular,) = problem.boundary_constraints
+    problem.boundary_constraints[0] = replace(circular, symbol=factor * circular.symbol)
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    end = solution.phases[0].states(solution.duration).ravel()
+    names = list(solution.phases[0].state_names)
+    off = end[names.index("vt")] - 1.0 / np.sqrt(end[names.index("r")])
+    assert abs(off) < 1e-7

@@ -10,7 +10,6 @@ import numpy as np
 from showc.ocp.adaptive.options import BOUNDARY_SHARE, CAUTION
 from showc.ocp.audit.optimality import objective_size
 from showc.ocp.outcome import ErrorEstimate
-from showc.ocp.scaling import of_path
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,6 +105,7 @@ def judge(
     if weight * total > CAUTION * tolerance and 0.0 < top <= 1.0:
         # Many small shares add up to too much: the greatest are the ones to mend.
         indicators = [1.5 * part / top for part in indicators]
+    left_open = solution.slack / sum(part.size for part in lost)
     error = ErrorEstimate(
         max(float(a.dynamics.max()) for a in audits),
         0.0,
@@ -121,7 +121,7 @@ def judge(
         audits,
         error,
         tuple(indicators),
-        tuple(weight * part / size for part in lost),
+        tuple((weight * part + left_open) / size for part in lost),
         must_cut,
         tuple(structures),
         move,
@@ -135,7 +135,7 @@ def _margin_loss(
     mesh = part.mesh
     if not any(mesh.path_margins):
         return np.zeros(mesh.intervals)
-    scale = np.array([of_path(*pair) for pair in auditor.path_bounds(table)])
+    scale = auditor.path_scales(table)
     force = np.abs(part.path_multipliers) @ scale
     owner = np.repeat(np.arange(mesh.intervals), mesh.points)
     mean = np.bincount(owner, weights=force) / np.asarray(mesh.points)

@@ -17,8 +17,8 @@ import numpy as np
 
 from showc.ocp.collocation.limits import Statement
 from showc.ocp.collocation.start import middle
-from showc.ocp.collocation.transcription import GOLDEN
 from showc.ocp.guess import Curve, Guess, curves_of, sample
+from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Optimum, Solution
 
 if TYPE_CHECKING:

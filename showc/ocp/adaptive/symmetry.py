@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.ocp.scaling import GOLDEN
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 
 _STILL = 1e-6
 """Share of its range by which a control has moved that counts as moved."""
-_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 _VALUES = 41
 
 
@@ -72,7 +73,7 @@ def uneven(
         phase, control = name.split(".", 1)
         low, high = table["bounds", phase, control]
         steps = np.arange(_VALUES) + 1.0 + _VALUES * number
-        pattern = (steps * _GOLDEN) % 1.0 - 0.5
+        pattern = (steps * GOLDEN) % 1.0 - 0.5
         offset = share * (high - low) * pattern
         curves[name] = np.asarray(0.5 * (low + high) + offset, dtype=np.float64)
     return replace(guess, curves=curves)

@@ -21,7 +21,6 @@ import casadi
 import numpy as np
 from numpy.polynomial import legendre
 
-from showc.ocp import scaling
 from showc.ocp.nodes import bernstein_values, collocation
 from showc.trajectory import bernstein_basis
 
@@ -126,7 +125,9 @@ class MinimumPrinciple:
             np.concatenate(
                 [
                     interpolated(phase, places, costates),
-                    interpolated(phase, places, phase.path_multipliers),
+                    self._pressures(
+                        interpolated(phase, places, phase.path_multipliers), table
+                    ),
                 ],
                 axis=2,
             )
@@ -177,6 +178,18 @@ class MinimumPrinciple:
                 vertices, u[:, pinned], at, costate[:, pinned], table
             )
         return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+
+    def _pressures(self, pressures: FloatArray, table: Table) -> FloatArray:
+        """Multipliers of path constraints with the signs that they may have.
+
+        On an arc where a constraint is held as an equation its multiplier may push the
+        wrong way: the trajectory would be better off without it. It counts as none, so
+        that what would be gained shows as a gap.
+        """
+        low, high = self.auditor.path_bounds(table).T
+        least = np.where(np.isinf(low), 0.0, -np.inf)
+        most = np.where(np.isinf(high), 0.0, np.inf)
+        return np.asarray(np.clip(pressures, least, most))
 
     def _settled(self, phase: PhaseSolution, along: NDArray[np.bool_]) -> FloatArray:
         """Costates at the points, shape (points, states), without their oscillation.
@@ -234,7 +247,7 @@ class MinimumPrinciple:
         count = t.size
         h, path = self.h.map(count), self.auditor.path.map(count)
         bounds = self.auditor.path_bounds(table)
-        scale = np.array([scaling.of_path(*pair) for pair in bounds])[:, None]
+        scale = self.auditor.path_scales(table)[:, None]
 
         def broken(control: FloatArray) -> FloatArray:
             values = np.asarray(path(x, control, t, p))

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import casadi
 import numpy as np
 
-from showc.ocp import scaling
 from showc.ocp.audit.integration import Flight, Integrator
 from showc.ocp.audit.optimality import (
     MinimumPrinciple,
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(49) / 48.0)
+_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(97) / 96.0)
 _SAMPLES = tuple(float(s) for s in _PLACES)
 """Places on each interval where path constraints are looked at: closer at the ends,
 where the polynomials of neighbours meet and a constraint is left."""
@@ -154,6 +153,11 @@ class PhaseAuditor:
             )
         )
 
+    def path_scales(self, table: Table) -> FloatArray:
+        """Scales in which the path constraints' violations count, (constraints,)."""
+        names = [c.name for c in self.phase.path_constraints]
+        return np.array([table.path_scale(self.phase.name, name) for name in names])
+
     def path_bounds(self, table: Table) -> FloatArray:
         """Bounds of the path constraints, shape (constraints, 2)."""
         constraints = self.phase.path_constraints
@@ -178,7 +182,7 @@ class PhaseAuditor:
             self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
         ).reshape(len(constraints), count, places.size)
         bounds = self.path_bounds(table)
-        scale = np.array([scaling.of_path(*pair) for pair in bounds])[:, None, None]
+        scale = self.path_scales(table)[:, None, None]
         violation = (
             np.maximum(
                 bounds[:, 0, None, None] - values, values - bounds[:, 1, None, None]

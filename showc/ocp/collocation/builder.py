@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi
@@ -15,7 +15,7 @@ from showc.ocp.collocation.nlp import Block, Kernel, assemble
 from showc.ocp.collocation.triplets import Triplets
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.problem import Problem
+    from showc.ocp.quantity import Quantity
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -56,6 +57,9 @@ class Scales:
     statics: FloatArray
     objective: float | None = None
     """``None``: taken from the objective's slopes at and about the start."""
+    constraints: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    """Of path constraints by phase and name, and of boundary constraints (phase ``""``)
+    where bounds do not tell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,14 +193,16 @@ class Builder:
         chosen = casadi.vertcat(casadi.SX(0, 1), *[z[i] for i in used])
         return Kernel.of(name, chosen, self.q, y), used
 
-    def row_scale(self, constraint: Any) -> float:  # noqa: ANN401
-        """Scale of a constraint's rows: as given, or from its bounds."""
+    def row_scale(self, constraint: Quantity, phase: str = "") -> float:
+        """Scale of a constraint's rows: as given, from its bounds, or its slopes."""
         if constraint.scale is not None:
             return float(constraint.scale)
         bounds = [
             float(b) if isinstance(b, (int, float)) else np.inf
             for b in (constraint.lower, constraint.upper)
         ]
+        if not any(np.isfinite(bound) and bound != 0.0 for bound in bounds):
+            return self.scales.constraints.get((phase, constraint.name), 1.0)
         return scaling.from_bounds(*bounds)
 
     def unknown_scale(self) -> FloatArray:

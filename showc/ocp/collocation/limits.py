@@ -11,6 +11,7 @@ import numpy as np
 from showc.ocp import scaling
 from showc.ocp.collocation.builder import Scales
 from showc.ocp.fault import check_known, check_scale
+from showc.ocp.scaling import GOLDEN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from showc.ocp.collocation.layout import PhaseLayout
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Phase, Problem
-    from showc.ocp.quantity import Quantity
+    from showc.ocp.quantity import Control, Quantity, State
 
     FloatArray = NDArray[np.float64]
 
@@ -50,6 +51,49 @@ class Overrides:
     )
     """For a group of half-spaces: normals (K, rows, states), lower (K, rows), upper
     (K, rows). Without an entry the group is switched off."""
+
+
+_PLACES = 5
+"""Places at which the slopes of constraints are looked at for their scales."""
+
+
+def _middle(lower: float, upper: float) -> float:
+    """Middle of bounds; the nearest to zero of what is not bounded."""
+    if np.isfinite(lower) and np.isfinite(upper):
+        return 0.5 * (lower + upper)
+    return float(np.clip(0.0, lower, upper))
+
+
+def _changed(
+    constraint: Quantity,
+    bounds: tuple[float, float],
+    inside: tuple[list[Any], list[float]],
+    sizes: list[float],
+    given: tuple[list[Any], list[float]],
+) -> float:
+    """By how much a constraint changes if what is in it moves by its ``sizes``.
+
+    ``inside`` and ``given``: symbols with values, those that move and parameters.
+    """
+    if constraint.scale is not None:
+        return float(constraint.scale)
+    if any(np.isfinite(bound) and bound != 0.0 for bound in bounds):
+        return 1.0
+    x = casadi.vertcat(casadi.SX(0, 1), *inside[0])
+    p = casadi.vertcat(casadi.SX(0, 1), *given[0])
+    slopes = casadi.Function(
+        "slopes", [x, p], [casadi.densify(casadi.jacobian(constraint.symbol, x))]
+    )
+    scale, at = np.array(sizes, dtype=np.float64), np.array(inside[1])
+    pattern = np.arange(1, scale.size + 1) * GOLDEN
+    found = []
+    for number in range(_PLACES):
+        aside = (pattern * (2 * number + 1)) % 1.0 - 0.5
+        row = np.asarray(slopes(at + aside * scale, np.array(given[1]))).ravel()
+        size = float(np.abs(row) @ scale)
+        if np.isfinite(size) and size > 0.0:
+            found.append(size)
+    return float(np.median(found)) if found else 1.0
 
 
 def _pair(value: object) -> tuple[float, float]:
@@ -100,6 +144,59 @@ class Statement:
             [casadi.vertcat(casadi.SX(0, 1), *values)],
         )
 
+        self.constraint_scales: dict[tuple[str, str], float] = {}
+        """Scales of path constraints, by phase and name, and of boundary constraints
+        (phase ``""``) whose bounds do not tell them."""
+        self._weigh_constraints()
+
+    def _weigh_constraints(self) -> None:
+        """Take scales that bounds do not tell from the constraints' slopes.
+
+        The scale is by how much a constraint changes if all in it move by their scales,
+        as the slopes at several places between the bounds tell. An inequality g <= 0
+        then means the same in any unit of g.
+        """
+        scales = self.scales({})
+        shared = [symbol for symbol, _ in self.problem.parameters.values()]
+        values = [default or 0.0 for _, default in self.problem.parameters.values()]
+        statics = [static.symbol for static in self.problem.statics]
+        ends, sizes_of_ends = [*statics], [*scales.statics]
+        table = self.table(np.array(values, dtype=np.float64))
+        for p, phase in enumerate(self.problem.phases):
+            members: list[State | Control] = [
+                *phase.states.values(),
+                *phase.controls.values(),
+            ]
+            sizes = [*scales.states[p], *scales.controls[p]]
+            time = scales.durations[p]
+            ends += [phase.initial_time, phase.duration]
+            sizes_of_ends += [time, time]
+            for member, size in zip(members, sizes, strict=True):
+                ends += [member.initial, member.final]
+                sizes_of_ends += [size, size]
+            ends += [symbol for symbol, _ in phase.integrals]
+            sizes_of_ends += [1.0] * len(phase.integrals)
+            inside = [*(m.quantity.symbol for m in members), phase.time, *statics]
+            middles = [
+                _middle(*table["bounds", phase.name, m.quantity.name]) for m in members
+            ]
+            for constraint in phase.path_constraints:
+                self.constraint_scales[phase.name, constraint.name] = _changed(
+                    constraint,
+                    table["path", phase.name, constraint.name],
+                    (inside, [*middles, 0.0, *([0.0] * len(statics))]),
+                    [*sizes, time, *scales.statics],
+                    (shared, values),
+                )
+        for constraint in self.problem.boundary_constraints:
+            self.constraint_scales["", constraint.name] = _changed(
+                constraint,
+                table["boundary", constraint.name],
+                (ends, [0.0] * len(ends)),
+                sizes_of_ends,
+                (shared, values),
+            )
+
     def parameters(self, given: Mapping[str, float]) -> FloatArray:
         """Values of all parameters, in order.
 
@@ -124,7 +221,8 @@ class Statement:
 
     def table(self, parameters: FloatArray) -> Table:
         """Bounds as numbers."""
-        return Table(self.slots, np.asarray(self._function(parameters)).ravel())
+        values = np.asarray(self._function(parameters)).ravel()
+        return Table(self.slots, values, self.constraint_scales)
 
     def scales(self, hints: Mapping[str, float]) -> Scales:
         """Scales from bounds, end values and ``hints`` by name.
@@ -185,6 +283,7 @@ class Statement:
             tuple(durations),
             statics,
             hints.get("objective"),
+            self.constraint_scales,
         )
 
 
@@ -194,6 +293,13 @@ class Table:
 
     slots: Mapping[tuple[str, ...], int]
     values: FloatArray
+    constraint_scales: Mapping[tuple[str, str], float]
+
+    def path_scale(self, phase: str, name: str) -> float:
+        """Return the scale in which violations of a path constraint are measured."""
+        return scaling.of_path(
+            *self["path", phase, name], otherwise=self.constraint_scales[phase, name]
+        )
 
     def __getitem__(self, key: tuple[str, ...]) -> tuple[float, float]:
         at = self.slots[key]
@@ -220,7 +326,7 @@ class Table:
                     )
                 at = self.slots["bounds", phase.name, name]
                 values[at : at + 2] = new
-        return Table(self.slots, values)
+        return Table(self.slots, values, self.constraint_scales)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -362,7 +468,7 @@ def _row_bounds(
         if group.kind == "path":
             bounds = table["path", phase, group.name]
             margins = np.array(mesh.phases[group.phase].path_margins)
-            margin = margins[group.interval] * scaling.of_path(*bounds)
+            margin = margins[group.interval] * table.path_scale(phase, group.name)
             equation = bounds[0] == bounds[1]
             low = bounds[0] + (0.0 if equation else margin)
             high = bounds[1] - (0.0 if equation else margin)

@@ -101,7 +101,7 @@ def _add_nodes(builder: Builder, part: _Part) -> None:
             builder.linear.add(block, place.states[k][:, i][None, :], slope / scale)
             first += s.size
     for c, constraint in enumerate(phase.path_constraints):
-        scale = builder.row_scale(constraint)
+        scale = builder.row_scale(constraint, phase.name)
         title = constraint.name
         row = builder.new_rows("path", title, index, interval, fraction, scale=scale)
         rows.add(row, column + len(names) + c, 1.0 / scale)
@@ -173,7 +173,7 @@ def _add_path(builder: Builder, part: _Part) -> None:
     interval = np.repeat(np.arange(mesh.intervals), [p.size for p in points])
     rows = Triplets()
     for c, constraint in enumerate(phase.path_constraints):
-        scale = builder.row_scale(constraint)
+        scale = builder.row_scale(constraint, phase.name)
         row = builder.new_rows(
             "path", constraint.name, part.index, interval, fraction, scale=scale
         )

@@ -18,6 +18,7 @@ from showc.ocp.collocation.solver import SolverOptions, make_solver, result_of
 from showc.ocp.collocation.start import starting_point
 from showc.ocp.collocation.warmstart import transfer
 from showc.ocp.outcome import Result
+from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Multipliers, Solution
 
 if TYPE_CHECKING:
@@ -49,7 +50,6 @@ def _slack(given: Mapping[str, FloatArray], answer: Mapping[str, Any]) -> float:
     return total if np.isfinite(total) else 0.0
 
 
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 UNLIMITED = 1e6
 """Size, over their scales, of an objective and an unknown that grow without limit."""
 SHARE = 0.1
