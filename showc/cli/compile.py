@@ -165,11 +165,22 @@ def command(
     except RejectedScriptError as rejected:
         report(rejected.result, as_json=as_json)
         return rejected.result.exit_code(strict=strict) or 1
+    lines, proved = exports(compiled)
     if as_json:
         click.echo(json.dumps(summary(compiled), indent=1))
     else:
-        click.echo(table(compiled))
-    return 1 if compiled.refused else 0
+        click.echo("\n".join([table(compiled), *lines]))
+    return 1 if compiled.refused or not proved else 0
+
+
+def exports(compiled: Compiled) -> tuple[list[str], bool]:
+    """Write the other formats that the script asks for, and say what came of it."""
+    wishes = compiled.flight.itinerary.show.exports
+    if not wishes:
+        return [], True
+    from showc.cli.export import write_wishes
+
+    return write_wishes(compiled.log, wishes)
 
 
 def report(result: LoadResult, *, as_json: bool) -> None:

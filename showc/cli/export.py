@@ -5,8 +5,15 @@ from __future__ import annotations
 import sys
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from showc.script.show import Export
+
+if TYPE_CHECKING:
+    from showc.export.solved import SolvedShow
+    from showc.export.stage import Exported
 
 FORMATS = (
     "skyc",
@@ -18,6 +25,38 @@ FORMATS = (
     "gltf",
     "kml",
 )
+
+
+def folder_for(log: Path, form: str) -> Path:
+    """Return where an export goes unless a user says otherwise."""
+    return log.with_name(f"{log.stem}-{form}")
+
+
+def written(log: Path, solved: SolvedShow, wish: Export, folder: Path) -> Exported:
+    """Write a show in one format, proved as it was written."""
+    from showc.export.stage import ExportOptions, export
+
+    source = {"log": log.name, "sha256": sha256(log.read_bytes()).hexdigest()}
+    lead = ExportOptions.usual(wish.to).lead if wish.lead is None else wish.lead
+    options = ExportOptions(round(lead, 3), wish.tolerance, wish.separation)
+    return export(solved, source, wish.to, folder, options)
+
+
+def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:
+    """Write what a script asks for; return lines, and whether all is proved."""
+    from showc.export.solved import solved_show
+    from showc.log.reader import read_log
+
+    solved = solved_show(read_log(log))
+    lines, proved = [], True
+    for wish in wishes:
+        folder = folder_for(log, wish.to)
+        exported = written(log, solved, wish, folder)
+        failed = [check for check in exported.checks if check.verdict == "fail"]
+        said = f"{len(failed)} findings: showc verify {folder}" if failed else "proved"
+        lines.append(f"  export    {folder}: {said}")
+        proved = proved and exported.proved
+    return lines, proved
 
 
 @click.command(name="export")
@@ -93,19 +132,13 @@ def command(
     """
     from showc.cli.console import colour_wanted
     from showc.export.solved import solved_show
-    from showc.export.stage import ExportOptions, export
     from showc.foreign.folder import MANIFEST
     from showc.log.reader import read_log
     from showc.verify.report import Verification, render_text
 
     solved = solved_show(read_log(log))
-    folder = folder or log.with_name(f"{log.stem}-{form}")
-    source = {"log": log.name, "sha256": sha256(log.read_bytes()).hexdigest()}
-    usual = ExportOptions.usual(form).lead
-    options = ExportOptions(
-        usual if lead is None else round(lead, 3), tolerance, separation
-    )
-    exported = export(solved, source, form, folder, options)
+    folder = folder or folder_for(log, form)
+    exported = written(log, solved, Export(form, separation, lead, tolerance), folder)
     if as_json:
         click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
         return 0 if exported.proved else 1

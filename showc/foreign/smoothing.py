@@ -310,31 +310,3 @@ def _hardest(tracks: Tracks) -> Tracks:
         tracks.ends[rows],
         tracks.position[rows],
     )
-
-
-def box_acceleration(
-    tracks: Tracks, width: float
-) -> tuple[Greatest, Greatest, Greatest]:
-    """Greatest acceleration sideways, up and down, averaged over ``width`` [s].
-
-    It is the change of velocity over that time, over it: what a controller has to
-    follow of accelerations that jump within one piece of a file.
-    """
-    found: list[tuple[Greatest, ...]] = []
-    for first, part in portions(tracks):
-        velocity = derivative(widened(part, 2.0 * width))
-        change = rise(velocity, width)
-        found.append(
-            tuple(
-                replace(one, drone=one.drone + first)
-                for one in (
-                    greatest(change, length((0, 1)), _THRUST),
-                    greatest(change, lambda value: value[..., 2], _THRUST),
-                    greatest(change, lambda value: -value[..., 2], _THRUST),
-                )
-            )
-        )
-    return tuple(  # type: ignore[return-value]
-        max((one[kind] for one in found), key=lambda value: value.upper)
-        for kind in range(3)
-    )

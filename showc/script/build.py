@@ -18,6 +18,7 @@ from showc.script.placing import paint
 from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import (
+    Export,
     Formation,
     Landing,
     Launch,
@@ -354,10 +355,25 @@ class Builder:
                 _assignment(landing),
             ),
             mission=_mission(mission),
+            exports=_exports(settings),
             log_rate=settings.number("log_rate"),
             seed=settings.integer("seed"),
             parking=sketch.parking,
         )
+
+
+def _exports(settings: Settings) -> tuple[Export, ...]:
+    sections = [item.value for item in settings.items("exports")]
+    return tuple(
+        Export(
+            section.text("to"),
+            section.optional("separation"),
+            section.optional("lead"),
+            section.number("tolerance"),
+        )
+        for section in sections
+        if isinstance(section, Settings)
+    )
 
 
 def _mission(settings: Settings) -> MissionOptions:

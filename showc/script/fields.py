@@ -271,6 +271,49 @@ _DRONE_RANGE = Text(
     20, r"[1-9][0-9]*(\s*-\s*[1-9][0-9]*)?", "a drone's number, or a range like `1-8`"
 )
 
+EXPORT = Section(
+    "export",
+    "One other format, written from the log and proved as it was written.",
+    (
+        Field(
+            "to",
+            Choice(
+                (
+                    "skyc",
+                    "skyb",
+                    "skybrush-csv",
+                    "poly7",
+                    "crazyflie",
+                    "vviz",
+                    "gltf",
+                    "kml",
+                )
+            ),
+            "Which format.",
+            required=True,
+        ),
+        Field(
+            "separation",
+            Quantity("m", minimum=0.0, maximum=100.0),
+            "Distance that must be left in the air when Skybrush's show mode flies it.",
+            default_text="the script's",
+        ),
+        Field(
+            "lead",
+            Quantity("s", minimum=0.0, maximum=600.0),
+            "Time that the fleet stands before the show begins.",
+            default_text="10 s for skyc and skyb, else none",
+        ),
+        Field(
+            "tolerance",
+            Quantity("m", minimum=0.001, maximum=1.0),
+            "Greatest distance of the written flight from the solved one.",
+            default=0.01,
+        ),
+    ),
+    short="to",
+)
+
 SHOW = Section(
     "show",
     "A drone show, complete from ground to ground.",
@@ -338,6 +381,14 @@ SHOW = Section(
             default_text="every drone has a place in every picture",
         ),
         Field("mission", MISSION, MISSION.description, default={}),
+        Field(
+            "exports",
+            Items(EXPORT, 0, 8),
+            "Other formats that compile writes too, beside the log.",
+            default=[],
+            default_text="none",
+            examples=(["skyc", {"to": "skyb", "separation": 1.5}],),
+        ),
         Field(
             "log_rate",
             Quantity("Hz", minimum=1.0, maximum=200.0),

@@ -185,6 +185,20 @@ class MissionOptions:
     """Whose dialect they speak; how PX4 flies them is not known, nor proved."""
 
 
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Another format that compile writes too."""
+
+    to: str
+    """Its name."""
+    separation: float | None
+    """Distance to keep in the air [m]; None: the script's."""
+    lead: float | None
+    """How long the fleet stands before the show begins [s]; None: as usual."""
+    tolerance: float
+    """Greatest distance of the written flight from the solved one [m]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Show:
     """A whole show, checked, complete from ground to ground."""
@@ -225,6 +239,8 @@ class Show:
     """Its last part."""
     mission: MissionOptions
     """For the mission files."""
+    exports: tuple[Export, ...] = ()
+    """Other formats."""
     log_rate: float = 20.0
     """Samples of the fleet per second in the log [Hz]."""
     seed: int = 0
