@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
-from showc.script.rules import inside_polygon
+from showc.script.fence import fence_distance, inside_polygon
 from showc.script.spacing import closest
 from showc.script.timing import least_mean_time
 from showc.script.wording import number_text
@@ -225,14 +225,3 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
                 Label(sketch.settings.section("site").mark_of("fence"), "the fence"),
             ),
         )
-
-
-def fence_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return how far points, (n, 2), are from a polygon's boundary, (n,) [m]."""
-    start = corners
-    way = np.roll(corners, -1, axis=0) - corners
-    length = np.maximum(np.sum(way * way, axis=1), 1e-30)
-    offset = points[:, None, :] - start[None, :, :]
-    along = np.clip(np.sum(offset * way, axis=2) / length, 0.0, 1.0)
-    gap = offset - along[..., None] * way
-    return np.asarray(np.sqrt(np.sum(gap * gap, axis=2)).min(axis=1))

@@ -6,13 +6,13 @@ yields what it finds.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.fence import Fence
 from showc.script.gallery import bases_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, closest_between
@@ -36,6 +36,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _spacing(sketch)
     yield from _volume(sketch)
     yield from _fence(sketch)
+    yield from _ways(sketch)
     yield from _places(sketch)
     yield from _parking(sketch)
     yield from _groups(sketch)
@@ -166,18 +167,25 @@ def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str]]:
 
 
 def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Places outside the geofence (SHW204)."""
-    if sketch.site is None or sketch.site.fence is None:
+    """Places outside the geofence or nearer to it than the margin (SHW204)."""
+    fence = None if sketch.site is None else Fence.of(sketch.site)
+    if fence is None:
         return
-    fence = sketch.site.fence
     for formation in sketch.formations.values():
-        outside = ~inside_polygon(formation.points[:, :2], fence)
+        outside = ~fence.keeps(formation.points[:, :2])
         if outside.any():
-            place = int(np.argmax(outside))
+            clearance = fence.clearance(formation.points[:, :2])
+            place = int(np.argmin(clearance))
+            where = "outside the fence"
+            if clearance[place] >= 0.0:
+                where = (
+                    f"{number_text(float(clearance[place]))} m from the fence, the "
+                    f"margin is {number_text(fence.margin)} m"
+                )
             yield Diagnostic(
                 "SHW204",
                 Severity.ERROR,
-                f"place {place + 1} of `{formation.name}` is outside the fence",
+                f"place {place + 1} of `{formation.name}` is {where}",
                 formation.mark,
                 secondary=(
                     Label(sketch.settings.section("site").mark_of("fence"), "fence"),
@@ -186,24 +194,45 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                     f"it is at {_point(formation.points[place])}",
                     (
                         f"{int(outside.sum())} of {len(formation.points)} places are "
-                        "outside"
+                        "outside or too near"
                     ),
                 ),
                 help="move the formation or the fence",
             )
 
 
-def inside_polygon(points: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
-    """Tell which points, shape (n, 2), lie inside a polygon, by the even-odd rule."""
-    x, y = points[:, 0], points[:, 1]
-    inside = np.zeros(len(points), dtype=bool)
-    closed = np.vstack([corners, corners[:1]])
-    for (ax, ay), (bx, by) in pairwise(closed):
-        crosses = (ay > y) != (by > y)
-        if ay == by:
+def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places that no way within the fence joins to the pads (SHW212)."""
+    fence = None if sketch.site is None else Fence.of(sketch.site)
+    pads = sketch.formations.get(sketch.pads)
+    if fence is None or pads is None or not len(pads.points):
+        return
+    # Places that keep the margin lie in one part of the field or in several; one place
+    # of the pads stands for the part in which the drones are.
+    home = pads.points[0, :2]
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        if formation is None or not fence.keeps(formation.points[:, :2]).all():
             continue
-        inside ^= crosses & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
-    return inside
+        points = formation.points[:, :2]
+        for place in np.flatnonzero(~fence.straight(home, points)).tolist():
+            if fence.way(home, points[place]) is None:
+                yield Diagnostic(
+                    "SHW212",
+                    Severity.ERROR,
+                    f"no way from the pads to place {place + 1} of "
+                    f"`{formation.name}` stays {number_text(fence.margin)} m within "
+                    "the fence",
+                    item.mark_of("to"),
+                    secondary=(
+                        Label(
+                            sketch.settings.section("site").mark_of("fence"), "fence"
+                        ),
+                    ),
+                    notes=(f"the place is at {_point(formation.points[place])}",),
+                    help="widen the passage, or ask for less `fence_margin`",
+                )
+                break
 
 
 def _places(sketch: Sketch) -> Iterator[Diagnostic]:

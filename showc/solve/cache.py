@@ -96,6 +96,8 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         show.vehicle,
         leg.limits,
         show.airframe_limits,
+        show.site.fence,
+        show.site.fence_margin,
         show.separation,
         show.yaw,
         show.heading,

@@ -17,11 +17,13 @@ from showc.flight import (
     Trajectory,
 )
 from showc.plan.metric import measure
+from showc.script.fence import Fence
 from showc.solve.bound import lower_bound
 from showc.solve.conflicts import Encounters, closest, conflicts
+from showc.solve.enclosure import Detour, detours
 from showc.solve.limiting import Limiting, limiting_time
 from showc.solve.relaxation import Relaxation
-from showc.solve.repair import Repair
+from showc.solve.repair import Move, Repair
 from showc.solve.single import Aircraft, hover
 from showc.solve.stretched import StretchedFlights, fly_ways_slowly
 from showc.solve.synchronise import shared_profile
@@ -133,12 +135,15 @@ class _Solver:
         self.tried = _Attempts()
         self.where = place(leg)
         self.airframe = airframe_of(show, leg)
+        self.fence = Fence.of(show.site)
+        self.detours: dict[int, Detour] = {}
         self.shortest: dict[int, Trajectory] = {}
 
     def solve(self) -> LegFlight:
         """Go through the stages."""
         leg = self.leg
         self._check_ends()
+        self._find_detours()
         self._check_order()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
         if not moving.any():
@@ -174,6 +179,22 @@ class _Solver:
             if result.trajectory is not None
         }
         return limiting
+
+    def _find_detours(self) -> None:
+        """Find ways for the drones whose straight way leaves the fence."""
+        fence, leg = self.fence, self.leg
+        if fence is None:
+            return
+        for row, found in detours(fence, self.aircraft, leg.start, leg.goal).items():
+            start, goal = leg.start[row], leg.goal[row]
+            if found is None:
+                raise SolveError(
+                    f"{self.where}: drone {leg.drones[row] + 1} has no way from "
+                    f"({start[0]:.2f}, {start[1]:.2f}) m to ({goal[0]:.2f}, "
+                    f"{goal[1]:.2f}) m that stays {fence.margin:.2f} m within the "
+                    "fence; widen the passage or ask for less 'fence_margin'"
+                )
+            self.detours[row] = found
 
     def _hold(self) -> LegFlight:
         if self.leg.duration is None:
@@ -282,9 +303,11 @@ class _Solver:
             return self._finish(together, limiting)
         best: Repair | StretchedFlights | None = None
         slow: StretchedFlights | None = None
-        failed, gap = limiting.time, self.options.gap
+        least, longest = self._times(limiting)
+        lowest = failed = 0.9 * least if self.detours else limiting.time
+        gap = self.options.gap
         while best is None:
-            time = whole_milliseconds(limiting.time * (1.0 + gap))
+            time = whole_milliseconds(least * (1.0 + gap))
             if slow is not None and time >= slow.duration:
                 best = slow
                 break
@@ -295,10 +318,10 @@ class _Solver:
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )
-            if failed == limiting.time:
+            if failed == lowest:
                 slow = self._slowly(shared)
             failed, gap = time, max(_GROWTH * gap, gap + _STEP)
-            if gap > self.options.gap_limit and slow is None:
+            if gap > longest and slow is None:
                 raise SolveError(
                     f"{self.where}: {repair.trouble}, even in {time:.3f} s "
                     f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
@@ -317,6 +340,21 @@ class _Solver:
                 failed = middle
         return self._finish(best, limiting)
 
+    def _times(self, limiting: Limiting) -> tuple[float, float]:
+        """Time to begin with [s], and the share of it that may be added at most.
+
+        Ways round the fence's corners take longer than any drone alone would.
+        """
+        least, longest = limiting.time, self.options.gap_limit
+        for way in self.detours.values():
+            least = max(least, way.estimate(self.aircraft))
+        if self.detours:
+            halting = max(
+                way.halting_time(self.aircraft) for way in self.detours.values()
+            )
+            longest += 2.0 * halting / least
+        return least, longest
+
     def _side_by_side(self, limiting: Limiting, shared: Profile) -> Repair | None:
         """Where all drones make the same move, nobody can come nearer: no slack."""
         moves = self.leg.goal - self.leg.start
@@ -327,7 +365,7 @@ class _Solver:
 
     def _slowly(self, shared: Profile) -> StretchedFlights | None:
         """Look for a flight that takes its time; it bounds the search from above."""
-        return fly_ways_slowly(
+        found = fly_ways_slowly(
             self.aircraft,
             self.leg.start,
             self.leg.goal,
@@ -335,6 +373,14 @@ class _Solver:
             shared,
             self.separation,
         )
+        if found is None or self.fence is None:
+            return found
+        for flight in found.trajectories:
+            state = flight.state
+            way = state.coefficients[..., :2]
+            if self.fence.first_breach(way, state.breaks) is not None:
+                return None
+        return found
 
     def _tries_left(self) -> int:
         """Shorter times to try once a flight is found, by what was spent on it."""
@@ -343,21 +389,20 @@ class _Solver:
 
     def _repair(self, time: float, shared: Profile) -> Repair:
         self.tried.add("common_times_tried")
-        return Repair(
+        move = Move(
+            name=self.leg.name,
             aircraft=self.aircraft,
             separation=self.separation,
             start=self.leg.start,
             goal=self.leg.goal,
             parked=self.leg.others_parked,
-            duration=time,
-            shared=shared,
-            shortest=self.shortest,
-            rounds=self.options.repair_rounds,
             names=self.leg.drones,
-            workers=self.workers,
-            progress=self.progress,
-            name=self.leg.name,
+            shared=shared,
+            detours=self.detours,
+            fence=self.fence,
+            rounds=self.options.repair_rounds,
         )
+        return Repair(move, time, self.shortest, self.workers, self.progress)
 
     def _finish(
         self, repair: Repair | StretchedFlights, limiting: Limiting
@@ -401,6 +446,14 @@ class _Solver:
                     f"{self.where}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
                     f"in {formation!r} is outside the flight volume; move the "
                     "formation or widen the volume"
+                )
+            if self.fence is not None and not self.fence.keeps(points[:, :2]).all():
+                clearance = self.fence.clearance(points[:, :2])
+                drone = int(leg.drones[int(np.argmin(clearance))])
+                raise SolveError(
+                    f"{self.where}: drone {drone + 1} in {formation!r} is "
+                    f"{clearance.min():.2f} m within the fence, the margin is "
+                    f"{self.fence.margin:.2f} m; move the formation or the fence"
                 )
             still = tuple(hover(self.aircraft, point, 1.0) for point in points)
             tracks = tracks_of(still, leg.others_parked)

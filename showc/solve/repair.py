@@ -8,6 +8,7 @@ moving half-spaces, and only drones of such pairs are solved again.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from showc.plan.metric import measure
 from showc.solve.audit import greatest_excess
 from showc.solve.conflicts import conflicts
+from showc.solve.enclosure import Detour, fence_walls
 from showc.solve.flat import fly, keeps_limits
 from showc.solve.judgement import KEPT
 from showc.solve.program import NO_WALLS
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 
     from showc.flight import Trajectory
     from showc.progress import Progress
+    from showc.script.fence import Fence
     from showc.solve.conflicts import Encounters
     from showc.solve.pool import Workers
     from showc.solve.profile import Profile
@@ -60,10 +63,43 @@ _PATIENCE = 6
 _STILL = 1e-9
 _FEW = 32
 _CLEARANCE = 0.04
+_STRAY = 0.02
+"""How much farther from the fence walls go each time that they were not enough [m]."""
+_HALTING = 3
+"""Walls that were not enough, after which a drone stops at every corner."""
 _SETTLING = 4
 """Rounds in which single drones move around all others."""
 _REACH = 2.5
 """Distance of others around which a single drone is moved, in separations."""
+
+
+_Laid = tuple["IntArray", "FloatArray", "FloatArray"]
+"""Walls of one drone: intervals, normals, offsets at ``NODES``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """What a fleet is to fly from hover to hover in one common time."""
+
+    name: str
+    """For people."""
+    aircraft: Aircraft
+    separation: Separation
+    start: FloatArray
+    """Shape (n, 3) [m]."""
+    goal: FloatArray
+    """Shape (n, 3) [m]."""
+    parked: FloatArray | None
+    """Positions of drones that take no part, shape (m, 3) [m]."""
+    names: IntArray
+    """Numbers of the drones, from 0, shape (n,)."""
+    shared: Profile
+    """A profile that all drones can fly straight, however slow."""
+    detours: Mapping[int, Detour]
+    """Ways of the drones, by row, that go round the fence's corners."""
+    fence: Fence | None
+    rounds: int
+    """Rounds of half-spaces at most."""
 
 
 class Repair:
@@ -71,47 +107,27 @@ class Repair:
 
     Parameters
     ----------
-    start, goal
-        Shape (n, 3) [m].
-    parked
-        Positions of drones that take no part, shape (m, 3) [m].
+    move
+        What is to be flown.
     duration
         The common time [s].
-    shared
-        A profile that all drones can fly straight, however slow.
     shortest
         Flights in least time, by row, as far as they are known.
-    rounds
-        Rounds of half-spaces at most.
-    names
-        Numbers of the drones, from 0, shape (n,).
     """
 
     def __init__(
         self,
-        *,
-        aircraft: Aircraft,
-        separation: Separation,
-        start: FloatArray,
-        goal: FloatArray,
-        parked: FloatArray | None,
+        move: Move,
         duration: float,
-        shared: Profile,
         shortest: Mapping[int, Trajectory],
-        rounds: int,
-        names: IntArray,
         workers: Workers,
         progress: Progress,
-        name: str,
     ) -> None:
-        self.aircraft = aircraft
-        self.separation = separation
-        self.start, self.goal, self.parked = start, goal, parked
-        self.duration = duration
-        self.shared, self.shortest = shared, shortest
-        self.rounds = rounds
-        self.names = names
-        self.workers, self.progress, self.name = workers, progress, name
+        self.move, self.duration, self.shortest = move, duration, shortest
+        self.aircraft, self.separation = move.aircraft, move.separation
+        self.start, self.goal, self.parked = move.start, move.goal, move.parked
+        self.workers, self.progress, self.name = workers, progress, move.name
+        self.names = move.names
         self.trouble = ""
         self.pair: tuple[int, int] | None = None
         self.counts: dict[str, float] = {}
@@ -125,7 +141,10 @@ class Repair:
         # Whether all processes have the program behind walls from the beginning.
         self._bending = False
         # Who does not move hovers, and is flown around.
-        self._hovers = np.linalg.norm(goal - start, axis=1) < _STILL
+        self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
+        # How often a drone was found outside the fence, and which were not.
+        self._strayed: dict[int, int] = {}
+        self._kept: set[int] = set()
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -159,8 +178,9 @@ class Repair:
         """Each drone on its own."""
         aircraft, duration = self.aircraft, self.duration
         way = self.goal - self.start
-        if duration >= self.shared.duration:
-            profile = self.shared.stretched(duration)
+        shared = self.move.shared
+        if duration >= shared.duration:
+            profile = shared.stretched(duration)
         else:
             profile, _ = best_profile(
                 aircraft.vehicle, aircraft.limits, aircraft.heading, way, duration
@@ -170,10 +190,18 @@ class Repair:
         )
         good = keeps_limits(aircraft.vehicle, aircraft.limits, flights)
         self.profile, self.reference = profile, profile.derivatives()[0]
+        # Drones that go round a corner are flown behind walls, not straight.
+        good[list(self.move.detours)] = True
         self.flown = [flights.trajectory(row) for row in range(way.shape[0])]
         self.kind = [STRAIGHT] * way.shape[0]
         slow = np.nonzero(~good)[0]
-        return slow.size == 0 or self._slow(slow)
+        if slow.size and not self._slow(slow):
+            return False
+        if not self.move.detours:
+            return True
+        for row in self.move.detours:
+            self._lead_round(row)
+        return self._bend([], {}, dict.fromkeys(self.move.detours, 0.0))
 
     def _slow(self, rows: IntArray) -> bool:
         """Drones that cannot fly straight on the profile: one of each kind of move."""
@@ -244,7 +272,8 @@ class Repair:
         """Give drones of a crowd ways round each other, where their lines conflict."""
         found = self._conflicts()
         self._count("first_conflicts", len(found))
-        if not len(found):
+        # Ways about straight lines know no fence.
+        if not len(found) or self.move.detours:
             return True
         self.progress.note(
             f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
@@ -277,33 +306,84 @@ class Repair:
         """Lay half-spaces, round after round, until no pair comes too near."""
         active: dict[tuple[int, int], int] = {}
         fewest, stalled = np.inf, 0
-        for number in range(self.rounds + 1):
-            found = self._conflicts()
-            if not len(found):
+        for number in range(self.move.rounds + 1):
+            found, astray = self._conflicts(), self._astray()
+            count = len(found) + len(astray)
+            if not count:
                 return True
-            worst = int(np.argmin(found.distance))
-            self.pair = int(found.first[worst]), int(found.second[worst])
-            self.trouble = (
-                f"{self._names(*self.pair)} come within {found.distance[worst]:.3f} m "
-                f"at {found.time[worst]:.2f} s, the separation is "
-                f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
-            )
-            if number == self.rounds:
+            self._say(found, astray)
+            if number == self.move.rounds:
                 return self._settle()
             self.progress.note(
-                f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
+                f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
             )
             pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
             for pair in pairs:
                 active[pair] = active.get(pair, 0) + 1
-            stalled = stalled + 1 if len(found) >= fewest else 0
-            fewest = min(fewest, len(found))
+            stalled = stalled + 1 if count >= fewest else 0
+            fewest = min(fewest, count)
             if stalled > _PATIENCE:
                 return self._settle()
             self._count("repair_rounds", 1)
-            if not self._bend(pairs, active):
+            for row in astray:
+                self._lead_round(row)
+            if not self._bend(pairs, active, astray):
                 return self._settle()
         return False
+
+    def _say(self, found: Encounters, astray: Mapping[int, float]) -> None:
+        """Put what is wrong into words."""
+        if not len(found):
+            row = min(astray)
+            margin = 0.0 if self.move.fence is None else self.move.fence.margin
+            self.trouble = (
+                f"drone {self.names[row] + 1} comes nearer than {margin:.2f} m to the "
+                f"fence at {astray[row]:.2f} s ({len(astray)} drones in all)"
+            )
+            return
+        worst = int(np.argmin(found.distance))
+        self.pair = int(found.first[worst]), int(found.second[worst])
+        self.trouble = (
+            f"{self._names(*self.pair)} come within {found.distance[worst]:.3f} m "
+            f"at {found.time[worst]:.2f} s, the separation is "
+            f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
+        )
+
+    def _astray(self) -> dict[int, float]:
+        """Rows of drones outside the fence's margin, and when that is found [s]."""
+        fence = self.move.fence
+        found: dict[int, float] = {}
+        if fence is None:
+            return found
+        for row, flight in enumerate(self.flown):
+            if row in self._kept:
+                continue
+            state = flight.state
+            time = fence.first_breach(state.coefficients[..., :2], state.breaks)
+            if time is None:
+                self._kept.add(row)
+            else:
+                found[row] = time
+                self._strayed[row] = self._strayed.get(row, 0) + 1
+        return found
+
+    def _lead_round(self, row: int) -> None:
+        """Take a drone that leaves the fence back to a way that does not."""
+        around = self.move.detours.get(row)
+        if around is None:
+            around = Detour(np.stack([self.start[row], self.goal[row]]))
+        reference = around.reference(self.aircraft, self.profile, self.intervals)
+        width = self.duration / self.intervals
+        at = width * (np.arange(self.intervals)[:, None] + NODES)
+        self._ways[row] = reference
+        self._positions[row] = reference(at)
+
+    def _halting(self, row: int) -> Outcome | None:
+        """Stop at every corner, as a last resort, where walls were not enough."""
+        if self._strayed.get(row, 0) < _HALTING or row not in self.move.detours:
+            return None
+        flight = self.move.detours[row].halting(self.aircraft, self.duration)
+        return None if flight is None else (STRAIGHT, flight, "")
 
     def _settle(self) -> bool:
         """Move one drone at a time, around all that are near it, while that helps.
@@ -314,7 +394,7 @@ class Repair:
         for tries in range(1, _SETTLING + 1):
             found = self._conflicts()
             if not len(found):
-                return True
+                return not self._astray()
             changed = False
             if len(found) > _FEW:
                 return False
@@ -323,7 +403,7 @@ class Repair:
                 changed |= any(self._around_others(row, tries) for row in pair)
             if not changed and tries == _SETTLING:
                 return False
-        return not len(self._conflicts())
+        return not len(self._conflicts()) and not self._astray()
 
     def _around_others(self, row: int, tries: int) -> bool:
         """Solve one drone around all others as they fly; whether that is better."""
@@ -353,6 +433,8 @@ class Repair:
             for other in near
         ]
         laid = [(one.interval, one.normal, one.first) for one in walls]
+        if self.move.fence is not None:
+            laid.append(fence_walls(self.move.fence, own, _STRAY))
         task = (
             self.aircraft,
             self.start[row],
@@ -369,6 +451,7 @@ class Repair:
         self._count("repair_solves", 1)
         if trajectory is None or self._lack(trajectory, near) >= before:
             return False
+        self._kept.discard(row)
         self.flown[row], self.kind[row] = trajectory, kind
         self._positions.pop(row, None)
         return True
@@ -394,9 +477,20 @@ class Repair:
     def _bend(
         self,
         pairs: Sequence[tuple[int, int]],
-        active: dict[tuple[int, int], int],
+        active: Mapping[tuple[int, int], int],
+        astray: Mapping[int, float],
     ) -> bool:
-        """Solve the drones of ``pairs`` again, behind the walls of all active pairs."""
+        """Solve drones again, behind the walls of all active pairs and of the fence.
+
+        Parameters
+        ----------
+        pairs
+            Pairs that come too near.
+        active
+            All pairs that did, and how often.
+        astray
+            Rows of drones that left the fence.
+        """
         count = len(self.flown)
         busy = sorted(
             {
@@ -405,21 +499,9 @@ class Repair:
                 for row in pair
                 if row < count and not self._hovers[row]
             }
+            | set(astray)
         )
-        walls: dict[int, list[tuple[IntArray, FloatArray, FloatArray]]] = {
-            row: [] for row in busy
-        }
-        tried = dict.fromkeys(busy, 1)
-        for (first, second), tries in active.items():
-            for row in {first, second} & walls.keys():
-                tried[row] = max(tried[row], tries)
-            if first not in walls and second not in walls:
-                continue
-            found = self._pair_walls(first, second, tries)
-            if first in walls and found.interval.size:
-                walls[first].append((found.interval, found.normal, found.first))
-            if second in walls and found.interval.size:
-                walls[second].append((found.interval, -found.normal, found.second))
+        walls, tried = self._walls(busy, active)
         self.progress.stage(f"{self.name}: repair", len(busy))
         results: list[Outcome] = self.workers.run(
             stay_apart,
@@ -443,8 +525,10 @@ class Repair:
         self._count("repair_solves", len(busy))
         changed = False
         self._rigid.clear()
-        for row, (kind, trajectory, _) in zip(busy, results, strict=True):
+        for row, outcome in zip(busy, results, strict=True):
+            kind, trajectory, _ = self._halting(row) or outcome
             self._positions.pop(row, None)
+            self._kept.discard(row)
             if trajectory is None:
                 # It stays as it is; its partners take the whole correction next.
                 self._rigid.add(row)
@@ -453,6 +537,33 @@ class Repair:
             self.flown[row] = trajectory
             self.kind[row] = kind
         return changed
+
+    def _walls(
+        self, busy: Sequence[int], active: Mapping[tuple[int, int], int]
+    ) -> tuple[dict[int, list[_Laid]], dict[int, int]]:
+        """Lay the walls of drones that are solved again, and count their tries."""
+        walls: dict[int, list[_Laid]] = {row: [] for row in busy}
+        tried = dict.fromkeys(busy, 1)
+        fence = self.move.fence
+        for row in busy if fence is not None else ():
+            assert fence is not None  # noqa: S101 - the line above says so
+            again = self._strayed.get(row, 0)
+            tried[row] = max(tried[row], again)
+            extra = _STRAY * max(again - 1, 0)
+            laid = fence_walls(fence, self._sampled(row), extra)
+            if laid[0].size:
+                walls[row].append(laid)
+        for (first, second), tries in active.items():
+            for row in {first, second} & walls.keys():
+                tried[row] = max(tried[row], tries)
+            if first not in walls and second not in walls:
+                continue
+            found = self._pair_walls(first, second, tries)
+            if first in walls and found.interval.size:
+                walls[first].append((found.interval, found.normal, found.first))
+            if second in walls and found.interval.size:
+                walls[second].append((found.interval, -found.normal, found.second))
+        return walls, tried
 
     def _pair_walls(self, first: int, second: int, tries: int) -> PairWalls:
         count = len(self.flown)

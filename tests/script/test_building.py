@@ -12,8 +12,7 @@ from repository import ROOT, SHOWS
 
 from showc.script import load_show
 from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour
-from showc.script.operations import fence_distance
-from showc.script.rules import inside_polygon
+from showc.script.fence import fence_distance, inside_polygon
 from showc.script.spacing import closest, pair_distance
 from showc.script.timing import least_times
 from showc.vehicle import PRESETS, Separation

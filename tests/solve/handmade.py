@@ -53,10 +53,13 @@ def make_leg(
     )
 
 
-def make_show(drones, *, separation=None, yaw="held", heading=0.0):
+def make_show(
+    drones, *, separation=None, yaw="held", heading=0.0, fence=None, fence_margin=0.0
+):
     return SimpleNamespace(
         vehicle=VEHICLE,
         airframe_limits=None,
+        site=SimpleNamespace(fence=fence, fence_margin=fence_margin),
         separation=separation or Separation(1.0),
         yaw=yaw,
         heading=heading,

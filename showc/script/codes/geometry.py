@@ -36,7 +36,8 @@ CODES = (
     Code(
         "SHW204",
         "outside the fence",
-        "A place is outside the polygon `site: fence:`.",
+        "A place is outside the polygon `site: fence:`, or nearer to it than "
+        "`fence_margin` allows.",
         "Move the formation or the fence.",
         "site: {fence: [[-20, -20], [20, -20], [0, 20]]}",
     ),
@@ -98,5 +99,13 @@ CODES = (
         "is known to follow.",
         "limits: {acceleration: 9}    (the autopilot follows 4.2 m/s²)",
         Severity.WARNING,
+    ),
+    Code(
+        "SHW212",
+        "no way within the fence",
+        "The fence, less its margin, falls into parts, and a place lies in another "
+        "part than the pads.",
+        "Widen the passage between them, or ask for less `fence_margin`.",
+        "site: {fence: [[0, 0], [9, 0], [9, 9], [5, 1], [0, 9]], fence_margin: 1}",
     ),
 )

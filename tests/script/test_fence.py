@@ -1,0 +1,98 @@
+"""The fence: distances, ways round corners, corridors; and what check says of it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.script.fence import Fence
+
+L = np.array([(-30, -30), (30, -30), (30, 0), (0, 0), (0, 30), (-30, 30)], float)
+U = np.array(
+    [(-30, -30), (30, -30), (30, 30), (8, 30), (8, -8), (-8, -8), (-8, 30), (-30, 30)],
+    float,
+)
+SHAPES = {"L": L, "L clockwise": L[::-1], "U": U, "U clockwise": U[::-1]}
+
+
+def along(way, steps=400):
+    share = np.linspace(0.0, len(way) - 1.0, steps * (len(way) - 1) + 1)
+    return np.column_stack(
+        [np.interp(share, np.arange(len(way)), way[:, axis]) for axis in (0, 1)]
+    )
+
+
+@pytest.mark.parametrize("corners", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("margin", [0.0, 1.0, 4.0])
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_ways_keep_the_margin_and_are_straight_only_where_that_keeps_it(
+    corners, margin, seed
+):
+    fence = Fence(corners, margin)
+    points = np.random.default_rng(seed).uniform(-30.0, 30.0, (40, 2))
+    points = points[fence.clearance(points) > margin + 0.05]
+    for start, goal in pairwise(points):
+        way = fence.way(start, goal)
+        assert way is not None
+        assert np.array_equal(way[[0, -1]], [start, goal])
+        assert fence.clearance(along(way)).min() >= margin - 1e-6
+        direct = fence.clearance(along(np.stack([start, goal]))).min()
+        assert (len(way) == 2) == (direct >= margin - 1e-9) or abs(
+            direct - margin
+        ) < 0.1
+
+
+def test_no_way_leads_through_a_passage_narrower_than_twice_the_margin():
+    corners = np.array(
+        [(0, 0), (9, 0), (9, 4), (11, 4), (11, 0), (20, 0), (20, 9), (11, 9)]
+        + [(11, 5), (9, 5), (9, 9), (0, 9)],
+        float,
+    )
+    start, goal = np.array([4.0, 4.5]), np.array([16.0, 4.5])
+    assert Fence(corners, 0.4).way(start, goal) is not None
+    assert Fence(corners, 0.6).way(start, goal) is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), margin=st.sampled_from([0.0, 1.5]))
+def test_a_breach_is_found_where_a_curve_comes_too_near_and_nowhere_else(seed, margin):
+    rng = np.random.default_rng(seed)
+    fence = Fence(L, margin)
+    curve = rng.uniform(-28.0, 10.0, (1, 4, 2))
+    share = np.linspace(0.0, 1.0, 4001)[:, None]
+    basis = np.hstack(
+        [
+            (1 - share) ** 3,
+            3 * share * (1 - share) ** 2,
+            3 * share**2 * (1 - share),
+            share**3,
+        ]
+    )
+    least = fence.clearance(basis @ curve[0]).min()
+    found = fence.first_breach(curve, np.array([0.0, 2.0]))
+    if abs(least - margin) > 0.02:
+        assert (found is not None) == (least < margin)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_corridor_holds_its_way_and_nothing_nearer_to_the_fence_than_asked(seed):
+    rng = np.random.default_rng(seed)
+    fence = Fence(U, 1.0)
+    start = rng.uniform(-28.0, 28.0, 2)
+    end = start + rng.uniform(-2.0, 2.0, 2)
+    piece = along(np.stack([start, end]))
+    if fence.clearance(piece).min() < 1.0:
+        return
+    planes = fence.corridor(start, end, 6.0, 1.0)
+    near = start + rng.uniform(-4.0, 4.0, (2000, 2))
+    inside = np.ones(len(near), dtype=bool)
+    for plane in planes:
+        normal = np.array(plane.normal)
+        assert (piece @ normal).min() >= plane.offset - 1e-6
+        inside &= near @ normal >= plane.offset
+    near = near[inside & (np.linalg.norm(near - start, axis=1) < 3.0)]
+    assert fence.clearance(near).min(initial=1.0) >= 1.0 - 1e-6
