@@ -146,6 +146,8 @@ class Builder:
     def _known(self, name: str, mark: Mark) -> bool:
         if name in self.table:
             return True
+        if "formations" not in self.settings:
+            return False  # why there are none is said already
         near = suggestion(name, self.table)
         names = ", ".join(self.table) or "none"
         self.reader.say(

@@ -325,6 +325,9 @@ COLOUR_NAMES: Mapping[str, str] = MappingProxyType(
 )
 """The named colours of CSS (CSS Color Module Level 4) as hexadecimal."""
 
+_RGB = re.compile(
+    r"rgba?\(\s*(\d{1,3})\s*[, ]\s*(\d{1,3})\s*[, ]\s*(\d{1,3})\s*\)", re.IGNORECASE
+)
 _HEX = re.compile(r"#?([0-9a-f]{3}|[0-9a-f]{6})", re.IGNORECASE)
 
 WHITE: Colour = (1.0, 1.0, 1.0)
@@ -333,6 +336,10 @@ WHITE: Colour = (1.0, 1.0, 1.0)
 def parse_colour(text: str) -> Colour | None:
     """Return a colour's sRGB components, 0 to 1, or None if the text is no colour."""
     word = text.strip().lower()
+    if (given := _RGB.fullmatch(word)) is not None:
+        parts = [int(part) for part in given.groups()]
+        red, green, blue = (part / 255.0 for part in parts)
+        return (red, green, blue) if max(parts) <= 255 else None
     digits = COLOUR_NAMES.get(word)
     if digits is None:
         match = _HEX.fullmatch(word)

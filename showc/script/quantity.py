@@ -94,6 +94,28 @@ NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 """A number as scripts write it (a regular expression)."""
 _NUMBER = re.compile(NUMBER)
 _QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s].*?)\s*")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?![\d,])")
+_MEANT = {
+    word: unit
+    for unit, words in {
+        "m": "meter meters metre metres",
+        "cm": "centimeter centimeters centimetre centimetres",
+        "ft": "feet foot",
+        "s": "sec secs second seconds",
+        "ms": "msec millisecond milliseconds",
+        "min": "mins minute minutes",
+        "h": "hour hours hr",
+        "deg": "degree degrees",
+        "rad": "radian radians",
+        "m/s": "mps m/sec ms-1",
+        "km/h": "kmh kph kmph",
+        "kg": "kilo kilos kilogram kilograms",
+        "g": "gram grams",
+        "Hz": "hz hertz",
+    }.items()
+    for word in words.split()
+}
+"""Units as people write them, and how scripts do."""
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)", re.IGNORECASE)
 _AMBIGUOUS = re.compile(
     r"[-+]?0\d+|[-+]?\d[\d_]*_[\d_]*(\.\d*)?|[-+]?\d+(:\d+)+(\.\d*)?|0x[\da-fA-F]+|0o\d+"
@@ -107,8 +129,12 @@ _LONGEST = 100
 class QuantityError(ValueError):
     """A text is not the quantity that was wanted."""
 
-    def __init__(self, code: str, message: str, help_text: str = "") -> None:
+    def __init__(
+        self, code: str, message: str, help_text: str = "", fix: str = ""
+    ) -> None:
         super().__init__(message)
+        self.fix = fix
+        """Text to put in its place, if that is certain."""
         self.code = code
         """Code of the diagnostic."""
         self.help = help_text
@@ -155,6 +181,13 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
             f"`{stripped}` is read differently by different YAML readers",
             "write an ordinary decimal number",
         )
+    if _DECIMAL_COMMA.match(stripped):
+        raise QuantityError(
+            "SHW103",
+            f"`{stripped}` has a decimal comma",
+            f"write `{stripped.replace(',', '.', 1)}`",
+            stripped.replace(",", ".", 1),
+        )
     if _NUMBER.fullmatch(stripped):
         value, written = float(stripped), unit
     else:
@@ -194,6 +227,12 @@ def _unit(written: str, unit: str, text: str) -> Unit:
         return UNITS[unit] if unit else _ONE
     found = UNITS.get(" ".join(written.split()))
     wanted = UNITS[unit].dimension if unit else "share"
+    meant = _MEANT.get(written.lower().rstrip("."), "")
+    if found is None and meant in units_of(unit):
+        right = f"{match_number(text)} {meant}"
+        raise QuantityError(
+            "SHW105", f"unknown unit `{written}` in `{text}`", f"write `{right}`", right
+        )
     if found is None:
         raise QuantityError(
             "SHW105",

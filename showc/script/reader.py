@@ -19,7 +19,7 @@ from showc.script.document import (
     Scalar,
     Sequence,
 )
-from showc.script.formation_fields import resolve
+from showc.script.formation_fields import TRANSFORM, resolve
 from showc.script.kinds import (
     Choice,
     Either,
@@ -31,6 +31,7 @@ from showc.script.kinds import (
     Section,
     Table,
 )
+from showc.script.quantity import NUMBER
 from showc.script.scalars import ScalarError, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
 from showc.script.wording import form_of, shortened, wanted_text
@@ -63,6 +64,8 @@ class Reader:
     def __init__(self) -> None:
         self.found: list[Diagnostic] = []
         """What is wrong, in the order it was met."""
+        self._meant: set[tuple[int, str]] = set()
+        """Keys that unknown ones were probably meant to be, by their mapping."""
 
     @property
     def full(self) -> bool:
@@ -197,13 +200,18 @@ class Reader:
         if self.full:
             return
         absent = [key for key in known if node.get(key) is None]
-        near = suggestion(entry.key, absent)
+        near = MEANT.get(entry.key.lower(), "")
+        near = near if near in absent else suggestion(entry.key, absent)
+        if near:
+            self._meant.add((id(node), near))
         tag = node.get(section.tag) if section.tag else None
         where = f"`{section.name}`"
         if tag is not None and isinstance(tag.value, Scalar):
             where += f" of type `{tag.value.text}`"
         if near:
             advice = f"did you mean `{near}`?"
+        elif section.name == "formation" and entry.key in TRANSFORM.one_of:
+            advice = f"changes stand in a list: `transform: [{{{entry.key}: …}}]`"
         else:
             advice = f"keys here: {', '.join(sorted(known))}"
         self.say(
@@ -249,7 +257,9 @@ class Reader:
         for field in fields or ():
             if node.get(field.key) is not None:
                 continue
-            if field.required:
+            if field.required and (id(node), field.key) in self._meant:
+                settings.broken = True  # there, under a mistyped name: said already
+            elif field.required:
                 settings.broken = True
                 self.say(
                     "SHW102",
@@ -280,11 +290,17 @@ class Reader:
             case Items():
                 return self._items(kind, node, span, key)
             case _:
+                if isinstance(kind, Paint) and isinstance(node, Sequence):
+                    node = _mixed(node)
                 if not isinstance(node, Scalar):
                     raise self._bad(
                         "SHW103",
                         f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                         _near(node.mark, span),
+                        help_text="a list of colours, one for each place, is written "
+                        "`{each: [red, white]}`"
+                        if isinstance(kind, Paint)
+                        else "",
                     )
                 try:
                     return read_scalar(kind, node, key)
@@ -368,6 +384,7 @@ class Reader:
                 "SHW103",
                 f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
+                help_text=_about_commas(kind, node),
             )
         size = len(node.items)
         if not kind.least <= size <= kind.most:
@@ -375,6 +392,7 @@ class Reader:
                 "SHW112",
                 f"`{key}` has {size} elements, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
+                help_text=_about_commas(kind, node),
             )
         elements: list[Setting] = []
         sound = True
@@ -404,6 +422,58 @@ def _has_broken(value: Value) -> bool:
             isinstance(item, Setting) and _has_broken(item.value) for item in value
         )
     return isinstance(value, Settings) and value.broken
+
+
+MEANT = {
+    "lat": "latitude",
+    "lon": "longitude",
+    "lng": "longitude",
+    "long": "longitude",
+    "alt": "altitude",
+    "elevation": "altitude",
+    "color": "colour",
+    "colors": "colour",
+    "center": "centre",
+    "position": "centre",
+    "at": "centre",
+    "offset": "centre",
+    "time": "duration",
+    "wait": "hold",
+    "pause": "hold",
+    "shape": "type",
+    "kind": "type",
+}
+"""Keys as people write them, and how scripts do, where there is such a key."""
+
+
+def _mixed(node: Sequence) -> Node:
+    """Return a list of red, green and blue as the text of one colour; others as is."""
+    parts = [item.text for item in node.items if isinstance(item, Scalar)]
+    numbers = len(parts) == len(node.items) == 3 and all(
+        part.isdecimal() for part in parts
+    )
+    return (
+        Scalar(f"rgb({', '.join(parts)})", plain=False, mark=node.mark)
+        if numbers
+        else node
+    )
+
+
+def _about_commas(kind: Items, node: Node) -> str:
+    """Say how numbers are separated, where that is what went wrong."""
+    if isinstance(node, Scalar):
+        written = [node]
+    else:
+        items = node.items if isinstance(node, Sequence) else ()
+        written = [item for item in items if isinstance(item, Scalar)]
+    words = [word for item in written for word in item.text.replace(",", " ").split()]
+    if not words or not all(re.fullmatch(NUMBER, word) for word in words):
+        return ""
+    if len(words) > len(written) and kind.least <= len(words) <= kind.most:
+        return f"separate with commas: `[{', '.join(words)}]`"
+    if len(words) == len(written) > kind.most:
+        return "commas separate elements; a decimal point is a point: `[1.5, 0, 20]`"
+    return ""
 
 
 def _paints(kind: Kind) -> bool:

@@ -57,7 +57,8 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
     if separation is None:
         return
     distance = separation.distance
-    asked = sketch.settings.section("separation").mark_of("distance")
+    section = sketch.settings.section("separation")
+    asked = section.mark_of("distance")
     for formation in sketch.formations.values():
         pair = closest(formation.points, sqrt(2.0) * distance, separation)
         if pair is None:
@@ -81,7 +82,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"{number_text(distance)} m" + _measure(separation.shape),
                 formation.mark,
                 secondary=(Label(asked, "the separation"),)
-                if asked.line != formation.mark.line
+                if section.written("distance") and asked.line != formation.mark.line
                 else (),
                 notes=notes,
                 help="make the formation larger, or add `spread: true` to it",

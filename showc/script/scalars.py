@@ -85,7 +85,7 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
     ScalarError
         If it is not what is wanted.
     """
-    _yes_or_no(kind, node)
+    _yes_or_no(kind, node, key)
     value: Value = None
     match kind:
         case Quantity():
@@ -113,12 +113,18 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
     return value
 
 
-def _yes_or_no(kind: Kind, node: Scalar) -> None:
+def _yes_or_no(kind: Kind, node: Scalar, key: str) -> None:
     """Refuse a plain yes, no, on or off, unless it is a word of a choice."""
     if not node.plain or node.text.lower() not in _YES_NO:
         return
     if isinstance(kind, Choice) and node.text in kind.options:
         return
+    if isinstance(kind, Quantity | Integer | Moment):
+        raise ScalarError(
+            "SHW103",
+            f"`{key}` is `{node.text}`, {wanted_text(kind)} is wanted",
+            f"give {wanted_text(kind)}",
+        )
     truth = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
     fix = truth if isinstance(kind, Flag) else f'"{node.text}"'
     raise ScalarError(
@@ -138,7 +144,9 @@ def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
             node.text, kind.unit, plain=node.plain, store=kind.store
         )
     except QuantityError as fault:
-        raise ScalarError(fault.code, f"`{key}`: {fault}", fault.help) from None
+        raise ScalarError(
+            fault.code, f"`{key}`: {fault}", fault.help, fault.fix
+        ) from None
     below = kind.minimum is not None and written < kind.minimum
     above = kind.maximum is not None and written > kind.maximum
     if below or above or (kind.positive and written <= 0.0):
@@ -155,7 +163,7 @@ def _integer(kind: Integer, node: Scalar, key: str) -> int:
         value = parse_quantity(node.text, "", plain=node.plain)
     except QuantityError as fault:
         code = "SHW103" if fault.code == "SHW105" else fault.code
-        raise ScalarError(code, f"`{key}`: {fault}", fault.help) from None
+        raise ScalarError(code, f"`{key}`: {fault}", fault.help, fault.fix) from None
     if not value.is_integer():
         raise ScalarError("SHW103", f"`{key}` is {node.text}, a whole number is wanted")
     if not kind.minimum <= value <= kind.maximum:
@@ -219,7 +227,7 @@ def _paint(node: Scalar) -> tuple[float, float, float]:
             "SHW114",
             f"`{node.text}` is no colour",
             (f"did you mean `{near}`? " if near else "")
-            + 'a CSS name, or hexadecimal in quotes: "#ff8800"',
+            + 'a CSS name, `[255, 136, 0]`, or hexadecimal in quotes: "#ff8800"',
             near,
         )
     return colour

@@ -267,9 +267,17 @@ def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
 
 def _paint() -> Schema:
     return {
-        "title": 'A CSS colour name, or hexadecimal in quotes ("#ff8800")',
+        "title": "A CSS colour name, [255, 136, 0], or hexadecimal in quotes "
+        '("#ff8800")',
         "anyOf": [
             {"type": "string", "enum": list(COLOUR_NAMES)},
             {"type": "string", "pattern": "^#?([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"},
+            {"type": "string", "pattern": r"^rgba?\([ 0-9,]+\)$"},
+            {
+                "type": "array",
+                "items": {"type": "integer", "minimum": 0, "maximum": 255},
+                "minItems": 3,
+                "maxItems": 3,
+            },
         ],
     }

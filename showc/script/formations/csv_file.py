@@ -65,7 +65,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     ]
     if not table:
         raise FormationError("SHW110", f"`{name}` has no lines", "file")
-    columns = _columns(table[0][1])
+    columns = _columns(table[0][1], name)
     if columns is not None:
         table = table[1:]
     else:
@@ -80,6 +80,8 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
             f"`{name}`, line {faults[0][0]}: {faults[0][1]}",
             "file",
             notes=more,
+            help_text="x, y and z are numbers in metres with a decimal point, colours "
+            "0 to 255",
         )
     if not values:
         raise FormationError("SHW110", f"`{name}` has no places", "file")
@@ -89,11 +91,33 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     return rows[:, :3], colours
 
 
-def _columns(cells: list[str]) -> dict[str, int] | None:
-    """Return where the columns are, if a line names them."""
+def _columns(cells: list[str], file: str) -> dict[str, int] | None:
+    """Return where the columns are, if a line names them.
+
+    Raises
+    ------
+    FormationError
+        If it names others than a table of places has.
+    """
     names = [cell.lower().split("[")[0].strip() for cell in cells]
     names = [_NAMES.get(name, name) for name in names]
+    if len({"time", "t"} & set(names)) and {"x", "y", "z"} <= set(names):
+        raise FormationError(
+            "SHW110",
+            f"`{file}` has a column of times: its rows are where one drone is at "
+            "several instants, and not where several drones are",
+            "file",
+            help_text="give one row for each drone, with the columns x, y and z",
+        )
     if not {"x", "y", "z"} <= set(names):
+        lacking = sorted({"x", "y", "z"} - set(names))
+        if len(lacking) < 3:
+            raise FormationError(
+                "SHW110",
+                f"`{file}` has no column {lacking[0]}",
+                "file",
+                help_text="x and y are across the ground, z is the height, in metres",
+            )
         return None
     wanted = ["x", "y", "z"]
     if {"red", "green", "blue"} <= set(names):

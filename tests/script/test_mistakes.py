@@ -1,0 +1,119 @@
+"""Mistakes that people make, each with the one message that they can act on."""
+
+from pathlib import Path
+
+import pytest
+
+from showc.script import read_show
+from showc.script.render import render
+
+GOLDEN = Path(__file__).with_name("mistakes.txt")
+HEAD = "showc: 1\ndrones: 4\n"
+TAIL = "transitions: [it]\n"
+
+
+def formation(keys):
+    return f"{HEAD}formations:\n  it: {{{keys}}}\n{TAIL}"
+
+
+def circle(keys):
+    return formation(f"type: circle, radius: 9, {keys}")
+
+
+FILES = {
+    "flat.csv": b"x,y\n1,2\n3,4\n",
+    "skybrush.csv": b"Time [msec],x [m],y [m],z [m],Red,Green,Blue\n0,1,2,3,255,0,0\n",
+    "comma.csv": b"x;y;z\n1,5;2,0;3,0\n",
+    "words.csv": b"x,y,z\n1,two,3\n",
+    "noise.png": b"no picture",
+}
+CASES = {
+    "a colour that YAML takes for a comment": (
+        f"{HEAD}formations:\n  it:\n    type: circle\n    radius: 9\n"
+        f"    colour: #ff8800\n{TAIL}"
+    ),
+    "a list of colours": circle("colour: [red, white]"),
+    "a colour out of range": circle("colour: [256, 0, 0]"),
+    "a decimal comma": f"{HEAD}formations:\n  it:\n    type: circle\n"
+    f"    radius: 9,5\n{TAIL}",
+    "a decimal comma in a list": circle("centre: [1,5, 0, 20]"),
+    "no commas in a list": circle("centre: [0 20 40]"),
+    "neither commas nor brackets": circle("centre: 0 20 40"),
+    "a CSV without heights": formation("type: csv, file: flat.csv"),
+    "a CSV of Skybrush": formation("type: csv, file: skybrush.csv"),
+    "a CSV with decimal commas": formation("type: csv, file: comma.csv"),
+    "a CSV with words": formation("type: csv, file: words.csv"),
+    "a picture that is none": formation("type: image, file: noise.png"),
+    "a picture that is not there": formation("type: image, file: gone.png"),
+    "a truth value for a time": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\n"
+        "transitions:\n  - {to: it, hold: yes}\n"
+    ),
+    "a mistyped section": (
+        f"{HEAD}formatons: {{it: {{type: circle, radius: 9}}}}\n{TAIL}"
+    ),
+    "a mistyped type": formation("type: circel, radius: 9"),
+    "a mistyped name": (
+        f"{HEAD}formations: {{ring: {{type: circle, radius: 9}}}}\n"
+        "transitions: [rnig]\n"
+    ),
+    "lat and lon": (
+        f"{HEAD}site: {{origin: {{lat: 47.4, lon: 8.5}}}}\n"
+        f"formations: {{it: {{type: circle, radius: 9}}}}\n{TAIL}"
+    ),
+    "meters": formation("type: circle, radius: 9 meters"),
+    "sec": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\n"
+        "transitions:\n  - {to: it, hold: 5 sec}\n"
+    ),
+    "color": circle("color: red"),
+    "center": circle("center: [0, 0, 20]"),
+    "rotate on a formation": circle("rotate: 45"),
+    "the separation that nobody wrote": (
+        f"showc: 1\ndrones: 40\nformations: {{it: {{type: circle, radius: 9}}}}\n{TAIL}"
+    ),
+    "too little time": (
+        f"{HEAD}formations:\n  it: {{type: circle, radius: 9}}\n"
+        "  up: {type: circle, radius: 9, centre: [0, 0, 25]}\n"
+        "transitions:\n  - it\n  - {to: up, duration: 2.8}\n"
+    ),
+}
+
+
+def said(script, folder):
+    for name, content in FILES.items():
+        (folder / name).write_bytes(content)
+    result = read_show(script.encode(), path="show.yaml", folder=folder)
+    return render(result.diagnostics, {result.path: result.text})
+
+
+def sections():
+    text = GOLDEN.read_text(encoding="utf-8")
+    return dict(part.split("\n", 1) for part in text.split("===== ")[1:])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_said(name, tmp_path):
+    assert said(CASES[name], tmp_path) == sections()[name].rstrip("\n") + "\n"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_mistake_is_one_message_that_helps(name, tmp_path):
+    for file, content in FILES.items():
+        (tmp_path / file).write_bytes(content)
+    found = read_show(CASES[name].encode(), folder=tmp_path).errors
+    assert len(found) == (2 if name == "lat and lon" else 1)
+    assert all(item.help for item in found)
+
+
+def test_every_golden_section_has_a_case():
+    assert sections().keys() == CASES.keys()
+
+
+@pytest.mark.parametrize(
+    "written", ["[255, 128, 0]", '"rgb(255, 128, 0)"', '"rgb(255 128 0)"', '"#ff8000"']
+)
+def test_a_colour_may_be_written_in_several_ways(show, written):
+    made = show(circle(f"colour: {written}").removeprefix("showc: 1\n"))
+    expected = show(circle('colour: "#ff8000"').removeprefix("showc: 1\n"))
+    assert (made.formations["it"].colours == expected.formations["it"].colours).all()
