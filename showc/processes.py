@@ -160,9 +160,16 @@ def join_group(group: int) -> None:
     """
     if group == 0:
         return
+    from multiprocessing import parent_process  # noqa: PLC0415 - workers only
+
     for name in ("SIGTERM", "SIGHUP"):
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     try:
         os.setpgid(0, group)
     except OSError:
+        os._exit(1)
+    # Who joins after the guard's last deed is not reached by it. From here on a death
+    # of the parent is followed by that deed; an earlier one shows here.
+    parent = parent_process()
+    if parent is not None and not parent.is_alive():
         os._exit(1)

@@ -92,6 +92,23 @@ def test_nothing_is_left_of_a_process_that_is_ended(code, ending, tmp_path):
     assert awaited(lambda: not marked(word), PATIENCE), marked(word)
 
 
+@pytest.mark.parametrize("alive", [True, False])
+def test_a_worker_that_joins_after_its_parent_died_does_not_begin(alive):
+    code = (
+        "import multiprocessing, os\n"
+        "from showc.processes import join_group\n"
+        "os.setpgid(0, 0)\n"
+        f"parent = type('Parent', (), {{'is_alive': lambda self: {alive}}})()\n"
+        "multiprocessing.parent_process = lambda: parent\n"
+        "join_group(os.getpid())\n"
+        "print('began')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == ((0, "began\n") if alive else (1, ""))
+
+
 def test_a_worker_whose_parent_is_dead_does_not_begin():
     code = (
         "from showc.processes import join_group\n"

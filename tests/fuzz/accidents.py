@@ -95,8 +95,12 @@ class Accident:
             process.wait(delay)
         except subprocess.TimeoutExpired:
             process.send_signal(getattr(signal, name))
-        _, said = process.communicate(timeout=120)
         faults = []
+        try:
+            _, said = process.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            said = b""
+            faults.append(f"still there after a minute, ended: {process.poll()}")
         early = {0, SIGNALS[name], -getattr(signal, name)}
         if process.returncode not in early:
             faults.append(f"ended with {process.returncode}: {said[-500:]!r}")
