@@ -218,7 +218,10 @@ def _converted(number: str, source: Unit, target: Unit) -> float:
     top, bottom = source.exact, target.exact
     if top is None or bottom is None or not math.isfinite(value) or value == 0.0:
         return value * source.factor / target.factor
-    return float(type(top)(number) * top / bottom)
+    try:
+        return float(type(top)(number) * top / bottom)
+    except OverflowError:
+        return math.inf
 
 
 def _unit(written: str, unit: str, text: str) -> Unit:

@@ -101,7 +101,8 @@ class Accident:
         except subprocess.TimeoutExpired:
             said = b""
             faults.append(f"still there after a minute, ended: {process.poll()}")
-        early = {0, SIGNALS[name], -getattr(signal, name)}
+        # Python itself ends so where an interrupt fell into code made from text.
+        early = {0, SIGNALS[name], -getattr(signal, name), -signal.SIGINT}
         if process.returncode not in early:
             faults.append(f"ended with {process.returncode}: {said[-500:]!r}")
         if process.returncode == SIGNALS[name] and b"Traceback" in said:
