@@ -21,10 +21,10 @@ from showc._version import __version__
 
 if TYPE_CHECKING:
     from showc.errors import ShowError
+    from showc.fleet.options import SolveOptions
     from showc.log.reader import read_log
     from showc.pipeline.compile import CompileOptions, compile_script
     from showc.script import load_show
-    from showc.solve.options import SolveOptions
     from showc.verify import verify_log
     from showc.view import render_page, render_report
 
@@ -44,7 +44,7 @@ __all__ = [
 _HOMES = {
     "CompileOptions": "showc.pipeline.compile",
     "ShowError": "showc.errors",
-    "SolveOptions": "showc.solve.options",
+    "SolveOptions": "showc.fleet.options",
     "compile_script": "showc.pipeline.compile",
     "load_show": "showc.script",
     "read_log": "showc.log.reader",

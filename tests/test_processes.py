@@ -19,7 +19,7 @@ PATIENCE = 2.0
 
 POOL = """
 import time
-from showc.solve.pool import workers
+from showc.fleet.execution.pool import workers
 with workers(2, None) as crew:
     crew.run(time.sleep, [(60.0,)] * 4)
 """

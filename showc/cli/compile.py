@@ -133,12 +133,12 @@ def command(
     """
     from showc.cli.console import progress
     from showc.errors import UsageError
+    from showc.fleet.options import SolveOptions
     from showc.pipeline.compile import (
         CompileOptions,
         RejectedScriptError,
         compile_script,
     )
-    from showc.solve.options import SolveOptions
 
     if start is not None and start_minute is not None:
         raise UsageError("--start names the minute already; leave --start-minute out")

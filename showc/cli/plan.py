@@ -42,11 +42,11 @@ def command(
       showc plan my-show.yaml
     """
     from showc.cli.compile import report
+    from showc.fleet.options import SolveOptions
     from showc.mission.outlook import mission_outlook
     from showc.pipeline.outlook import outlook
     from showc.plan import build_itinerary
     from showc.script import load_show
-    from showc.solve.options import SolveOptions
 
     result = load_show(script, allow_outside=allow_outside)
     if result.show is None:

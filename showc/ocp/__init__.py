@@ -13,15 +13,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from showc.ocp.adaptive.constraint_generation import solve
-    from showc.ocp.adaptive.options import Options
     from showc.ocp.audit.margins import Margin, margins
-    from showc.ocp.collocation.limits import Overrides
-    from showc.ocp.collocation.solver import SolverMissingError, SolverOptions
-    from showc.ocp.collocation.transcription import Transcription
     from showc.ocp.coupling import Imposed
     from showc.ocp.fault import StatementError
-    from showc.ocp.graded.loop import GradedOptions, solve_graded
     from showc.ocp.guess import Data, Guess
     from showc.ocp.history import (
         Decision,
@@ -34,7 +28,16 @@ if TYPE_CHECKING:
     from showc.ocp.outcome import ErrorEstimate, Result
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.quantity import HalfSpaces
+    from showc.ocp.refinement.adaptive.constraint_generation import solve
+    from showc.ocp.refinement.adaptive.options import Options
+    from showc.ocp.refinement.graded.loop import GradedOptions, solve_graded
     from showc.ocp.solution import Multipliers, Optimum, PhaseSolution, Solution
+    from showc.ocp.transcription.collocation.limits import Overrides
+    from showc.ocp.transcription.collocation.solver import (
+        SolverMissingError,
+        SolverOptions,
+    )
+    from showc.ocp.transcription.collocation.transcription import Transcription
 
 __all__ = [
     "Data",
@@ -70,17 +73,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "solve": "adaptive.constraint_generation",
-    "Options": "adaptive.options",
+    "solve": "refinement.adaptive.constraint_generation",
+    "Options": "refinement.adaptive.options",
     "Margin": "audit.margins",
     "margins": "audit.margins",
-    "Overrides": "collocation.limits",
-    "SolverMissingError": "collocation.solver",
-    "SolverOptions": "collocation.solver",
-    "Transcription": "collocation.transcription",
+    "Overrides": "transcription.collocation.limits",
+    "SolverMissingError": "transcription.collocation.solver",
+    "SolverOptions": "transcription.collocation.solver",
+    "Transcription": "transcription.collocation.transcription",
     "Imposed": "coupling",
-    "GradedOptions": "graded.loop",
-    "solve_graded": "graded.loop",
+    "GradedOptions": "refinement.graded.loop",
+    "solve_graded": "refinement.graded.loop",
     "Data": "guess",
     "Guess": "guess",
     "StatementError": "fault",

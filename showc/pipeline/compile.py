@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from showc.errors import ExportError, ShowError
+from showc.fleet.options import SolveOptions
 from showc.pipeline.artifact import folder_of, place, prepare
 from showc.pipeline.manifest import build_manifest, log_token
 from showc.progress import Silent
-from showc.solve.options import SolveOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,10 +97,10 @@ def compile_script(
     UsageError
         If a file cannot be read or written.
     """
+    from showc.fleet import solve_itinerary  # noqa: PLC0415
     from showc.log.writer import write_log  # noqa: PLC0415 - heavy, not for check
     from showc.plan import build_itinerary  # noqa: PLC0415
     from showc.script import load_show  # noqa: PLC0415
-    from showc.solve import solve_itinerary  # noqa: PLC0415
 
     options = options or CompileOptions()
     watcher = progress or Silent()

@@ -10,9 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.fleet.options import SolveOptions
     from showc.plan.itinerary import Itinerary, Leg
     from showc.script.show import Show
-    from showc.solve.options import SolveOptions
     from showc.vehicle import Limits
 
     FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ class LegOutlook:
 
 def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     """Look at every leg of a show: bounds on its time, and whether it is cached."""
-    from showc.solve.cache import Cache, leg_key  # noqa: PLC0415
+    from showc.fleet.execution.cache import Cache, leg_key  # noqa: PLC0415
 
     cache = Cache.of(options)
     return [
@@ -82,7 +82,7 @@ def _axis_bound(displacement: FloatArray, limits: Limits) -> float:
 
 
 def _straight_time(leg: Leg, show: Show) -> float:
-    from showc.solve.synchronise import shared_profile  # noqa: PLC0415 - heavy
+    from showc.fleet.shared_profile.synchronise import shared_profile  # noqa: PLC0415 - heavy
 
     profile = shared_profile(
         show.vehicle, leg.limits, show.heading, leg.start, leg.goal

@@ -35,11 +35,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from benchmarks.fleet_shows import Case, FleetShow, all_shows, growth  # noqa: E402
 from benchmarks.household import Needed, run  # noqa: E402
 
+from showc.fleet import SolveOptions  # noqa: E402
+from showc.fleet.execution.cache import leg_key  # noqa: E402
+from showc.fleet.shared_profile.flat import attitude  # noqa: E402
 from showc.plan import build_itinerary  # noqa: E402
 from showc.script import load_show  # noqa: E402
-from showc.solve import SolveOptions  # noqa: E402
-from showc.solve.cache import leg_key  # noqa: E402
-from showc.solve.flat import attitude  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -29,7 +29,7 @@ from benchmarks.ocp_textbook import TEXTBOOK
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.collocation.limits import Statement
+from showc.ocp.transcription.collocation.limits import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

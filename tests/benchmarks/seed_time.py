@@ -26,8 +26,8 @@ from benchmarks.audit import report
 from benchmarks.peers.showc import answer, build
 
 from showc import ocp
-from showc.solve.replay import replay
-from showc.solve.single import Aircraft, minimum_time
+from showc.fleet.single_drone.replay import replay
+from showc.fleet.single_drone.single import Aircraft, minimum_time
 from showc.vehicle import PRESETS
 
 PUBLISHED = 7.87

@@ -206,8 +206,8 @@ class Caches(Subject):
         return {"entry": b"showcleg" + hashlib.sha256(payload).digest() + payload}
 
     def attempt(self, folder, case):
-        from showc.solve.cache import Cache
-        from showc.solve.proof import flaw
+        from showc.fleet.execution.cache import Cache
+        from showc.fleet.proof import flaw
 
         key = "ab" * 32
         path = folder / "mine" / "ab" / f"{key}.leg"

@@ -10,7 +10,7 @@ import pytest
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.collocation.limits import Statement
+from showc.ocp.transcription.collocation.limits import Statement
 from showc.trajectory import PiecewisePolynomial
 
 

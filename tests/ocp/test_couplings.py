@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from showc import ocp
-from showc.ocp.adaptive.constraint_generation import Couplings, enforce
 from showc.ocp.audit.couplings import CouplingAuditor
-from showc.ocp.collocation.limits import Statement
 from showc.ocp.coupling import Imposed, merged, polynomial_degree
+from showc.ocp.refinement.adaptive.constraint_generation import Couplings, enforce
+from showc.ocp.transcription.collocation.limits import Statement
 
 
 def across(angles):

@@ -12,7 +12,7 @@ from benchmarks.ocp_further import FURTHER
 from benchmarks.peers.showc import answer, build
 
 from showc import ocp
-from showc.ocp.graded.grading import enough_points, graded_breaks, variation
+from showc.ocp.refinement.graded.grading import enough_points, graded_breaks, variation
 
 
 def double_integrator(top: float | None = None) -> ocp.Problem:

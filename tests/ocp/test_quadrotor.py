@@ -8,7 +8,7 @@ from benchmarks.ocp_quadrotor import quadrotor, solve_quadrotor
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.collocation.limits import Statement
+from showc.ocp.transcription.collocation.limits import Statement
 
 
 @pytest.mark.parametrize(("yaw_free", "ceiling"), [(True, 6.680), (False, 6.91)])

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc import ocp
-from showc.ocp.adaptive.refine import (
+from showc.ocp.refinement.adaptive.refine import (
     MOST_POINTS,
     cells_of,
     curvature_ratio,

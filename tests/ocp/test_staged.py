@@ -11,9 +11,14 @@ import pytest
 
 from showc.ocp.outcome import Result
 from showc.ocp.problem import Problem
-from showc.ocp.staged.cascade import Cascade, Composition, elevate, value_at
-from showc.ocp.staged.guarded import AVAILABLE, Guarded
-from showc.ocp.staged.transcription import (
+from showc.ocp.transcription.staged.cascade import (
+    Cascade,
+    Composition,
+    elevate,
+    value_at,
+)
+from showc.ocp.transcription.staged.guarded import AVAILABLE, Guarded
+from showc.ocp.transcription.staged.transcription import (
     StagedGuess,
     StagedOptions,
     StagedTranscription,

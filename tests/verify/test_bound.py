@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from showc.fleet.lower_bound.bound import lower_bound
+from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.log import showc_pb2 as pb
-from showc.solve.bound import lower_bound
-from showc.solve.relaxation import Relaxation
 from showc.vehicle import Limits, Quadrotor
 from showc.verify.kernel.bound import Relaxed, refuted
 

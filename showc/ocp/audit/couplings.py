@@ -22,9 +22,9 @@ from showc.trajectory import bernstein_basis, bernstein_basis_inverse, restrict
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.ocp.collocation.limits import Table
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
+    from showc.ocp.transcription.collocation.limits import Table
 
     FloatArray = NDArray[np.float64]
 

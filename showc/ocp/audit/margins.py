@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.collocation.limits import Overrides, Statement
+from showc.ocp.transcription.collocation.limits import Overrides, Statement
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

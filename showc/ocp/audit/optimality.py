@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.ocp.audit.residuals import PhaseAuditor
-    from showc.ocp.collocation.limits import Table
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
+    from showc.ocp.transcription.collocation.limits import Table
 
     FloatArray = NDArray[np.float64]
 

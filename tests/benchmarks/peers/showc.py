@@ -20,11 +20,11 @@ from benchmarks.quadrotor import SEPARATION
 
 import showc
 from showc import ocp
+from showc.fleet import SolveOptions, solve_leg
+from showc.fleet.execution.pool import InProcess
+from showc.fleet.single_drone.single import Aircraft, minimum_time
 from showc.plan.itinerary import Leg
 from showc.progress import Silent
-from showc.solve import SolveOptions, solve_leg
-from showc.solve.pool import InProcess
-from showc.solve.single import Aircraft, minimum_time
 from showc.vehicle import PRESETS, Separation
 
 if TYPE_CHECKING:

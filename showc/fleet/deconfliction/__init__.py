@@ -1,0 +1,1 @@
+"""Where drones come too near, and flights of all drones that keep apart."""

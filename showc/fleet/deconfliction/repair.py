@@ -1,0 +1,608 @@
+"""All flights at one common time: independent first, then repaired until apart.
+
+Drones that can, fly straight on the shared profile; the others follow it as near as
+they can, first as splines, then by optimal control. Where pairs come too near, ways
+round each other are found for the whole crowd. Pairs that still come too near get
+moving half-spaces, and only drones of such pairs are solved again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.deconfliction.conflicts import conflicts
+from showc.fleet.deconfliction.enclosure import Detour, fence_walls
+from showc.fleet.deconfliction.tracks import tracks_of
+from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
+from showc.fleet.deconfliction.ways import find_ways
+from showc.fleet.shared_profile.flat import fly, keeps_limits
+from showc.fleet.shared_profile.straight import fly_straight
+from showc.fleet.shared_profile.synchronise import best_profile
+from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.convex_program import NO_WALLS
+from showc.fleet.single_drone.judgement import KEPT
+from showc.fleet.single_drone.staying import (
+    OPTIMAL,
+    ROUND,
+    SPLINE,
+    STRAIGHT,
+    stay_apart,
+    stay_near,
+)
+from showc.fleet.single_drone.symmetry import image, kinds
+from showc.plan.metric import measure
+from showc.trajectory import PiecewisePolynomial
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.deconfliction.conflicts import Encounters
+    from showc.fleet.deconfliction.walls import PairWalls
+    from showc.fleet.execution.pool import Workers
+    from showc.fleet.shared_profile.profile import Profile
+    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.staying import Outcome
+    from showc.flight import Trajectory
+    from showc.progress import Progress
+    from showc.script.fence import Fence
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+TOLERANCE = 1e-7
+"""How much nearer than the separation a pair may come by rounding [m]."""
+_MARGIN = 2e-3
+_INTERVAL = 0.15
+_PATIENCE = 6
+_STILL = 1e-9
+_FEW = 32
+_CLEARANCE = 0.04
+_STRAY = 0.02
+"""How much farther from the fence walls go each time that they were not enough [m]."""
+_HALTING = 3
+"""Walls that were not enough, after which a drone stops at every corner."""
+_SETTLING = 4
+"""Rounds in which single drones move around all others."""
+_REACH = 2.5
+"""Distance of others around which a single drone is moved, in separations."""
+
+
+_Laid = tuple["IntArray", "FloatArray", "FloatArray"]
+"""Walls of one drone: intervals, normals, offsets at ``NODES``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """What a fleet is to fly from hover to hover in one common time."""
+
+    name: str
+    """For people."""
+    aircraft: Aircraft
+    separation: Separation
+    start: FloatArray
+    """Shape (n, 3) [m]."""
+    goal: FloatArray
+    """Shape (n, 3) [m]."""
+    parked: FloatArray | None
+    """Positions of drones that take no part, shape (m, 3) [m]."""
+    names: IntArray
+    """Numbers of the drones, from 0, shape (n,)."""
+    shared: Profile
+    """A profile that all drones can fly straight, however slow."""
+    detours: Mapping[int, Detour]
+    """Ways of the drones, by row, that go round the fence's corners."""
+    fence: Fence | None
+    rounds: int
+    """Rounds of half-spaces at most."""
+
+
+class Repair:
+    """Flights of all drones over one common time.
+
+    Parameters
+    ----------
+    move
+        What is to be flown.
+    duration
+        The common time [s].
+    shortest
+        Flights in least time, by row, as far as they are known.
+    """
+
+    def __init__(
+        self,
+        move: Move,
+        duration: float,
+        shortest: Mapping[int, Trajectory],
+        workers: Workers,
+        progress: Progress,
+    ) -> None:
+        self.move, self.duration, self.shortest = move, duration, shortest
+        self.aircraft, self.separation = move.aircraft, move.separation
+        self.start, self.goal, self.parked = move.start, move.goal, move.parked
+        self.workers, self.progress, self.name = workers, progress, move.name
+        self.names = move.names
+        self.trouble = ""
+        self.pair: tuple[int, int] | None = None
+        self.counts: dict[str, float] = {}
+        self.intervals = int(np.clip(np.ceil(duration / _INTERVAL), 16, 72))
+        self.flown: list[Trajectory] = []
+        self.kind: list[str] = []
+        self._positions: dict[int, FloatArray] = {}
+        # What a drone that leaves its line flies near to, its position over time.
+        self._ways: dict[int, PiecewisePolynomial] = {}
+        self._rigid: set[int] = set()
+        # Whether all processes have the program behind walls from the beginning.
+        self._bending = False
+        # Who does not move hovers, and is flown around.
+        self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
+        # How often a drone was found outside the fence, and which were not.
+        self._strayed: dict[int, int] = {}
+        self._kept: set[int] = set()
+
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """What was found; meaningful after :meth:`run` has succeeded."""
+        return tuple(self.flown)
+
+    @property
+    def method(self) -> str:
+        """What was done, in words."""
+        parts = [
+            f"{self.kind.count(kind)} {words}"
+            for kind, words in (
+                (STRAIGHT, "straight on the shared profile"),
+                (ROUND, "on ways round each other"),
+                (SPLINE, "by splines"),
+                (OPTIMAL, "by optimal control"),
+            )
+            if kind in self.kind
+        ]
+        text = "independent flights at a common time: " + ", ".join(parts)
+        rounds = int(self.counts.get("repair_rounds", 0))
+        if rounds:
+            text += f"; {rounds} rounds of half-spaces"
+        return text
+
+    def run(self) -> bool:
+        """Find flights that keep apart; False leaves ``trouble`` saying why not."""
+        return self._base() and self._go_round() and self._apart()
+
+    def _base(self) -> bool:
+        """Each drone on its own."""
+        aircraft, duration = self.aircraft, self.duration
+        way = self.goal - self.start
+        shared = self.move.shared
+        if duration >= shared.duration:
+            profile = shared.stretched(duration)
+        else:
+            profile, _ = best_profile(
+                aircraft.vehicle, aircraft.limits, aircraft.heading, way, duration
+            )
+        flights = fly_straight(
+            aircraft.vehicle, aircraft.heading, self.start, self.goal, profile
+        )
+        good = keeps_limits(aircraft.vehicle, aircraft.limits, flights)
+        self.profile, self.reference = profile, profile.derivatives()[0]
+        # Drones that go round a corner are flown behind walls, not straight.
+        good[list(self.move.detours)] = True
+        self.flown = [flights.trajectory(row) for row in range(way.shape[0])]
+        self.kind = [STRAIGHT] * way.shape[0]
+        slow = np.nonzero(~good)[0]
+        if slow.size and not self._slow(slow):
+            return False
+        if not self.move.detours:
+            return True
+        for row in self.move.detours:
+            self._lead_round(row)
+        return self._bend([], {}, dict.fromkeys(self.move.detours, 0.0))
+
+    def _slow(self, rows: IntArray) -> bool:
+        """Drones that cannot fly straight on the profile: one of each kind of move."""
+        stands, signs = kinds(self.aircraft, self.goal - self.start)
+        alike: dict[tuple[float, ...], list[int]] = {}
+        for row in rows.tolist():
+            alike.setdefault(tuple(stands[row].tolist()), []).append(row)
+        groups = [
+            sorted(group, key=lambda row: (row not in self.shortest, row))
+            for group in alike.values()
+        ]
+        # With a few kinds of move it is building programs that takes the time.
+        bending = len(groups) < _FEW and len(self._conflicts()) > 0
+        self._bending = bending
+        if not self._near([group[0] for group in groups], bending=bending):
+            return False
+        broken = []
+        for first, *others in groups:
+            for row in others:
+                copied = image(
+                    self.aircraft,
+                    self.flown[first],
+                    signs[row] * signs[first],
+                    self.start[row],
+                    self.goal[row],
+                )
+                self.flown[row], self.kind[row] = copied, self.kind[first]
+                if greatest_excess(self.aircraft, copied).relative > KEPT:
+                    broken.append(row)
+        return self._near(broken, bending=bending)
+
+    def _near(self, rows: list[int], *, bending: bool) -> bool:
+        """Fly drones near the profile, each on its own."""
+        self.progress.stage(f"{self.name}: drones without slack", len(rows))
+        results: list[Outcome] = self.workers.run(
+            stay_near,
+            [
+                (
+                    self.aircraft,
+                    self.start[row],
+                    self.goal[row],
+                    self._ways.get(row, self.reference),
+                    self.intervals,
+                    self.shortest.get(row),
+                    bending,
+                )
+                for row in rows
+            ],
+            self.progress.advance,
+        )
+        self._count("solves_without_slack", len(rows))
+        for row, (kind, trajectory, message) in zip(rows, results, strict=True):
+            if trajectory is None and row in self._ways:
+                # Its line is flown already: half-spaces part it from the others.
+                del self._ways[row]
+                continue
+            if trajectory is None:
+                length = float(np.linalg.norm(self.goal[row] - self.start[row]))
+                self.trouble = (
+                    f"drone {self.names[row] + 1} finds no flight of its "
+                    f"{length:.2f} m in {self.duration:.3f} s: {message}"
+                )
+                return False
+            self.flown[row], self.kind[row] = trajectory, kind
+        return True
+
+    def _go_round(self) -> bool:
+        """Give drones of a crowd ways round each other, where their lines conflict."""
+        found = self._conflicts()
+        self._count("first_conflicts", len(found))
+        # Ways about straight lines know no fence.
+        if not len(found) or self.move.detours:
+            return True
+        self.progress.note(
+            f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
+        )
+        ways = find_ways(
+            self.start,
+            self.goal,
+            self.parked,
+            self.profile,
+            self.separation,
+            self.aircraft.limits,
+            np.array([kind == OPTIMAL for kind in self.kind]),
+        )
+        if ways is None:
+            return True
+        rows = np.nonzero(np.any(ways.aside != 0.0, axis=1))[0]
+        breaks, positions = ways.positions(self.start, self.goal, self.profile)
+        flights = fly(
+            self.aircraft.vehicle, self.aircraft.heading, breaks, positions[rows]
+        )
+        good = keeps_limits(self.aircraft.vehicle, self.aircraft.limits, flights)
+        for index, row in enumerate(rows.tolist()):
+            self._ways[row] = PiecewisePolynomial(breaks, positions[row])
+            if good[index]:
+                self.flown[row], self.kind[row] = flights.trajectory(index), ROUND
+        self._count("ways_round", len(rows))
+        return self._near(rows[~good].tolist(), bending=True)
+
+    def _apart(self) -> bool:
+        """Lay half-spaces, round after round, until no pair comes too near."""
+        active: dict[tuple[int, int], int] = {}
+        fewest, stalled = np.inf, 0
+        for number in range(self.move.rounds + 1):
+            found, astray = self._conflicts(), self._astray()
+            count = len(found) + len(astray)
+            if not count:
+                return True
+            self._say(found, astray)
+            if number == self.move.rounds:
+                return self._settle()
+            self.progress.note(
+                f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
+            )
+            pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
+            for pair in pairs:
+                active[pair] = active.get(pair, 0) + 1
+            stalled = stalled + 1 if count >= fewest else 0
+            fewest = min(fewest, count)
+            if stalled > _PATIENCE:
+                return self._settle()
+            self._count("repair_rounds", 1)
+            for row in astray:
+                self._lead_round(row)
+            if not self._bend(pairs, active, astray):
+                return self._settle()
+        return False
+
+    def _say(self, found: Encounters, astray: Mapping[int, float]) -> None:
+        """Put what is wrong into words."""
+        if not len(found):
+            row = min(astray)
+            margin = 0.0 if self.move.fence is None else self.move.fence.margin
+            self.trouble = (
+                f"drone {self.names[row] + 1} comes nearer than {margin:.2f} m to the "
+                f"fence at {astray[row]:.2f} s ({len(astray)} drones in all)"
+            )
+            return
+        worst = int(np.argmin(found.distance))
+        self.pair = int(found.first[worst]), int(found.second[worst])
+        self.trouble = (
+            f"{self._names(*self.pair)} come within {found.distance[worst]:.3f} m "
+            f"at {found.time[worst]:.2f} s, the separation is "
+            f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
+        )
+
+    def _astray(self) -> dict[int, float]:
+        """Rows of drones outside the fence's margin, and when that is found [s]."""
+        fence = self.move.fence
+        found: dict[int, float] = {}
+        if fence is None:
+            return found
+        for row, flight in enumerate(self.flown):
+            if row in self._kept:
+                continue
+            state = flight.state
+            time = fence.first_breach(state.coefficients[..., :2], state.breaks)
+            if time is None:
+                self._kept.add(row)
+            else:
+                found[row] = time
+                self._strayed[row] = self._strayed.get(row, 0) + 1
+        return found
+
+    def _lead_round(self, row: int) -> None:
+        """Take a drone that leaves the fence back to a way that does not."""
+        around = self.move.detours.get(row)
+        if around is None:
+            around = Detour(np.stack([self.start[row], self.goal[row]]))
+        reference = around.reference(self.aircraft, self.profile, self.intervals)
+        width = self.duration / self.intervals
+        at = width * (np.arange(self.intervals)[:, None] + NODES)
+        self._ways[row] = reference
+        self._positions[row] = reference(at)
+
+    def _halting(self, row: int) -> Outcome | None:
+        """Stop at every corner, as a last resort, where walls were not enough."""
+        if self._strayed.get(row, 0) < _HALTING or row not in self.move.detours:
+            return None
+        flight = self.move.detours[row].halting(self.aircraft, self.duration)
+        return None if flight is None else (STRAIGHT, flight, "")
+
+    def _settle(self) -> bool:
+        """Move one drone at a time, around all that are near it, while that helps.
+
+        Where both drones of a pair move at once, each into others that move as well,
+        rounds can go on for ever; here what is lacking falls with every change.
+        """
+        for tries in range(1, _SETTLING + 1):
+            found = self._conflicts()
+            if not len(found):
+                return not self._astray()
+            changed = False
+            if len(found) > _FEW:
+                return False
+            for number in np.argsort(found.distance, kind="stable").tolist():
+                pair = int(found.first[number]), int(found.second[number])
+                changed |= any(self._around_others(row, tries) for row in pair)
+            if not changed and tries == _SETTLING:
+                return False
+        return not len(self._conflicts()) and not self._astray()
+
+    def _around_others(self, row: int, tries: int) -> bool:
+        """Solve one drone around all others as they fly; whether that is better."""
+        if row >= len(self.flown) or self._hovers[row]:
+            return False
+        own = self._sampled(row)
+        everyone = len(self.flown) + (0 if self.parked is None else len(self.parked))
+        near = [
+            other
+            for other in range(everyone)
+            if other != row
+            and measure(own - self._sampled(other), self.separation).min()
+            < _REACH * self.separation.distance
+        ]
+        before = self._lack(self.flown[row], near)
+        if before == 0.0:
+            return False
+        walls = [
+            pair_walls(
+                own,
+                self._sampled(other),
+                self.separation,
+                1.0,
+                _MARGIN * 3**tries,
+                tries - 1,
+            )
+            for other in near
+        ]
+        laid = [(one.interval, one.normal, one.first) for one in walls]
+        if self.move.fence is not None:
+            laid.append(fence_walls(self.move.fence, own, _STRAY))
+        task = (
+            self.aircraft,
+            self.start[row],
+            self.goal[row],
+            self._ways.get(row, self.reference),
+            self.intervals,
+            gathered([part for part in laid if part[0].size]),
+            own,
+            _CLEARANCE * self.separation.distance * tries,
+            self.flown[row] if self.kind[row] == OPTIMAL else None,
+            False,
+        )
+        ((kind, trajectory, _),) = self.workers.run(stay_apart, [task], _unheard)
+        self._count("repair_solves", 1)
+        if trajectory is None or self._lack(trajectory, near) >= before:
+            return False
+        self._kept.discard(row)
+        self.flown[row], self.kind[row] = trajectory, kind
+        self._positions.pop(row, None)
+        return True
+
+    def _lack(self, flight: Trajectory, near: list[int]) -> float:
+        """Sum of what a flight's distances to some drones lack [m]."""
+        others = [self.flown[row] for row in near if row < len(self.flown)]
+        found = conflicts(
+            tracks_of([flight, *others], self.parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+        own = found.distance[found.first == 0]
+        return float(np.sum(self.separation.distance - own))
+
+    def _conflicts(self) -> Encounters:
+        return conflicts(
+            tracks_of(self.flown, self.parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+
+    def _bend(
+        self,
+        pairs: Sequence[tuple[int, int]],
+        active: Mapping[tuple[int, int], int],
+        astray: Mapping[int, float],
+    ) -> bool:
+        """Solve drones again, behind the walls of all active pairs and of the fence.
+
+        Parameters
+        ----------
+        pairs
+            Pairs that come too near.
+        active
+            All pairs that did, and how often.
+        astray
+            Rows of drones that left the fence.
+        """
+        count = len(self.flown)
+        busy = sorted(
+            {
+                row
+                for pair in pairs
+                for row in pair
+                if row < count and not self._hovers[row]
+            }
+            | set(astray)
+        )
+        walls, tried = self._walls(busy, active)
+        self.progress.stage(f"{self.name}: repair", len(busy))
+        results: list[Outcome] = self.workers.run(
+            stay_apart,
+            [
+                (
+                    self.aircraft,
+                    self.start[row],
+                    self.goal[row],
+                    self._ways.get(row, self.reference),
+                    self.intervals,
+                    gathered(walls[row]) if walls[row] else NO_WALLS,
+                    self._sampled(row),
+                    _CLEARANCE * self.separation.distance * tried[row],
+                    self.flown[row] if self.kind[row] == OPTIMAL else None,
+                    tried[row] == 1 and not self._bending,
+                )
+                for row in busy
+            ],
+            self.progress.advance,
+        )
+        self._count("repair_solves", len(busy))
+        changed = False
+        self._rigid.clear()
+        for row, outcome in zip(busy, results, strict=True):
+            kind, trajectory, _ = self._halting(row) or outcome
+            self._positions.pop(row, None)
+            self._kept.discard(row)
+            if trajectory is None:
+                # It stays as it is; its partners take the whole correction next.
+                self._rigid.add(row)
+                continue
+            changed = True
+            self.flown[row] = trajectory
+            self.kind[row] = kind
+        return changed
+
+    def _walls(
+        self, busy: Sequence[int], active: Mapping[tuple[int, int], int]
+    ) -> tuple[dict[int, list[_Laid]], dict[int, int]]:
+        """Lay the walls of drones that are solved again, and count their tries."""
+        walls: dict[int, list[_Laid]] = {row: [] for row in busy}
+        tried = dict.fromkeys(busy, 1)
+        fence = self.move.fence
+        for row in busy if fence is not None else ():
+            assert fence is not None  # noqa: S101 - the line above says so
+            again = self._strayed.get(row, 0)
+            tried[row] = max(tried[row], again)
+            extra = _STRAY * max(again - 1, 0)
+            laid = fence_walls(fence, self._sampled(row), extra)
+            if laid[0].size:
+                walls[row].append(laid)
+        for (first, second), tries in active.items():
+            for row in {first, second} & walls.keys():
+                tried[row] = max(tried[row], tries)
+            if first not in walls and second not in walls:
+                continue
+            found = self._pair_walls(first, second, tries)
+            if first in walls and found.interval.size:
+                walls[first].append((found.interval, found.normal, found.first))
+            if second in walls and found.interval.size:
+                walls[second].append((found.interval, -found.normal, found.second))
+        return walls, tried
+
+    def _pair_walls(self, first: int, second: int, tries: int) -> PairWalls:
+        count = len(self.flown)
+        stuck = [row >= count or row in self._rigid for row in (first, second)]
+        hovering = [row >= count or self._hovers[row] for row in (first, second)]
+        if hovering[0] != hovering[1]:
+            stuck = hovering
+        share = 0.5 if stuck[0] == stuck[1] else float(stuck[1])
+        return pair_walls(
+            self._sampled(first),
+            self._sampled(second),
+            self.separation,
+            share,
+            _MARGIN * min(tries, 25),
+            tries - 1,
+        )
+
+    def _sampled(self, row: int) -> FloatArray:
+        """Positions at the nodes of the spline's intervals, shape (K, 7, 3)."""
+        if row not in self._positions:
+            width = self.duration / self.intervals
+            at = width * (np.arange(self.intervals)[:, None] + NODES)
+            if row < len(self.flown):
+                position = self.flown[row].state.select(slice(0, 3))(at)
+            else:
+                assert self.parked is not None  # noqa: S101 - the row says so
+                still = self.parked[row - len(self.flown)]
+                position = np.broadcast_to(still, (*at.shape, 3))
+            self._positions[row] = position
+        return self._positions[row]
+
+    def _names(self, first: int, second: int) -> str:
+        if second >= len(self.flown):
+            return f"drone {self.names[first] + 1} and a parked drone"
+        return f"drones {self.names[first] + 1} and {self.names[second] + 1}"
+
+    def _count(self, name: str, value: float) -> None:
+        self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def _unheard(steps: int) -> None:
+    """Say nothing of a single drone's progress."""

@@ -1,0 +1,347 @@
+"""Where work is done: in this process, in processes of this machine, on a cluster.
+
+The same work gives the same results everywhere: a task is a function of its arguments
+alone, and results come back in the order of the tasks.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from itertools import accumulate
+from multiprocessing import active_children, get_context, resource_tracker
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any, Protocol
+
+from showc.errors import UsageError
+from showc.processes import guarded_group, join_group, undisturbed, usable_cores
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+_THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+_DEATHS = 3
+_PRELOAD = (
+    "showc.fleet.single_drone.staying",
+    "showc.fleet.lower_bound.limiting",
+    "showc.ocp.transcription.staged.transcription",
+    "showc.fleet.lower_bound.relaxed_move",
+    "clarabel",
+)
+"""What workers need sooner or later: imported once, by the server that they are forked
+from."""
+
+
+class Workers(Protocol):
+    """Does many like tasks."""
+
+    def prepare(self) -> None:
+        """Say that work will come soon, so that it need not wait for a start."""
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = ...,
+        found: Callable[[int, Any], None] = ...,
+    ) -> list[Any]:
+        """Call ``function(*task)`` for every task; results in the tasks' order.
+
+        ``done`` is told how many more tasks have been finished, ``found`` the number of
+        a task and its result as soon as it is known.
+        """
+
+
+def _ignore(steps: int) -> None:
+    del steps
+
+
+def _pass_over(number: int, value: object) -> None:
+    del number, value
+
+
+def _several(function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list[Any]:
+    return [function(*task) for task in tasks]
+
+
+def chunks(tasks: Sequence[Any]) -> list[list[Any]]:
+    """Cut tasks into chunks by their number alone, never by who works on them."""
+    size = 1 if len(tasks) < 32 else 2 if len(tasks) < 128 else 6
+    return [list(tasks[top : top + size]) for top in range(0, len(tasks), size)]
+
+
+def _firsts(parts: Sequence[Sequence[Any]]) -> list[int]:
+    """Return the number of the first task of each chunk."""
+    return [0, *accumulate(len(part) for part in parts)]
+
+
+def _tell(found: Callable[[int, Any], None], first: int, values: list[Any]) -> None:
+    for number, value in enumerate(values, first):
+        found(number, value)
+
+
+class InProcess:
+    """Works in the calling process."""
+
+    def prepare(self) -> None:
+        """See :class:`Workers`; there is nothing to start."""
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
+    ) -> list[Any]:
+        """See :class:`Workers`."""
+        results = []
+        for number, task in enumerate(tasks):
+            results.append(function(*task))
+            found(number, results[-1])
+            done(1)
+        return results
+
+
+class Processes:
+    """Works in processes of this machine, started when first needed.
+
+    A worker that dies takes the others of its pool along; the unfinished tasks are
+    then given to a new pool, a few times.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._executor: ProcessPoolExecutor | None = None
+        self._starting = Lock()
+        self._prepared = self._closed = False
+
+    def prepare(self) -> None:
+        """See :class:`Workers`; the processes start while the caller goes on."""
+        if not self._prepared:
+            self._prepared = True
+            Thread(target=self._try, daemon=True).start()
+
+    def _try(self) -> None:
+        # What stands in the way is said to whoever submits work next.
+        with suppress(Exception):
+            self._pool()
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
+    ) -> list[Any]:
+        """See :class:`Workers`."""
+        if len(tasks) < 2:
+            return InProcess().run(function, tasks, done, found)
+        parts = chunks(tasks)
+        first = _firsts(parts)
+        results: list[list[Any] | None] = [None] * len(parts)
+        deaths = 0
+        while any(result is None for result in results):
+            waiting: dict[Future[list[Any]], int] = {}
+            try:
+                waiting.update(
+                    (self._pool().submit(_several, function, part), index)
+                    for index, part in enumerate(parts)
+                    if results[index] is None
+                )
+                while waiting:
+                    ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        values = future.result()
+                        index = waiting.pop(future)
+                        results[index] = values
+                        _tell(found, first[index], values)
+                        done(len(values))
+            except BrokenProcessPool:
+                deaths += 1
+                self._let_go()
+                if deaths > _DEATHS:
+                    raise
+            except BaseException:
+                for future in waiting:
+                    future.cancel()
+                raise
+        return [value for result in results if result is not None for value in result]
+
+    def _pool(self) -> ProcessPoolExecutor:
+        # A first submission waits until the server of the processes has imported what
+        # they need; ``prepare`` lets a thread wait for it.
+        with self._starting:
+            if self._closed:
+                raise RuntimeError("the processes have been let go for good")
+            if self._executor is None:
+                self._executor = _started(self._jobs)
+            return self._executor
+
+    def stop(self) -> None:
+        """End the processes at once, whatever they are doing."""
+        self._closed = True
+        with self._starting:
+            if self._executor is not None:
+                for process in active_children():
+                    process.terminate()
+
+    def close(self) -> None:
+        """Let the processes go; none is started any more."""
+        # Who still waits to start some, finds this when it is its turn.
+        self._closed = True
+        self._let_go()
+
+    def _let_go(self) -> None:
+        with self._starting:
+            if self._executor is not None:
+                self._executor.shutdown(wait=True, cancel_futures=True)
+                self._executor = None
+
+
+def _started(jobs: int) -> ProcessPoolExecutor:
+    """Start so many processes, each with one thread."""
+    method = "forkserver" if os.name == "posix" else "spawn"
+    context = get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload(list(_PRELOAD))
+        # Starting it later would let interrupts through again.
+        resource_tracker.ensure_running()
+    with _single_threaded(), undisturbed():
+        executor = ProcessPoolExecutor(
+            jobs,
+            mp_context=context,
+            initializer=join_group,
+            initargs=(guarded_group(),),
+        )
+        # The server and its workers inherit the environment of this moment; that they
+        # import what they need is not waited for.
+        for _ in range(jobs):
+            executor.submit(_warm)
+    return executor
+
+
+class Cluster:
+    """Works on a Dask cluster; needs the ``distributed`` package."""
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client  # noqa: PLC0415 - optional dependency
+        except ImportError as error:
+            raise UsageError(
+                "working on a cluster needs the package 'distributed': "
+                "pip install 'showc-compiler[cluster]'"
+            ) from error
+        try:
+            self._client = Client(address, timeout="20s", set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise UsageError(
+                f"no Dask scheduler answers at {address!r} ({error}); "
+                "wanted an address such as tcp://host:8786"
+            ) from error
+
+    def prepare(self) -> None:
+        """See :class:`Workers`; the cluster runs already."""
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        done: Callable[[int], None] = _ignore,
+        found: Callable[[int, Any], None] = _pass_over,
+    ) -> list[Any]:
+        """See :class:`Workers`.
+
+        The scheduler gives tasks of a worker that died to another one.
+        """
+        from distributed import as_completed  # noqa: PLC0415 - optional dependency
+
+        parts = chunks(tasks)
+        first = _firsts(parts)
+        futures = self._client.map(
+            _several,
+            [function] * len(parts),
+            parts,
+            pure=False,
+            retries=_DEATHS,
+        )
+        numbers = {future.key: index for index, future in enumerate(futures)}
+        results: dict[int, list[Any]] = {}
+        completed = as_completed(futures, loop=self._client.loop, with_results=True)
+        for future, values in completed:
+            index = numbers[future.key]
+            results[index] = values
+            _tell(found, first[index], values)
+            done(len(values))
+        return [value for index in sorted(results) for value in results[index]]
+
+    def close(self) -> None:
+        """Leave the cluster; it goes on without us."""
+        self._client.close()
+
+
+@contextmanager
+def workers(jobs: int | None, cluster: str | None) -> Iterator[Workers]:
+    """Provide workers as the options ask for, and let them go afterwards.
+
+    Parameters
+    ----------
+    jobs
+        Processes; None: one for every core this process may use.
+    cluster
+        Address of a Dask scheduler; takes precedence.
+
+    Raises
+    ------
+    UsageError
+        If ``jobs`` is not positive or the cluster cannot be reached.
+    """
+    if cluster is not None:
+        remote = Cluster(cluster)
+        try:
+            yield remote
+        finally:
+            remote.close()
+        return
+    count = usable_cores() if jobs is None else jobs
+    if count < 1:
+        raise UsageError(f"{count} jobs asked for; wanted 1 or more")
+    if count == 1:
+        yield InProcess()
+        return
+    local = Processes(count)
+    try:
+        yield local
+    except BaseException:
+        local.stop()
+        raise
+    finally:
+        local.close()
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """One thread a solver: the processes share the cores already."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _warm() -> None:
+    """Import what the work needs before it arrives."""
+    for name in _PRELOAD:
+        importlib.import_module(name)

@@ -1,0 +1,232 @@
+"""A whole itinerary: every leg solved, and its place on the timeline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import SolveError
+from showc.fleet.execution.cache import Cache, leg_key
+from showc.fleet.execution.pool import InProcess, workers
+from showc.fleet.execution.remembering import Remembering
+from showc.fleet.leg import place, solve_leg
+from showc.fleet.proof import flaw
+from showc.flight import Flight, LegFlight
+from showc.progress import Silent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.execution.pool import Workers
+    from showc.fleet.options import SolveOptions
+    from showc.plan.itinerary import Itinerary, Leg
+    from showc.progress import Progress
+    from showc.script.show import Show
+
+SMALL = 128
+"""Drones up to which a leg is one task: little could be shared out within it."""
+LONE = 8
+"""Drones up to which a leg that is missing alone is solved here: starting processes
+takes longer than they would save."""
+
+
+def solve_itinerary(
+    itinerary: Itinerary, options: SolveOptions, progress: Progress
+) -> Flight:
+    """Solve all legs of ``itinerary`` and lay them on one timeline.
+
+    Legs solved before, by this or another compile, come from the cache, and so does
+    what an interrupted one had found of a leg. Legs of a few drones are solved side by
+    side, those of many one after the other, their drones side by side. The result
+    depends on the itinerary and on how to solve it, never on where the work is done.
+
+    Returns
+    -------
+    Flight
+        A leg starts when all legs it waits for have ended.
+
+    Raises
+    ------
+    SolveError
+        If a leg has no solution; see :func:`showc.fleet.leg.solve_leg`.
+    UsageError
+        If the number of jobs or the address of the cluster is wrong.
+    """
+    show = itinerary.show
+    cache = Cache.of(options)
+    keys = [leg_key(leg, show, options) for leg in itinerary.legs]
+    if options.cluster is not None and not options.cluster.startswith("tls://"):
+        progress.note(
+            f"the cluster {options.cluster} is used without TLS: whoever can reach it "
+            "can run code on its workers and change what they return; see security.md"
+        )
+    with workers(options.jobs, options.cluster) as crew:
+        found, missing = _look_up(itinerary, keys, cache, crew, progress)
+        tasks = {
+            key: _Task(leg, show, options, key, cache.parts(key))
+            for key, leg in missing.items()
+        }
+        few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
+        if len(few) > 1:
+            together = [tasks.pop(key) for key in few]
+            if options.cluster is not None:
+                # Another machine has no business in this one's cache.
+                together = [replace(task, parts=None) for task in together]
+            found |= _side_by_side(together, cache, crew, progress)
+        lone = len(missing) == 1 and options.cluster is None
+        for key, task in tasks.items():
+            here = lone and task.leg.drones.size <= LONE
+            found[key] = _proved(
+                task.solve(InProcess() if here else crew, progress), show
+            )
+            cache.keep(key, found[key])
+    flights = tuple(
+        replace(found[key], leg=leg)
+        for key, leg in zip(keys, itinerary.legs, strict=True)
+    )
+    return Flight(itinerary, flights, _starts(flights))
+
+
+def _look_up(
+    itinerary: Itinerary,
+    keys: Sequence[str],
+    cache: Cache,
+    crew: Workers,
+    progress: Progress,
+) -> tuple[dict[str, LegFlight], dict[str, Leg]]:
+    """Return the legs that the cache has, each proved, and those that it has not."""
+    found: dict[str, LegFlight] = {}
+    missing: dict[str, Leg] = {}
+    flawed = ""
+    progress.stage("look for solved legs", len(keys))
+    for key, leg in zip(keys, itinerary.legs, strict=True):
+        progress.advance()
+        if key in found or key in missing:
+            continue
+        flight = cache.find(key, leg)
+        wrong = flaw(flight, itinerary.show) if flight is not None else ""
+        if flight is not None and not wrong:
+            found[key] = flight
+            continue
+        missing[key] = leg
+        if wrong:
+            cache.forget(key)
+            flawed = f"{leg.name}: {wrong}"
+        if len(missing) > 1 or leg.drones.size > LONE:
+            crew.prepare()
+    if flawed:
+        progress.note(
+            f"what the cache holds is not a flight of its leg ({flawed}); it is "
+            "solved again, and the cache may not be trusted"
+        )
+    if found:
+        known = sum(key in found for key in keys)
+        progress.note(f"{known} of {len(keys)} legs taken from the cache")
+    return found, missing
+
+
+def _proved(flight: LegFlight, show: Show) -> LegFlight:
+    """Return a flight that workers found, proved here once more.
+
+    Raises
+    ------
+    SolveError
+        If it is not what it should be.
+    """
+    if wrong := flaw(flight, show):
+        raise SolveError(
+            f"{place(flight.leg)}: what a worker returned is not a flight of this leg "
+            f"({wrong}); look at the machines that work, and report it if they are "
+            "your own"
+        )
+    return flight
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """One leg to solve."""
+
+    leg: Leg
+    show: Show
+    options: SolveOptions
+    key: str
+    """Name of the leg's entry in the cache."""
+    parts: Path | None
+    """Where to keep what is found on the way, if anywhere."""
+
+    def solve(self, crew: Workers, progress: Progress) -> LegFlight:
+        """Solve the leg, going on where an interrupted compile stopped."""
+        given = self.leg, self.show, self.options
+        if self.parts is None:
+            return solve_leg(*given, crew, progress)
+        remembering = Remembering(crew, self.parts, self.key)
+        flight = solve_leg(*given, remembering, progress)
+        remembering.forget()
+        return flight
+
+
+class _Notes(Silent):
+    """Keeps what was said worth a line, for whoever watches elsewhere."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Keep it."""
+        self.lines.append(text)
+
+
+def _alone(task: _Task) -> tuple[LegFlight | SolveError, list[str]]:
+    """Solve a leg in this process; what it refuses is a result like any other."""
+    notes = _Notes()
+    try:
+        return task.solve(InProcess(), notes), notes.lines
+    except SolveError as error:
+        return error, notes.lines
+
+
+def _side_by_side(
+    tasks: Sequence[_Task], cache: Cache, crew: Workers, progress: Progress
+) -> dict[str, LegFlight]:
+    """Solve legs of a few drones, a process for each.
+
+    Raises
+    ------
+    SolveError
+        That of the first leg that has no solution; the others are kept nevertheless.
+    """
+    found: dict[str, LegFlight] = {}
+
+    def keep(number: int, outcome: tuple[LegFlight | SolveError, list[str]]) -> None:
+        (flight, notes), task = outcome, tasks[number]
+        for line in notes:
+            progress.note(line)
+        if isinstance(flight, LegFlight):
+            _proved(flight, task.show)
+            progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
+            found[task.key] = flight
+            cache.keep(task.key, flight)
+
+    progress.stage(f"solve {len(tasks)} legs side by side", len(tasks))
+    outcomes = crew.run(_alone, [(task,) for task in tasks], progress.advance, keep)
+    for flight, _ in outcomes:
+        if isinstance(flight, SolveError):
+            raise flight
+    return found
+
+
+def _starts(flights: Sequence[LegFlight]) -> NDArray[np.float64]:
+    """Return when each leg starts: when all that it waits for have ended [s]."""
+    starts = np.zeros(len(flights))
+    for index, flight in enumerate(flights):
+        ends = [
+            starts[before] + flights[before].duration for before in flight.leg.after
+        ]
+        starts[index] = round(max(ends, default=0.0), 3)
+    starts.setflags(write=False)
+    return starts

@@ -1,0 +1,518 @@
+"""One leg: the least common time of its drones, flown apart, with a certificate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import SolveError
+from showc.fleet.deconfliction.conflicts import Encounters, closest, conflicts
+from showc.fleet.deconfliction.enclosure import Detour, detours
+from showc.fleet.deconfliction.repair import Move, Repair
+from showc.fleet.deconfliction.stretched import StretchedFlights, fly_ways_slowly
+from showc.fleet.deconfliction.tracks import tracks_of
+from showc.fleet.deconfliction.walls import reversed_order
+from showc.fleet.lower_bound.bound import lower_bound
+from showc.fleet.lower_bound.limiting import Limiting, limiting_time
+from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone.single import Aircraft, hover
+from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
+from showc.flight import (
+    Certificate,
+    ClosestEncounter,
+    DualWitness,
+    LegFlight,
+    Trajectory,
+)
+from showc.plan.metric import measure
+from showc.script.fence import Fence
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.execution.pool import Workers
+    from showc.fleet.options import SolveOptions
+    from showc.fleet.shared_profile.profile import Profile
+    from showc.plan.itinerary import Leg
+    from showc.progress import Progress
+    from showc.script.show import Show
+    from showc.vehicle import Separation
+
+    FloatArray = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""How much nearer than the separation a pair may come by rounding [m]."""
+_STILL = 1e-9
+_GROWTH, _STEP = 2.0, 0.02
+"""Growth of the time over the least one after a failure: a factor, and at least so
+much more, as a share of the least time."""
+_TRIES = 8
+"""Common times tried at most, unless none of them has led to a flight."""
+_CLOSE = 0.008
+"""Share of the least time between a failed and a flown time that is near enough."""
+
+
+def whole_milliseconds(time: float) -> float:
+    """Round a time up to a whole millisecond [s]."""
+    return math.ceil(time * 1000.0 - 1e-6) / 1000.0
+
+
+@dataclass(slots=True)
+class _Attempts:
+    """What has been tried, for the certificate."""
+
+    counts: dict[str, float] = field(default_factory=dict)
+
+    def add(self, name: str, value: float = 1.0) -> None:
+        self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def aircraft_of(show: Show, leg: Leg) -> Aircraft:
+    """Return what flies on this leg, with the leg's own limits."""
+    return Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
+
+
+def airframe_of(show: Show, leg: Leg) -> Aircraft | None:
+    """Return the aircraft without its autopilot; None where the same limits hold."""
+    own = show.airframe_limits
+    if own is None:
+        return None
+    limits = replace(
+        leg.limits,
+        level_speed=own.level_speed,
+        acceleration=own.acceleration,
+        acceleration_up=own.acceleration_up,
+        acceleration_down=own.acceleration_down,
+    )
+    return Aircraft(show.vehicle, limits, show.yaw, show.heading)
+
+
+def solve_leg(
+    leg: Leg,
+    show: Show,
+    options: SolveOptions,
+    workers: Workers,
+    progress: Progress,
+) -> LegFlight:
+    """Find the least common time of ``leg`` and a flight of each drone that keeps it.
+
+    Returns
+    -------
+    LegFlight
+        Every limit kept at every instant, every pair apart in continuous time, the
+        duration a whole number of milliseconds.
+
+    Raises
+    ------
+    SolveError
+        If the leg cannot be flown in the time the script gives, or a pair cannot be
+        kept apart; the message names them, the constraint and the time needed.
+    """
+    return _Solver(leg, show, options, workers, progress).solve()
+
+
+class _Solver:
+    """Carries one leg through its stages."""
+
+    def __init__(
+        self,
+        leg: Leg,
+        show: Show,
+        options: SolveOptions,
+        workers: Workers,
+        progress: Progress,
+    ) -> None:
+        self.leg = leg
+        self.aircraft = aircraft_of(show, leg)
+        self.separation: Separation = show.separation
+        self.options = options
+        self.workers = workers
+        self.progress = progress
+        self.tried = _Attempts()
+        self.where = place(leg)
+        self.airframe = airframe_of(show, leg)
+        self.fence = Fence.of(show.site)
+        self.detours: dict[int, Detour] = {}
+        self.shortest: dict[int, Trajectory] = {}
+
+    def solve(self) -> LegFlight:
+        """Go through the stages."""
+        leg = self.leg
+        self._check_ends()
+        self._find_detours()
+        self._check_order()
+        moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
+        if not moving.any():
+            return self._hold()
+        if leg.kind in {"launch", "land"}:
+            return self._upright()
+        shared = shared_profile(
+            self.aircraft.vehicle,
+            leg.limits,
+            self.aircraft.heading,
+            leg.start,
+            leg.goal,
+        )
+        if leg.duration is not None:
+            return self._fixed(leg.duration, shared)
+        limiting = self._limiting(solve=True)
+        return self._shortest(limiting, shared)
+
+    def _limiting(self, *, solve: bool) -> Limiting:
+        limiting = limiting_time(
+            self.aircraft,
+            self.leg.start,
+            self.leg.goal,
+            self.workers,
+            self.progress,
+            name=self.leg.name,
+            solve=solve,
+        )
+        self.tried.add("minimum_time_solves", limiting.solves)
+        self.shortest = {
+            row: result.trajectory
+            for row, result in limiting.flights.items()
+            if result.trajectory is not None
+        }
+        return limiting
+
+    def _find_detours(self) -> None:
+        """Find ways for the drones whose straight way leaves the fence."""
+        fence, leg = self.fence, self.leg
+        if fence is None:
+            return
+        for row, found in detours(fence, self.aircraft, leg.start, leg.goal).items():
+            start, goal = leg.start[row], leg.goal[row]
+            if found is None:
+                raise SolveError(
+                    f"{self.where}: drone {leg.drones[row] + 1} has no way from "
+                    f"({start[0]:.2f}, {start[1]:.2f}) m to ({goal[0]:.2f}, "
+                    f"{goal[1]:.2f}) m that stays {fence.margin:.2f} m within the "
+                    "fence; widen the passage or ask for less 'fence_margin'"
+                )
+            self.detours[row] = found
+
+    def _hold(self) -> LegFlight:
+        if self.leg.duration is None:
+            duration = 0.001
+        else:
+            duration = whole_milliseconds(self.leg.duration)
+        trajectories = tuple(
+            hover(self.aircraft, position, duration) for position in self.leg.start
+        )
+        nearest = self._closest(trajectories)
+        certificate = Certificate(
+            duration, 0.0, 0.0, None, nearest, "hold: every drone hovers", {}
+        )
+        return LegFlight(self.leg, duration, trajectories, certificate)
+
+    def _upright(self) -> LegFlight:
+        """Fly launch and landing: straight up or down, upright."""
+        aircraft, leg = self.aircraft, self.leg
+        heights = leg.goal[:, 2] - leg.start[:, 2]
+        ascent = quickest_ascent(aircraft, heights)
+        ascent = ascent.stretched(whole_milliseconds(ascent.duration))
+        flights = fly_upright(aircraft, leg.start, leg.goal, ascent)
+        met = conflicts(
+            tracks_of(flights, leg.others_parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+        if len(met):
+            raise SolveError(
+                f"{self.where}: {self._pair(met)} come within {met.distance[0]:.3f} m "
+                f"straight above their pads, the separation is "
+                f"{self.separation.distance:.3f} m; move the pads apart"
+            )
+        slowest = int(
+            np.argmax(
+                [
+                    quickest_ascent(aircraft, heights[row : row + 1]).duration
+                    if heights[row]
+                    else 0.0
+                    for row in range(heights.size)
+                ]
+            )
+        )
+        alone = quickest_ascent(aircraft, heights[slowest : slowest + 1]).duration
+        witness = self._bound(aircraft, slowest, alone)
+        statistics = {"drones": float(heights.size), "dual_bounds": 1.0}
+        statistics |= self._airframe_bound(slowest, alone)
+        certificate = Certificate(
+            ascent.duration,
+            min(alone, ascent.duration),
+            witness.time,
+            witness,
+            self._closest(flights),
+            "straight up or down, all on one profile",
+            dict(sorted(statistics.items())),
+        )
+        return LegFlight(leg, ascent.duration, flights, certificate)
+
+    def _bound(self, aircraft: Aircraft, row: int, guess: float) -> DualWitness:
+        """Prove how long the drone in a row needs at least."""
+        relaxation = Relaxation(
+            aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
+        )
+        return lower_bound(
+            relaxation, row, self.leg.goal[row] - self.leg.start[row], guess
+        )
+
+    def _airframe_bound(self, row: int, guess: float) -> dict[str, float]:
+        """Time that a drone's airframe needs at least, whatever its autopilot [s].
+
+        What the flight takes beyond it is the most that the envelope may cost.
+        """
+        if self.airframe is None:
+            return {}
+        return {"airframe_bound": self._bound(self.airframe, row, guess).time}
+
+    def _fixed(self, duration: float, shared: Profile) -> LegFlight:
+        """Fly the leg in the time that the script gives; minimum times need no solving.
+
+        The rigorous bound stands for the single-drone minimum then.
+        """
+        time = whole_milliseconds(duration)
+        limiting = self._limiting(solve=False)
+        if time < limiting.time:
+            drone = int(self.leg.drones[limiting.drone])
+            raise SolveError(
+                f"{self.where}: needs >= {limiting.time:.3f} s, script gives "
+                f"{time:.3f} s: it is proved that drone {drone + 1} cannot make its "
+                f"way of {limiting.distance:.2f} m in less under its limits; give it "
+                "more time or leave 'duration' out"
+            )
+        repair = self._repair(time, shared)
+        if repair.run():
+            return self._finish(repair, limiting)
+        trouble = repair.trouble
+        least = self._shortest(self._limiting(solve=True), shared)
+        raise SolveError(
+            f"{self.where}: needs >= {least.duration:.3f} s, script gives "
+            f"{time:.3f} s: {trouble}; give it more time or leave 'duration' out"
+        )
+
+    def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:
+        """Fly the leg in the least time found."""
+        together = self._side_by_side(limiting, shared)
+        if together is not None:
+            return self._finish(together, limiting)
+        best: Repair | StretchedFlights | None = None
+        slow: StretchedFlights | None = None
+        least, longest = self._times(limiting)
+        lowest = failed = 0.9 * least if self.detours else limiting.time
+        gap = self.options.gap
+        while best is None:
+            time = whole_milliseconds(least * (1.0 + gap))
+            if slow is not None and time >= slow.duration:
+                best = slow
+                break
+            repair = self._repair(time, shared)
+            if repair.run():
+                best = repair
+                break
+            self.progress.note(
+                f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
+            )
+            if failed == lowest:
+                slow = self._slowly(shared)
+            failed, gap = time, max(_GROWTH * gap, gap + _STEP)
+            if gap > longest and slow is None:
+                raise SolveError(
+                    f"{self.where}: {repair.trouble}, even in {time:.3f} s "
+                    f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
+                    "slowest drone needs); move the formations apart or let the "
+                    "assignment be optimal"
+                )
+        for _ in range(self._tries_left()):
+            middle = whole_milliseconds(0.5 * (failed + best.duration))
+            small = (best.duration - failed) < _CLOSE * limiting.time
+            if small or middle >= best.duration or failed <= limiting.time:
+                break
+            repair = self._repair(middle, shared)
+            if repair.run():
+                best = repair
+            else:
+                failed = middle
+        return self._finish(best, limiting)
+
+    def _times(self, limiting: Limiting) -> tuple[float, float]:
+        """Time to begin with [s], and the share of it that may be added at most.
+
+        Ways round the fence's corners take longer than any drone alone would.
+        """
+        least, longest = limiting.time, self.options.gap_limit
+        for way in self.detours.values():
+            least = max(least, way.estimate(self.aircraft))
+        if self.detours:
+            halting = max(
+                way.halting_time(self.aircraft) for way in self.detours.values()
+            )
+            longest += 2.0 * halting / least
+        return least, longest
+
+    def _side_by_side(self, limiting: Limiting, shared: Profile) -> Repair | None:
+        """Where all drones make the same move, nobody can come nearer: no slack."""
+        moves = self.leg.goal - self.leg.start
+        if np.abs(moves - moves[0]).max() > _STILL:
+            return None
+        repair = self._repair(whole_milliseconds(limiting.time), shared)
+        return repair if repair.run() else None
+
+    def _slowly(self, shared: Profile) -> StretchedFlights | None:
+        """Look for a flight that takes its time; it bounds the search from above."""
+        found = fly_ways_slowly(
+            self.aircraft,
+            self.leg.start,
+            self.leg.goal,
+            self.leg.others_parked,
+            shared,
+            self.separation,
+        )
+        if found is None or self.fence is None:
+            return found
+        for flight in found.trajectories:
+            state = flight.state
+            way = state.coefficients[..., :2]
+            if self.fence.first_breach(way, state.breaks) is not None:
+                return None
+        return found
+
+    def _tries_left(self) -> int:
+        """Shorter times to try once a flight is found, by what was spent on it."""
+        spent = self.tried.counts.get("common_times_tried", 0.0)
+        return max(0, _TRIES - int(spent))
+
+    def _repair(self, time: float, shared: Profile) -> Repair:
+        self.tried.add("common_times_tried")
+        move = Move(
+            name=self.leg.name,
+            aircraft=self.aircraft,
+            separation=self.separation,
+            start=self.leg.start,
+            goal=self.leg.goal,
+            parked=self.leg.others_parked,
+            names=self.leg.drones,
+            shared=shared,
+            detours=self.detours,
+            fence=self.fence,
+            rounds=self.options.repair_rounds,
+        )
+        return Repair(move, time, self.shortest, self.workers, self.progress)
+
+    def _finish(
+        self, repair: Repair | StretchedFlights, limiting: Limiting
+    ) -> LegFlight:
+        trajectories = repair.trajectories
+        nearest = self._closest(trajectories)
+        statistics = {
+            **self.tried.counts,
+            **repair.counts,
+            "drones": float(len(trajectories)),
+            "dual_bounds": float(limiting.bounds),
+            **self._airframe_bound(limiting.drone, limiting.time),
+        }
+        certificate = Certificate(
+            repair.duration,
+            min(limiting.time, repair.duration),
+            limiting.witness.time,
+            limiting.witness,
+            nearest,
+            repair.method,
+            dict(sorted(statistics.items())),
+        )
+        return LegFlight(self.leg, repair.duration, trajectories, certificate)
+
+    def _check_ends(self) -> None:
+        """Refuse formations that break the separation or the flight volume."""
+        leg, limits = self.leg, self.leg.limits
+        for points, formation in (
+            (leg.start, leg.from_formation),
+            (leg.goal, leg.to_formation),
+        ):
+            outside = np.any(
+                (points < np.asarray(limits.position_min) - _STILL)
+                | (points > np.asarray(limits.position_max) + _STILL),
+                axis=1,
+            )
+            if outside.any():
+                drone = int(leg.drones[int(np.argmax(outside))])
+                x, y, z = points[int(np.argmax(outside))]
+                raise SolveError(
+                    f"{self.where}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
+                    f"in {formation!r} is outside the flight volume; move the "
+                    "formation or widen the volume"
+                )
+            if self.fence is not None and not self.fence.keeps(points[:, :2]).all():
+                clearance = self.fence.clearance(points[:, :2])
+                drone = int(leg.drones[int(np.argmin(clearance))])
+                raise SolveError(
+                    f"{self.where}: drone {drone + 1} in {formation!r} is "
+                    f"{clearance.min():.2f} m within the fence, the margin is "
+                    f"{self.fence.margin:.2f} m; move the formation or the fence"
+                )
+            still = tuple(hover(self.aircraft, point, 1.0) for point in points)
+            tracks = tracks_of(still, leg.others_parked)
+            found = closest(tracks, self.separation)
+            if len(found) and found.distance[0] < self.separation.distance - TOLERANCE:
+                raise SolveError(
+                    f"{self.where}: {self._pair(found)} stand "
+                    f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
+                    f"is {self.separation.distance:.3f} m; spread the formation"
+                )
+
+    def _check_order(self) -> None:
+        """Refuse what no flight can do: change order with all axes kept apart."""
+        leg = self.leg
+        if self.separation.shape != "all-axes":
+            return
+        found = reversed_order(leg.start, leg.goal, leg.others_parked)
+        if found is None:
+            return
+        first, second, axis = found
+        raise SolveError(
+            f"{self.where}: {pair_names(leg, first, second)} stand in one order along "
+            f"{'xyz'[axis]} in {leg.from_formation!r} and in the other in "
+            f"{leg.to_formation!r}, but have to be {self.separation.distance:.3f} m "
+            "apart along all three axes at every instant: no time is enough; let "
+            "'any-axis' or 'sphere' hold, or choose another assignment"
+        )
+
+    def _pair(self, found: Encounters) -> str:
+        return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
+
+    def _closest(self, trajectories: tuple[Trajectory, ...]) -> ClosestEncounter | None:
+        if len(trajectories) < 2:
+            return None
+        # Drones that take no part count for the separation, not for this record.
+        found = closest(tracks_of(trajectories), self.separation)
+        first, second = int(found.first[0]), int(found.second[0])
+        gap = (
+            trajectories[first].state(found.time)[0, :3]
+            - trajectories[second].state(found.time)[0, :3]
+        )
+        return ClosestEncounter(
+            int(self.leg.drones[first]),
+            int(self.leg.drones[second]),
+            float(found.time[0]),
+            float(measure(gap, self.separation)),
+        )
+
+
+def place(leg: Leg) -> str:
+    """Where the script asks for the leg, as ``path:line:column: name``."""
+    if leg.mark is None:
+        return leg.name
+    return f"{leg.mark.path}:{leg.mark.line}:{leg.mark.column}: {leg.name}"
+
+
+def pair_names(leg: Leg, first: int, second: int) -> str:
+    """Names of two drones for people; from ``leg.drones`` on they are parked ones."""
+    one = f"drone {int(leg.drones[first]) + 1}"
+    if second < leg.drones.size:
+        return f"{one} and drone {int(leg.drones[second]) + 1}"
+    return f"{one} and a parked drone"

@@ -1,0 +1,224 @@
+"""A rigorous lower bound on the time of one drone's move, with its proof.
+
+Relaxation: velocity in its box, thrust acceleration in the set U(t) that thrust, tilt,
+body rates and angular accelerations allow at time t after one hover and T - t before
+the next. A time T is impossible if multipliers beta and lambda(t) with
+
+    beta . d > integral over [0, T] of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z
+
+exist (h: support functions; see :class:`showc.flight.DualWitness`). The multipliers
+come from a linear program, the dual of which is the relaxed move on a coarse mesh; they
+are then judged by an integral that is rounded upward, so the bound does not depend on
+the program having been solved well. An impossible T makes every shorter time
+impossible too, since a drone may hover.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.flight import DualWitness
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.lower_bound.relaxation import Relaxation
+
+    FloatArray = NDArray[np.float64]
+
+_SUBDIVISIONS = 32
+_MARGIN = 1e-9
+_INTERVALS = 36
+_NEAR = 5e-4
+_WORTH_A_PROOF = 0.03
+_RESOLUTION = 1e-6
+
+
+def surplus(  # noqa: PLR0917 - the names of the inequality
+    relaxation: Relaxation,
+    displacement: FloatArray,
+    time: float,
+    beta: FloatArray,
+    knots: FloatArray,
+    multipliers: FloatArray,
+    subdivisions: int = _SUBDIVISIONS,
+) -> float:
+    """``beta . d`` minus an upper bound of the integral: above 0 proves ``time`` wrong.
+
+    On each part of a knot interval the caps on tilt are taken at their greatest; then
+    h_U is convex in lambda, lambda is linear, and the trapezoid rule errs upward.
+
+    Parameters
+    ----------
+    displacement
+        Shape (3,) [m].
+    time
+        T [s].
+    beta, knots, multipliers
+        As in :class:`showc.flight.DualWitness`; shapes (3,), (k,), (k, 3).
+    """
+    instants = knots * time
+    widths = np.diff(instants)
+    slopes = np.diff(multipliers, axis=0) / widths[:, None]
+    cruise = float(relaxation.velocity_support(beta + slopes) @ widths)
+    part = np.arange(subdivisions + 1) / subdivisions
+    at = instants[:-1, None] + widths[:, None] * part
+    value = multipliers[:-1, None] + (
+        np.diff(multipliers, axis=0)[:, None] * part[:, None]
+    )
+    left, right = at[:, :-1], at[:, 1:]
+    since = np.minimum(np.minimum(right, time - left), 0.5 * time)
+    roll, pitch = relaxation.caps(since)
+    # Each support function is convex, their least is not: the least comes last.
+    sides = zip(
+        relaxation.thrust_supports(value[:, :-1], roll, pitch),
+        relaxation.thrust_supports(value[:, 1:], roll, pitch),
+        strict=True,
+    )
+    heights = np.min([0.5 * (before + after) for before, after in sides], axis=0)
+    thrust = float((heights * (right - left)).sum())
+    gravity = relaxation.vehicle.gravity
+    weight = gravity * float(
+        (0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])) @ widths
+    )
+    gain = float(beta @ displacement)
+    magnitude = abs(gain) + abs(cruise) + abs(thrust) + abs(weight)
+    return gain - (cruise + thrust - weight) - _MARGIN * magnitude
+
+
+def lower_bound(
+    relaxation: Relaxation,
+    drone: int,
+    displacement: FloatArray,
+    guess: float,
+    rounds: int = 8,
+) -> DualWitness:
+    """Prove that ``displacement`` takes at least some time.
+
+    Parameters
+    ----------
+    drone
+        Number put into the witness.
+    displacement
+        Shape (3,) [m], not zero.
+    guess
+        A time near the least possible one [s]; only a start for the search.
+    rounds
+        Linear programs solved at most.
+
+    Returns
+    -------
+    DualWitness
+        Its ``time`` is proved by :func:`surplus`.
+    """
+    # HiGHS is loaded only by who solves.
+    from showc.fleet.lower_bound.relaxed_move import RelaxedMove  # noqa: PLC0415
+
+    move = RelaxedMove(relaxation, displacement)
+    best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
+    before: tuple[float, float] | None = None
+    time, power = guess, 1.25
+    for number in range(rounds):
+        knots = _knots(relaxation, time)
+        beta, multipliers, reach = move.multipliers(time, knots)
+        last = number == rounds - 1 or abs(reach - 1.0) < _NEAR
+        if last or abs(reach - 1.0) < _WORTH_A_PROOF:
+            proof = relaxation, displacement, beta, knots, multipliers, time
+            longest = _longest(*proof)
+            if best is None or longest > best[0]:
+                # A longer time makes the same multipliers less steep.
+                best = longest, beta, knots, multipliers * (longest / time)
+        if last:
+            break
+        # The reach grows between linearly (cruise) and with the square of the time;
+        # two programs tell the power.
+        if before is not None and abs(math.log(time / before[0])) > 1e-6:
+            slope = math.log(reach / before[1]) / math.log(time / before[0])
+            power = min(2.5, max(0.8, slope))
+        before = time, reach
+        time *= min(2.0, max(0.5, reach ** (-1.0 / power)))
+    assert best is not None  # noqa: S101 - rounds >= 1
+    longest, beta, knots, multipliers = best
+    return DualWitness(
+        drone=drone,
+        time=longest,
+        beta=(float(beta[0]), float(beta[1]), float(beta[2])),
+        knots=tuple(float(knot) for knot in knots),
+        multipliers=tuple(
+            (float(row[0]), float(row[1]), float(row[2])) for row in multipliers
+        ),
+    )
+
+
+def _knots(relaxation: Relaxation, time: float) -> FloatArray:
+    """Fractions of the time: even, with more of them while the tilt builds up."""
+    even = np.linspace(0.0, 1.0, _INTERVALS + 1)
+    rate = max(relaxation.limits.body_rate[:2])
+    build_up = min(relaxation.limits.tilt / rate / time, 0.25)
+    early = build_up * np.array([0.25, 0.5, 0.75, 1.0])
+    if relaxation.limits.tilt == 0.0:
+        early = np.minimum(_ramps(relaxation) / time, 0.5)
+    return np.unique(np.round(np.concatenate([even, early, 1.0 - early]), 9))
+
+
+def _ramps(relaxation: Relaxation) -> FloatArray:
+    """Return how long an upright drone takes to gain, and to lose, its speed [s]."""
+    limits, gravity = relaxation.limits, relaxation.vehicle.gravity
+    low, high = relaxation.vertical(np.zeros(1), np.zeros(1))
+    speed = max(-limits.velocity_min[2], limits.velocity_max[2])
+    return np.concatenate([speed / (high - gravity), speed / (gravity - low)])
+
+
+def _longest(  # noqa: PLR0917 - same
+    relaxation: Relaxation,
+    displacement: FloatArray,
+    beta: FloatArray,
+    knots: FloatArray,
+    multipliers: FloatArray,
+    time: float,
+) -> float:
+    """Greatest time that the multipliers prove impossible, to 1e-6 [s].
+
+    Where the surplus changes its sign, by false position (Illinois).
+    """
+
+    def over(candidate: float) -> float:
+        scaled = multipliers * (candidate / time)
+        return surplus(relaxation, displacement, candidate, beta, knots, scaled)
+
+    low = high = time
+    value_low = value_high = over(time)
+    width = 1e-3
+    while value_high > 0.0 and high < 4.0 * time:
+        low, value_low = high, value_high
+        high = time * (1.0 + width)
+        value_high = over(high)
+        width *= 4.0
+    while value_low <= 0.0 and low > 1e-3 * time:
+        high, value_high = low, value_low
+        low = time * max(1.0 - width, 1e-3)
+        value_low = over(low)
+        width *= 4.0
+    if value_low <= 0.0 or value_high > 0.0:
+        return low if value_low > 0.0 else 0.0
+    weight_low, weight_high = value_low, value_high
+    rose = fell = False
+    while high - low > _RESOLUTION:
+        share = weight_low / (weight_low - weight_high)
+        candidate = low + share * (high - low)
+        # Once one end is that near, the other one is fetched.
+        candidate = min(max(candidate, low + 0.4 * _RESOLUTION), high)
+        candidate = max(min(candidate, high - 0.4 * _RESOLUTION), low)
+        value = over(candidate)
+        # An end that stays where it is twice in a row counts for less.
+        if value > 0.0:
+            low, weight_low = candidate, value
+            weight_high *= 0.5 if rose else 1.0
+        else:
+            high, weight_high = candidate, value
+            weight_low *= 0.5 if fell else 1.0
+        rose, fell = value > 0.0, value <= 0.0
+    return low

@@ -1,0 +1,221 @@
+"""The slowest drones of a leg: their minimum times, and the proof of a lower bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.lower_bound.bound import lower_bound
+from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
+from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
+from showc.fleet.single_drone.symmetry import images, kinds
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.execution.pool import Workers
+    from showc.flight import DualWitness
+    from showc.progress import Progress
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+_CANDIDATES = 12
+_STRAIGHT_ERROR = 1.01
+"""How much longer a straight flight may take than its first look says, at most."""
+_SOLVED_AT_LEAST = 1
+_SOLVED_AT_MOST = 2
+_SCATTER = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limiting:
+    """What bounds the common time of a leg from below."""
+
+    time: float
+    """Greatest minimum time found of any single drone [s]."""
+    drone: int
+    """Row of that drone in the leg."""
+    distance: float
+    """Length of its way [m]."""
+    witness: DualWitness
+    """Proof of the greatest rigorous bound; ``drone`` in it is a row of the leg."""
+    solves: int
+    """Minimum-time problems solved."""
+    bounds: int
+    """Moves for which a bound was proved."""
+    flights: dict[int, Result]
+    """Minimum-time flights by row."""
+
+
+def limiting_time(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    workers: Workers,
+    progress: Progress,
+    *,
+    name: str = "",
+    solve: bool = True,
+) -> Limiting:
+    """Find the drones that need the longest, and prove how long they need.
+
+    The first candidates are the moves with the longest straight flights and the longest
+    single-axis times; each gets a rigorous bound. So does every corner of the hull of
+    all moves whose straight flight takes longer than the greatest of these: no other
+    move can have a greater bound (see :mod:`showc.fleet.lower_bound.extremes`).
+    Minimum times are solved for those with the greatest bounds. A drone that is slower
+    still would only make the reported gap look larger than it is, never smaller.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (n, 3) [m]; at least one drone moves.
+    name
+        Of the leg, for people.
+    solve
+        Whether to solve minimum times at all; else the rigorous bound stands for them.
+    """
+    displacement = goal - start
+    # Moves that differ by rounding alone, or as mirror images do, are one.
+    distinct, rows = np.unique(
+        kinds(aircraft, displacement)[0], axis=0, return_index=True
+    )
+    moves = np.linalg.norm(distinct, axis=1) > 0.0
+    distinct, rows = distinct[moves], rows[moves]
+    straight = _straight(aircraft, distinct)
+    relaxation = Relaxation(
+        aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
+    )
+
+    def bounded(chosen: IntArray) -> list[DualWitness]:
+        progress.stage(f"{name}: lower bounds", chosen.size)
+        return workers.run(
+            lower_bound,
+            [
+                (
+                    relaxation,
+                    int(rows[index]),
+                    displacement[rows[index]],
+                    _guess(relaxation, displacement[rows[index]]),
+                )
+                for index in chosen
+            ],
+            progress.advance,
+        )
+
+    candidates = _candidates(aircraft, distinct, straight)
+    witnesses = bounded(candidates)
+    greatest = max(witness.time for witness in witnesses)
+    slower = np.flatnonzero(straight * _STRAIGHT_ERROR > greatest)
+    rest = _corners(aircraft, distinct, np.setdiff1d(slower, candidates))
+    if rest.size:
+        candidates = np.concatenate([candidates, rest])
+        witnesses += bounded(rest)
+    proved = np.array([witness.time for witness in witnesses])
+    order = np.lexsort((candidates, -proved))
+    near = proved[order] > proved[order[0]] * (1.0 - _SCATTER)
+    wanted = int(np.clip(near.sum(), _SOLVED_AT_LEAST, _SOLVED_AT_MOST))
+    chosen = [int(rows[candidates[index]]) for index in order[:wanted]]
+    best = witnesses[int(order[0])]
+    if not solve:
+        length = float(np.linalg.norm(displacement[chosen[0]]))
+        return Limiting(best.time, chosen[0], length, best, 0, len(witnesses), {})
+    progress.stage(f"{name}: minimum times", len(chosen))
+    results: list[Result] = workers.run(
+        minimum_time,
+        [(aircraft, start[row], goal[row]) for row in chosen],
+        progress.advance,
+    )
+    flights = {
+        row: result
+        for row, result in zip(chosen, results, strict=True)
+        if result.solved
+    }
+    if flights:
+        slowest = max(flights, key=lambda row: (flights[row].duration, -row))
+        time = flights[slowest].duration
+    else:
+        # The straight flight is always there; the gap is then measured against it.
+        times = least_times(
+            aircraft.vehicle,
+            aircraft.limits,
+            aircraft.heading,
+            displacement[chosen],
+            SHAPES,
+        ).min(axis=1)
+        slowest, time = chosen[int(np.argmax(times))], float(times.max())
+    return Limiting(
+        max(time, best.time),
+        slowest,
+        float(np.linalg.norm(displacement[slowest])),
+        best,
+        len(chosen),
+        len(witnesses),
+        flights,
+    )
+
+
+def _straight(aircraft: Aircraft, displacement: FloatArray) -> FloatArray:
+    """Return times (n,) in which the moves can be flown straight, to a percent [s]."""
+    times = least_times(
+        aircraft.vehicle,
+        aircraft.limits,
+        aircraft.heading,
+        displacement,
+        SHAPES[::29],
+        ROUGHLY,
+    )
+    return np.asarray(times.min(axis=1))
+
+
+def _corners(
+    aircraft: Aircraft, displacement: FloatArray, wanted: IntArray
+) -> IntArray:
+    """Rows of those of the ``wanted`` moves that may have the greatest bound of all."""
+    if not wanted.size:
+        return wanted
+    # HiGHS is loaded only by who solves.
+    from showc.fleet.lower_bound.extremes import extreme_moves  # noqa: PLC0415
+
+    signs = images(aircraft)
+    every = (displacement[:, None] * signs).reshape(-1, 3)
+    # What holds of a move holds of its images.
+    corners = extreme_moves(every, wanted * len(signs)) // len(signs)
+    return np.intersect1d(wanted, corners)
+
+
+def _candidates(
+    aircraft: Aircraft, displacement: FloatArray, straight: FloatArray
+) -> IntArray:
+    """Choose moves that may be the slowest, by two cheap measures."""
+    if displacement.shape[0] <= _CANDIDATES:
+        return np.arange(displacement.shape[0])
+    velocity = np.where(
+        displacement > 0.0,
+        np.asarray(aircraft.limits.velocity_max),
+        np.asarray(aircraft.limits.velocity_min),
+    )
+    axis = (displacement / velocity).max(axis=1)
+    half = _CANDIDATES // 2
+    return np.union1d(
+        np.argsort(-straight, kind="stable")[:half],
+        np.argsort(-axis, kind="stable")[:half],
+    )
+
+
+def _guess(relaxation: Relaxation, displacement: FloatArray) -> float:
+    """Guess a time near the least one: the slowest axis, speeding up at half a g."""
+    limits = relaxation.limits
+    velocity = np.where(
+        displacement > 0.0,
+        np.asarray(limits.velocity_max),
+        np.abs(np.asarray(limits.velocity_min)),
+    )
+    way = np.abs(displacement)
+    pull = 0.5 * relaxation.vehicle.gravity
+    ramp = np.minimum(velocity / pull, np.sqrt(way / pull))
+    return float((way / velocity + ramp).max())

@@ -1,0 +1,168 @@
+"""The linear program whose dual solution proves a lower bound on the time of a move.
+
+Unknowns are the share sigma of the way that the relaxed drone makes in a time, its mean
+velocities v_j on mesh intervals and the weights w_ik of corners of the thrust set at
+the knots between them:
+
+    sigma d = sum of v_j dt_j,
+    v_k - v_{k-1} = weight_k (sum of w_ik u_ik - g e_z),  sum of w_ik = 1,
+
+with the trapezoid rule's weights and no velocity before and after. The multipliers of
+the first equations are beta, those of the second lambda.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import highspy
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.lower_bound.relaxation import Relaxation
+
+    FloatArray = NDArray[np.float64]
+
+
+class RelaxedMove:
+    """Solves the program of one move for one time after the other.
+
+    Each starts from the last one's basis: for a time near by few steps are needed.
+
+    Parameters
+    ----------
+    displacement
+        The move, shape (3,) [m].
+    """
+
+    def __init__(self, relaxation: Relaxation, displacement: FloatArray) -> None:
+        self._relaxation, self._displacement = relaxation, displacement
+        self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
+        for option, value in (
+            ("output_flag", False),
+            ("threads", 1),
+            ("solver", "simplex"),
+        ):
+            self._solver.setOptionValue(option, value)
+        self._columns = 0
+
+    def multipliers(
+        self, time: float, knots: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Return beta (3,), lambda (k, 3) and the share of the way made in ``time``.
+
+        Parameters
+        ----------
+        time
+            Of the whole move [s].
+        knots
+            Fractions of it, from 0 to 1, shape (k,).
+
+        Returns
+        -------
+        tuple
+            Multipliers scaled so that ``beta . d`` is 1; where the program has no
+            answer, beta along the way, no lambda, and 1.
+        """
+        lp = self._program(time, knots)
+        basis = self._solver.getBasis() if self._columns == lp.num_col_ else None
+        self._solver.passModel(lp)
+        if basis is not None and basis.valid:
+            self._solver.setBasis(basis)
+        self._columns = lp.num_col_
+        self._solver.run()
+        if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+            self._columns = 0
+            return self._toward(), np.zeros((knots.size, 3)), 1.0
+        marginal = np.array(self._solver.getSolution().row_dual)
+        beta = -marginal[:3]
+        multipliers = marginal[3 : 3 + 3 * knots.size].reshape(-1, 3)
+        share = -float(self._solver.getObjectiveValue())
+        return *self._signed(beta, multipliers), share
+
+    def _program(self, time: float, knots: FloatArray) -> Any:  # noqa: ANN401 - HiGHS
+        relaxation, limits = self._relaxation, self._relaxation.limits
+        widths = np.diff(knots) * time
+        intervals, nodes = widths.size, knots.size
+        instants = knots * time
+        roll, pitch = relaxation.caps(np.minimum(instants, time - instants))
+        corners = relaxation.vertices(roll, pitch, displacement=self._displacement)
+        size = corners.shape[1]
+        weight = np.zeros(nodes)
+        weight[:-1] += 0.5 * widths
+        weight[1:] += 0.5 * widths
+        # Columns after each other: the share, velocities (interval, axis) with three
+        # entries each, weights (knot, corner) with four.
+        axis = np.tile(np.arange(3), intervals)
+        interval = np.repeat(np.arange(intervals), 3)
+        knot = np.repeat(np.arange(nodes), size)
+        rows_of_velocity = np.stack(
+            [axis, 3 + 3 * interval + axis, 6 + 3 * interval + axis], axis=1
+        )
+        one = np.ones(axis.size)
+        velocity = np.stack([widths[interval], one, -one], axis=1)
+        rows_of_weight = np.column_stack(
+            [3 + 3 * knot, 4 + 3 * knot, 5 + 3 * knot, 3 + 3 * nodes + knot]
+        )
+        thrust = -weight[knot, None] * corners.reshape(-1, 3)
+        thrust = np.column_stack([thrust, np.ones(knot.size)])
+        lp = highspy.HighsLp()
+        lp.num_col_ = 1 + axis.size + knot.size
+        lp.num_row_ = 3 + 4 * nodes
+        lp.col_cost_ = np.concatenate([[-1.0], np.zeros(axis.size + knot.size)])
+        lp.col_lower_ = np.concatenate(
+            [[0.0], np.tile(limits.velocity_min, intervals), np.zeros(knot.size)]
+        )
+        lp.col_upper_ = np.concatenate(
+            [
+                [np.inf],
+                np.tile(limits.velocity_max, intervals),
+                np.full(knot.size, np.inf),
+            ]
+        )
+        if limits.rounds_speed:
+            # Along the move the level speed counts, not the box.
+            level = self._displacement * np.array([1.0, 1.0, 0.0])
+            level /= max(float(np.linalg.norm(level)), 1e-12)
+            lp.num_row_ += intervals
+            rows_of_velocity = np.column_stack(
+                [rows_of_velocity, 3 + 4 * nodes + interval]
+            )
+            velocity = np.column_stack([velocity, level[axis]])
+        right = np.zeros(lp.num_row_)
+        right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
+        right[3 + 3 * nodes : 3 + 4 * nodes] = 1.0
+        left = right.copy()
+        right[3 + 4 * nodes :] = limits.level_speed
+        left[3 + 4 * nodes :] = -np.inf
+        lp.row_lower_, lp.row_upper_ = left, right
+        matrix = lp.a_matrix_
+        matrix.format_ = highspy.MatrixFormat.kColwise
+        each = np.concatenate(
+            [[3], np.full(axis.size, velocity.shape[1]), np.full(knot.size, 4)]
+        )
+        matrix.start_ = np.concatenate([[0], np.cumsum(each)])
+        matrix.index_ = np.concatenate(
+            [np.arange(3), rows_of_velocity.ravel(), rows_of_weight.ravel()]
+        )
+        matrix.value_ = np.concatenate(
+            [-self._displacement, velocity.ravel(), thrust.ravel()]
+        )
+        return lp
+
+    def _signed(
+        self, beta: FloatArray, multipliers: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Turn both so that ``beta . d`` is 1, as the program's scaling makes it."""
+        gain = float(beta @ self._displacement)
+        if gain < 0.0:
+            beta, multipliers, gain = -beta, -multipliers, -gain
+        if gain < 1e-9:
+            return self._toward(), np.zeros_like(multipliers)
+        return beta / gain, multipliers / gain
+
+    def _toward(self) -> FloatArray:
+        way = self._displacement
+        return np.asarray(way / float(way @ way))

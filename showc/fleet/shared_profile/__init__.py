@@ -1,0 +1,1 @@
+"""One profile for a whole fleet: straight flights in closed form."""

@@ -1,0 +1,164 @@
+"""From a staged solution to a trajectory of 12 states and 4 controls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.single_drone.audit import (
+    FLOWN_DEGREE,
+    flown_acceleration,
+    greatest_excess,
+    half_space_excess,
+)
+from showc.fleet.single_drone.model import POSITION
+from showc.flight import Trajectory
+from showc.trajectory import (
+    PiecewisePolynomial,
+    bernstein_basis,
+    bernstein_basis_inverse,
+)
+from showc.vehicle.motion import torques_for
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.result import HalfSpace
+    from showc.ocp.transcription.staged.transcription import StagedSolution
+
+    FloatArray = NDArray[np.float64]
+
+CONTROL_DEGREE = 4
+"""Rates have degree 2, so gyroscopic torques 4."""
+
+ROUNDING = 1e-9
+"""Excess over a limit, relative to its range, that counts as rounding."""
+
+_STATES = (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
+_NODES = tuple(float(s) for s in np.linspace(0.0, 1.0, CONTROL_DEGREE + 1))
+
+
+def _raised(breaks: FloatArray, coefficients: FloatArray, degree: int) -> FloatArray:
+    piece = PiecewisePolynomial(breaks, coefficients[:, :, None])
+    return piece.elevated(degree).coefficients[:, :, 0]
+
+
+def trajectory_of(
+    aircraft: Aircraft,
+    solution: StagedSolution,
+    start: FloatArray,
+    goal: FloatArray,
+    duration: float,
+    *,
+    tag: str = "",
+    half_spaces: Sequence[HalfSpace] = (),
+) -> Trajectory:
+    """Assemble the trajectory of one drone.
+
+    Torques U2, U3, U4 are exact polynomials of degree 4: inertia times the angular
+    acceleration less the gyroscopic terms. The ends are set to the hovers exactly;
+    what this changes is below the solver's tolerance.
+
+    Parameters
+    ----------
+    start, goal
+        Positions of the hovers, shape (3,) [m].
+    duration
+        Time of the last break [s]; equals the sum of the widths up to rounding.
+    tag
+        What the drone's names end in when the solution has several.
+    half_spaces
+        What the flight must keep besides its limits.
+    """
+    widths = solution.widths
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    breaks *= duration / breaks[-1]
+    breaks[-1] = duration
+    table: Mapping[str, FloatArray] = solution.coefficients
+    count = widths.size
+    constant = {
+        "yaw": np.full((count, 1), aircraft.heading),
+        "r": np.zeros((count, 1)),
+        "r_dot": np.zeros((count, 1)),
+    }
+
+    def get(name: str) -> FloatArray:
+        return table[name + tag] if name + tag in table else constant[name]
+
+    degree = max(get(name).shape[1] for name in _STATES) - 1
+    state = np.stack([_raised(breaks, get(name), degree) for name in _STATES], axis=2)
+    hover = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
+    state[0, 0], state[-1, -1] = hover
+
+    def values(name: str) -> FloatArray:
+        coefficients = get(name)
+        basis = bernstein_basis(coefficients.shape[1] - 1, np.array(_NODES))
+        return np.asarray(coefficients @ basis.T)
+
+    torques = torques_for(
+        aircraft.vehicle,
+        (values("p"), values("q"), values("r")),
+        (values("p_dot"), values("q_dot"), values("r_dot")),
+    )
+    inverse = bernstein_basis_inverse(CONTROL_DEGREE, _NODES)
+    control = np.stack(
+        [
+            _raised(breaks, get("thrust"), CONTROL_DEGREE),
+            *(np.asarray(torque) @ inverse.T for torque in torques),
+        ],
+        axis=2,
+    )
+    trajectory = Trajectory(
+        PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
+    )
+    return _matched(aircraft, trajectory, half_spaces)
+
+
+def _matched(
+    aircraft: Aircraft, trajectory: Trajectory, half_spaces: Sequence[HalfSpace]
+) -> Trajectory:
+    """Write positions and velocities as the controls fly them between the breaks.
+
+    Inside an interval a solution's velocity is off from what its thrust gives by up to
+    1 mm/s; at the breaks it is exact to the order of its quadrature. Where what is
+    flown leaves a limit, level or vertical motion stays as it was, or both.
+    """
+    state, control = trajectory.state, trajectory.control
+    acceleration = flown_acceleration(aircraft.vehicle, trajectory)
+    width = np.diff(state.breaks)[:, None, None]
+    ends = state.coefficients[:, [0, -1]]
+    velocity = _between(ends[:, :, 3:6], acceleration, width)
+    position = _between(ends[:, :, :3], velocity, width)
+    kept = state.elevated(FLOWN_DEGREE + 1).coefficients.copy()
+    if aircraft.yaw == "held":
+        kept[:, :, 8] = aircraft.heading
+    raised = PiecewisePolynomial(state.breaks, velocity).elevated(FLOWN_DEGREE + 1)
+    for axes in ([0, 1, 2], [0, 1], [2]):
+        new = kept.copy()
+        new[..., axes] = position[..., axes]
+        new[..., [3 + axis for axis in axes]] = raised.coefficients[..., axes]
+        flown = Trajectory(PiecewisePolynomial(state.breaks, new), control)
+        crossed = half_space_excess(flown, half_spaces)
+        if greatest_excess(aircraft, flown).relative <= ROUNDING and (
+            crossed is None or crossed.amount <= 0.0
+        ):
+            return flown
+    return trajectory
+
+
+def _between(ends: FloatArray, slope: FloatArray, width: FloatArray) -> FloatArray:
+    """Integrate slopes (K, degree + 1, 3) from the first of the ends (K, 2, 3).
+
+    What is missed at the second of them is spread evenly over the interval.
+    """
+    size = slope.shape[1]
+    result = np.zeros((slope.shape[0], size + 1, 3))
+    result[:, 1:] = np.cumsum(slope, axis=1) * (width / size)
+    missed = ends[:, 1:] - ends[:, :1] - result[:, -1:]
+    result += ends[:, :1] + np.linspace(0.0, 1.0, size + 1)[:, None] * missed
+    result[:, -1] = ends[:, 1]
+    return result

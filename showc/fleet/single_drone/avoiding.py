@@ -1,0 +1,239 @@
+"""One drone in a given time by optimal control, on its side of moving walls.
+
+The walls are soft: the squared lack of distance behind them is priced in the
+objective, at the nodes of the running cost. The program is then never without a
+solution, however the walls lie, and what is left of a conflict shows in continuous
+time afterwards. As few steps as can be: what comes out is judged by the true limits, so
+the solver need not converge far.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.shared_profile.straight import followed
+from showc.fleet.single_drone.assembly import trajectory_of
+from showc.fleet.single_drone.convex_program import WALL_DEGREE
+from showc.fleet.single_drone.guess import flat_guess, flown_guess
+from showc.fleet.single_drone.intervals import (
+    COUNTS,
+    END_GRADING,
+    graded_widths,
+    interval_count,
+)
+from showc.fleet.single_drone.judgement import judge
+from showc.fleet.single_drone.model import POSITION, SIGNALS, add_drone, effort
+from showc.fleet.single_drone.programs import Programs
+from showc.trajectory import bernstein_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.convex_program import Walls
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.flight import Trajectory
+    from showc.ocp.problem import Problem
+    from showc.ocp.transcription.staged.transcription import StagedTranscription
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+
+SLOTS = 4
+"""Walls that count at any one instant: the nearest ones."""
+EFFORT = 1e-2
+"""Weight of effort beside the squared distances."""
+NEARNESS = 10.0
+"""Weight of the squared distance to the reference over the squared length."""
+STIFFNESS = 100.0
+"""Price of the squared lack of distance behind a wall [1/m²]."""
+INTERVALS = 24
+"""Intervals of the coarsest program: one serves a drone before and after walls are
+laid, and building two takes longer."""
+LONGEST = 0.35
+"""Longest interval along a wall [s]: drones turn aside within about a second."""
+TOLERANCE = 1e-3
+BARRIER = 0.1
+INSET = 1e-5
+
+WALL_SIGNALS = tuple(
+    f"wall_{slot}_{part}" for slot in range(SLOTS) for part in (*POSITION, "offset")
+)
+
+
+def avoid(  # noqa: PLR0917 - what a worker's task holds
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    reference: PiecewisePolynomial,
+    walls: Walls,
+    present: PiecewisePolynomial | None = None,
+    clearance: float = 0.0,
+    earlier: Trajectory | None = None,
+    shortest: Trajectory | None = None,
+) -> Trajectory | None:
+    """Fly from hover to hover, near a reference, on the right side of walls.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (3,) [m].
+    reference
+        Share of the way by time (one component), or positions (three) [m]; its end
+        is the duration.
+    walls
+        Laid on even intervals of the duration, as many as ``present`` has.
+    present
+        The way about which the walls were laid, 3 components [m]; needed with walls.
+    clearance
+        How far behind the walls to aim [m]: soft walls give way a little.
+    earlier
+        A flight of the same drone in the same time, to start from, on its intervals.
+    shortest
+        Its flight in least time, if it is known: gives the intervals else.
+
+    Returns
+    -------
+    Trajectory or None
+        Keeps every limit at every instant; the walls as far as it can. None if
+        none was found.
+    """
+    duration = reference.end
+    if earlier is not None:
+        borders = earlier.state.breaks
+    elif shortest is not None:
+        borders = shortest.state.breaks * (duration / shortest.state.end)
+    else:
+        count = interval_count(duration, INTERVALS)
+        widths = graded_widths(duration, count, END_GRADING)
+        borders = np.concatenate([[0.0], np.cumsum(widths)])
+    widths = _cut(borders, walls, duration, present.intervals if present else 1)
+    guesses = [flat_guess(aircraft, start, goal, widths, reference)]
+    if (flown := earlier or shortest) is not None:
+        guesses.insert(0, flown_guess(aircraft, flown, widths))
+    program = _built(aircraft.canonical(), widths.size)
+    programs = Programs(aircraft, start, goal)
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    nodes = np.array(program.stage.cost_nodes)
+    times = breaks[:-1, None] + widths[:, None] * nodes
+    signals = np.zeros((*times.shape, len(SIGNALS) + len(WALL_SIGNALS)))
+    signals[..., :3] = followed(reference, start, goal, times)
+    laid = _laid(walls, times.ravel(), present, clearance)
+    signals[..., 3:] = laid.reshape(*times.shape, -1)
+    length = max(float(np.linalg.norm(goal - start)), 1.0)
+    weights = {
+        "effort": EFFORT,
+        "nearness": NEARNESS / length**2,
+        "stiffness": STIFFNESS if walls.interval.size else 0.0,
+    }
+    for guess in guesses:
+        solution = programs.solve(program, widths, guess, weights, signals=signals)
+        if solution.result.usable:
+            flight = trajectory_of(aircraft, solution, start, goal, duration)
+            if judge(aircraft, flight).status == "solved":
+                return flight
+    return None
+
+
+def _cut(
+    borders: FloatArray, walls: Walls, duration: float, intervals: int
+) -> FloatArray:
+    """Widths of mesh intervals, short along walls, of a number that programs have."""
+    walled = np.zeros(intervals + 1, dtype=np.int64)
+    walled[np.unique(walls.interval) + 1] = 1
+    before = np.cumsum(walled)
+    first = np.floor(borders[:-1] / duration * intervals + 1e-9).astype(np.int64)
+    last = np.ceil(borders[1:] / duration * intervals - 1e-9).astype(np.int64)
+    touched = before[np.minimum(last, intervals)] > before[np.minimum(first, intervals)]
+    widths = np.diff(borders)
+    parts = np.where(touched, np.ceil(widths / LONGEST - 1e-9), 1.0).astype(np.int64)
+    wanted = max(int(parts.sum()), INTERVALS)
+    count = next((c for c in COUNTS if c >= wanted), None)
+    if count is None:
+        return widths
+    while parts.sum() < count:
+        parts[np.argmax(widths / parts)] += 1
+    cut = np.repeat(widths / parts, parts)
+    return np.asarray(cut * (duration / cut.sum()))
+
+
+def _laid(
+    walls: Walls,
+    times: FloatArray,
+    present: PiecewisePolynomial | None,
+    clearance: float,
+) -> FloatArray:
+    """Lay out the walls that count at each time: normals and offsets, (n, SLOTS, 4).
+
+    Slots that are not needed hold a wall that is kept everywhere.
+    """
+    laid = np.zeros((times.size, SLOTS, 4))
+    laid[..., 3] = -1.0
+    if present is None or not walls.interval.size:
+        return laid
+    place = times / present.end * present.intervals
+    at = np.clip(place.astype(np.int64), 0, present.intervals - 1)
+    wall, time = np.nonzero(walls.interval[:, None] == at)
+    share = (place - at)[time]
+    normal = (1.0 - share)[:, None] * walls.normal[wall, 0]
+    normal += share[:, None] * walls.normal[wall, 1]
+    basis = bernstein_basis(WALL_DEGREE, share)
+    offset = np.einsum("nk,nk->n", basis, walls.offset[wall]) + clearance
+    lack = offset - np.einsum("nc,nc->n", normal, present(times[time]))
+    order = np.lexsort((wall, -lack, time))
+    time, normal, offset = time[order], normal[order], offset[order]
+    slot = np.arange(time.size) - np.searchsorted(time, time)
+    keep = slot < SLOTS
+    laid[time[keep], slot[keep], :3] = normal[keep]
+    laid[time[keep], slot[keep], 3] = offset[keep]
+    return laid
+
+
+@lru_cache(maxsize=16)
+def _built(aircraft: Aircraft, intervals: int) -> StagedTranscription:
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.transcription.staged.transcription import (  # noqa: PLC0415
+        StagedOptions,
+        StagedTranscription,
+    )
+
+    return StagedTranscription(
+        _problem(aircraft),
+        intervals,
+        signals=(*SIGNALS, *WALL_SIGNALS),
+        options=StagedOptions(
+            solver="fatrop",
+            iterations=120,
+            tolerance=TOLERANCE,
+            inset=INSET,
+            barrier=BARRIER,
+        ),
+    )
+
+
+def _problem(aircraft: Aircraft) -> Problem:
+    """State the problem; its parameters are the hovers, weights and signals."""
+    import casadi  # noqa: PLC0415 - as above
+
+    from showc.ocp.problem import Problem  # noqa: PLC0415 - as above
+
+    problem = Problem("avoiding drone")
+    phase = problem.phase("leg", duration=(0.05, 10_000.0))
+    add_drone(phase, problem, aircraft)
+    position = [phase.states[axis].quantity.symbol for axis in POSITION]
+    running = problem.parameter("effort", EFFORT) * effort(phase, aircraft)
+    wanted = [problem.parameter(name) for name in SIGNALS]
+    nearness = problem.parameter("nearness", 0.0)
+    running += nearness * sum(
+        (a - b) ** 2 for a, b in zip(position, wanted, strict=True)
+    )
+    stiffness = problem.parameter("stiffness", 0.0)
+    for slot in range(SLOTS):
+        normal = [problem.parameter(f"wall_{slot}_{axis}") for axis in POSITION]
+        along = sum(a * b for a, b in zip(normal, position, strict=True))
+        lack = problem.parameter(f"wall_{slot}_offset") - along
+        running += stiffness * casadi.fmax(lack, 0.0) ** 2
+    problem.minimise(phase.integral(running))
+    return problem

@@ -1,0 +1,297 @@
+"""One drone in a given time, as near as can be to a reference.
+
+A solve starts on a coarse mesh; its trajectory is flown again and audited, and only
+where that shows a need another mesh or start follows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.shared_profile.estimate import minimum_time_estimate
+from showc.fleet.single_drone.assembly import trajectory_of
+from showc.fleet.single_drone.guess import flat_guess, flown_guess
+from showc.fleet.single_drone.intervals import (
+    COUNTS,
+    END_GRADING,
+    finer,
+    graded_widths,
+    interval_count,
+)
+from showc.fleet.single_drone.judgement import (
+    POSITION_ACCURACY,
+    STILL,
+    Verdict,
+    judge,
+    refusal,
+)
+from showc.fleet.single_drone.model import HALF_SPACES
+from showc.fleet.single_drone.programs import SLOTS, Programs
+from showc.fleet.single_drone.shortest import minimum_time
+from showc.flight import Trajectory
+from showc.trajectory import PiecewisePolynomial
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.result import HalfSpace, Result
+    from showc.ocp.transcription.staged.transcription import (
+        StagedGuess,
+        StagedSolution,
+        StagedSolver,
+    )
+
+    FloatArray = NDArray[np.float64]
+
+EFFORT = 1e-3
+"""Weight of effort beside the squared distance to the reference."""
+NEARNESS = 10.0
+"""Weight of the squared distance to the reference over the squared length."""
+TIGHT = 1.06
+"""Time over the quick low estimate below which coarse meshes are not tried."""
+HOPELESS = 0.998
+"""Time over the least time found below which nothing more is tried."""
+AMPLE = 1.35
+"""Time over that estimate above which the coarsest mesh is tried first."""
+
+
+def hover(aircraft: Aircraft, position: FloatArray, duration: float) -> Trajectory:
+    """Stay at ``position`` (3,) [m] for ``duration`` [s]: exact, nothing is solved."""
+    state = aircraft.vehicle.hover_state(
+        np.asarray(position, dtype=np.float64), aircraft.heading
+    )
+    control = aircraft.vehicle.hover_control()
+    return Trajectory(
+        PiecewisePolynomial.constant(state, 0.0, duration),
+        PiecewisePolynomial.constant(control, 0.0, duration),
+    )
+
+
+def follow(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    duration: float,
+    *,
+    reference: PiecewisePolynomial | None = None,
+    half_spaces: Sequence[HalfSpace] = (),
+    accuracy: float = POSITION_ACCURACY,
+    start_from: Trajectory | None = None,
+    shortest: Trajectory | None = None,
+) -> Result:
+    """Fly from hover to hover in a given time, as near as can be to a reference.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (3,) [m].
+    duration
+        Time of the flight [s].
+    reference
+        Fraction of the way over time (one component), or positions (three) [m], from
+        0 to ``duration``. ``None``: the least effort.
+    half_spaces
+        Kept at every instant of their stretch of time, widened outward to whole mesh
+        intervals.
+    accuracy
+        Greatest distance between the controls integrated and the trajectory [m].
+    start_from
+        An earlier flight between the same hovers, by this function, to start from, on
+        its mesh if it may be.
+    shortest
+        The flight in least time between the same hovers, if it is known.
+    """
+    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    programs = Programs(aircraft, start, goal)
+    if reason := refusal(aircraft, start, goal, half_spaces, duration):
+        return Verdict("limit", reason).result(programs, duration)
+    still = float(np.linalg.norm(goal - start)) < STILL
+    if still and not half_spaces and (reference is None or reference.components == 1):
+        flight = _pause(aircraft, start, goal, duration)
+        return Verdict("solved").result(programs, duration, flight)
+    task = _Task(
+        aircraft,
+        start,
+        goal,
+        duration,
+        reference,
+        tuple(half_spaces),
+        start_from,
+        shortest,
+    )
+    verdict = Verdict("infeasible")
+    for widths, solver, guess in _ladder(task):
+        solution = _solve(task, programs, widths, solver, guess)
+        if not solution.result.usable:
+            verdict = Verdict("infeasible", solution.message)
+            continue
+        trajectory = trajectory_of(
+            aircraft, solution, start, goal, duration, half_spaces=half_spaces
+        )
+        verdict = judge(aircraft, trajectory, half_spaces, accuracy)
+        if verdict.status == "solved":
+            return verdict.result(programs, duration, trajectory)
+    if verdict.status == "infeasible":
+        message = f"no flight in {duration:.3f} s was found: {verdict.message}"
+        least = task.shortest_flight()[0]
+        if duration < least:
+            message = (
+                f"no flight in {duration:.3f} s: the shortest found, other drones "
+                f"aside, takes {least:.3f} s"
+            )
+        verdict = Verdict("infeasible", message)
+    return verdict.result(programs, duration)
+
+
+def _pause(
+    aircraft: Aircraft, start: FloatArray, goal: FloatArray, duration: float
+) -> Trajectory:
+    """Hover, from ``start`` exactly to ``goal`` exactly where rounding parts them."""
+    flight = hover(aircraft, goal, duration)
+    if np.array_equal(start, goal):
+        return flight
+    ends = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
+    return Trajectory(
+        PiecewisePolynomial(flight.state.breaks, ends[None]), flight.control
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """One call of :func:`follow`."""
+
+    aircraft: Aircraft
+    start: FloatArray
+    goal: FloatArray
+    duration: float
+    reference: PiecewisePolynomial | None
+    half_spaces: tuple[HalfSpace, ...]
+    start_from: Trajectory | None
+    shortest: Trajectory | None
+
+    def shortest_flight(self) -> tuple[float, Trajectory | None]:
+        """Return the least time [s] and its flight, solved for if it is not known."""
+        if self.shortest is not None:
+            return self.shortest.state.end, self.shortest
+        least = _least(self.aircraft, tuple(self.start), tuple(self.goal))
+        return least.duration, least.trajectory
+
+    def guess(self, widths: FloatArray) -> StagedGuess:
+        """Where to start on these intervals."""
+        if self.start_from is not None:
+            return flown_guess(self.aircraft, self.start_from, widths)
+        return flat_guess(self.aircraft, self.start, self.goal, widths, self.reference)
+
+    def stretched(self, flight: Trajectory) -> FloatArray:
+        """Widths of the intervals of a flight, stretched to the duration."""
+        widths = np.diff(flight.state.breaks)
+        return np.asarray(widths * (self.duration / widths.sum()))
+
+
+def _ladder(task: _Task) -> Iterator[tuple[FloatArray, StagedSolver, StagedGuess]]:
+    """Meshes and starts to try, cheapest first.
+
+    With time to spare a coarse mesh does. Near the least time the flight needs its
+    interval borders where limits are reached and left: then the least-time flight of
+    the same drone, stretched to the duration, gives both mesh and start.
+    """
+    duration, earlier = task.duration, task.start_from
+    if earlier is not None and earlier.state.intervals in COUNTS:
+        widths = task.stretched(earlier)
+        yield widths, "fatrop", task.guess(widths)
+    low, _ = minimum_time_estimate(task.aircraft, task.start[None], task.goal[None])
+    slack = duration / max(float(low[0]), 1e-9)
+    if task.shortest is None and slack > TIGHT:
+        least = 12 if slack > AMPLE else 16
+        count: int | None = interval_count(duration, least)
+        for _ in range(2):
+            widths = graded_widths(duration, count or 16)
+            yield widths, "fatrop", task.guess(widths)
+            count = finer(count or 16)
+    if task.shortest is None:
+        count = interval_count(duration, 24)
+        widths = graded_widths(duration, count, END_GRADING)
+        yield widths, "fatrop", task.guess(widths)
+    time, shortest = task.shortest_flight()
+    if duration < HOPELESS * time:
+        return
+    if shortest is not None and time <= duration:
+        widths = task.stretched(shortest)
+        near = flown_guess(task.aircraft, shortest, widths)
+        if task.shortest is not None:
+            yield widths, "fatrop", task.guess(widths)
+        yield widths, "fatrop", near
+        yield widths, "ipopt", near
+    for count in (32, 56):
+        widths = graded_widths(duration, interval_count(duration, count), END_GRADING)
+        yield widths, "ipopt", task.guess(widths)
+
+
+@lru_cache(maxsize=256)
+def _least(
+    aircraft: Aircraft, start: tuple[float, ...], goal: tuple[float, ...]
+) -> Result:
+    """Least-time flight, kept: a fleet asks again when its time is raised."""
+    return minimum_time(aircraft, np.array(start), np.array(goal))
+
+
+def _solve(
+    task: _Task,
+    programs: Programs,
+    widths: FloatArray,
+    solver: StagedSolver,
+    guess: StagedGuess,
+) -> StagedSolution:
+    """Solve the program of a given time on one mesh."""
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    normals, offsets = _slots(task.half_spaces, breaks)
+    slots = normals.shape[1]
+    program = programs.program(widths.size, "given", slots, solver)
+    nodes = np.array(program.stage.cost_nodes)
+    times = breaks[:-1, None] + widths[:, None] * nodes
+    signals, nearness = np.zeros((*times.shape, 3)), 0.0
+    if task.reference is not None:
+        length = max(float(np.linalg.norm(task.goal - task.start)), 1.0)
+        nearness = NEARNESS / length**2
+        signals = task.reference(times)
+        if task.reference.components == 1:
+            signals = task.start + signals * (task.goal - task.start)
+    return programs.solve(
+        program,
+        widths,
+        guess,
+        {"effort": EFFORT, "nearness": nearness},
+        signals=signals,
+        half_spaces={HALF_SPACES: (normals, offsets)} if slots else None,
+    )
+
+
+def _slots(
+    half_spaces: Sequence[HalfSpace], breaks: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lay half-spaces into the slots of the intervals that they touch.
+
+    Returns normals (K, slots, 3) and offsets (K, slots), minus infinity where unused;
+    the number of slots is one that programs are built with.
+    """
+    intervals = breaks.size - 1
+    placed: list[list[HalfSpace]] = [[] for _ in range(intervals)]
+    for space in half_spaces:
+        touched = (breaks[1:] > space.start) & (breaks[:-1] < space.end)
+        for index in np.nonzero(touched)[0].tolist():
+            placed[index].append(space)
+    most = max((len(entry) for entry in placed), default=0)
+    slots = next((n for n in SLOTS if n >= most), most)
+    normals = np.zeros((intervals, slots, 3))
+    offsets = np.full((intervals, slots), -np.inf)
+    for k, entry in enumerate(placed):
+        for j, space in enumerate(entry):
+            normals[k, j], offsets[k, j] = space.normal, space.offset
+    return normals, offsets

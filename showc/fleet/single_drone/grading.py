@@ -1,0 +1,142 @@
+"""Least time of one drone on graded meshes: the way that never fails to converge.
+
+The core's :func:`showc.ocp.solve_graded` needs a new program for every move, but few
+iterations whatever the move, yaw free or held.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.single_drone.guess import flat_guess
+from showc.fleet.single_drone.intervals import END_GRADING, graded_widths
+from showc.fleet.single_drone.model import single_problem, state_names
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.programs import Programs
+    from showc.ocp.guess import Curve, Guess
+    from showc.ocp.solution import Solution
+    from showc.ocp.transcription.staged.transcription import StagedSolution
+
+    FloatArray = NDArray[np.float64]
+
+FIRST = 24
+"""Intervals of the first mesh."""
+LONGER = 2.0
+"""A change of the time by so much more than the tolerance still ends it: the last mesh
+errs by half of what it changed, or less."""
+ACCURACY = 5e-5
+"""Wanted error of the flown controls over each state's range: what the flight must keep
+is proved afterwards."""
+MARGIN = 1e-6
+"""Room left at rotor limits for the solver's tolerance, as a share of their range."""
+_SAMPLES = 201
+
+
+def solve_on_graded_meshes(
+    programs: Programs,
+    start: FloatArray,
+    goal: FloatArray,
+    guessed: float,
+    *,
+    tolerance: float,
+    effort: float,
+    points: int = 3,
+) -> StagedSolution:
+    """Fly from hover to hover in the least time.
+
+    Parameters
+    ----------
+    programs
+        Of the aircraft between these hovers; counts the work.
+    start, goal
+        Positions, shape (3,) [m].
+    guessed
+        Duration to start from [s].
+    tolerance
+        Wanted relative error of the time.
+    effort
+        Weight of the effort beside the time.
+    points
+        Least number of collocation points of an interval.
+
+    Returns
+    -------
+    StagedSolution
+        States of degree ``points`` or more, inputs linear on each interval.
+    """
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.mesh import Mesh  # noqa: PLC0415
+    from showc.ocp.refinement.graded.grading import linear_mesh  # noqa: PLC0415
+    from showc.ocp.refinement.graded.loop import GradedOptions, solve_graded  # noqa: PLC0415
+
+    aircraft = programs.aircraft
+    problem = single_problem(aircraft, minimum_time=True)
+    widths = graded_widths(guessed, FIRST, END_GRADING)
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    solution = solve_graded(
+        problem,
+        guess=_guess(aircraft, start, goal, widths),
+        parameters=programs.ends | {"effort": effort},
+        options=GradedOptions(
+            tolerance=LONGER * tolerance,
+            accuracy=ACCURACY,
+            points=points,
+            margin=MARGIN,
+            first=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
+        ),
+    )
+    programs.iterations += solution.iterations
+    programs.solves += len(solution.history)
+    return staged_form(solution)
+
+
+def _guess(
+    aircraft: Aircraft, start: FloatArray, goal: FloatArray, widths: FloatArray
+) -> Guess:
+    """Flight along the straight line, attitude from flatness."""
+    from showc.ocp.guess import Guess  # noqa: PLC0415 - as above
+
+    flat = flat_guess(aircraft, start, goal, widths)
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    times = np.linspace(0.0, breaks[-1], _SAMPLES)
+    curves: dict[str, Curve] = {
+        name: np.interp(times, breaks, flat.states[:, k])
+        for k, name in enumerate(state_names(aircraft))
+    }
+    thrust = np.append(flat.controls[:, 0], flat.controls[-1, 1])
+    curves["thrust"] = np.interp(times, breaks, thrust)
+    return Guess(curves=curves, durations={"leg": float(breaks[-1])})
+
+
+def staged_form(solution: Solution) -> StagedSolution:
+    """Return a solution of the core as one of the staged form.
+
+    One phase, all states of one degree and all controls of another.
+    """
+    from showc.ocp.outcome import Result  # noqa: PLC0415 - as above
+    from showc.ocp.transcription.staged.transcription import StagedSolution  # noqa: PLC0415
+
+    part = solution.phases[0]
+    states, controls = part.states.coefficients, part.controls.coefficients
+    coefficients = {name: states[:, :, k] for k, name in enumerate(part.state_names)}
+    coefficients |= {
+        name: controls[:, :, k] for k, name in enumerate(part.control_names)
+    }
+    coarse = solution.result is Result.COARSE
+    return StagedSolution(
+        Result.ACCEPTABLE if coarse else solution.result,
+        solution.message,
+        np.diff(part.states.breaks),
+        np.vstack([states[:, 0], states[-1:, -1]]),
+        controls.transpose(0, 2, 1).reshape(controls.shape[0], -1),
+        coefficients,
+        solution.objective,
+        solution.iterations,
+        0.0,
+    )

@@ -1,0 +1,168 @@
+"""Where a solve starts: along the reference, attitude and thrust from flatness."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.single_drone.model import POSITION, input_names, state_names
+from showc.vehicle.flatness import attitude_and_thrust
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.flight import Trajectory
+    from showc.ocp.transcription.staged.transcription import StagedGuess
+    from showc.trajectory import PiecewisePolynomial
+
+    FloatArray = NDArray[np.float64]
+
+INSIDE = 0.9
+"""Share of a limit at which the guess is cut off."""
+
+
+def smooth_fraction(
+    fraction: FloatArray, ramp: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rest-to-rest profile with cosine ramps of the speed.
+
+    Parameters
+    ----------
+    fraction
+        Time over the duration, 0 to 1.
+    ramp
+        Share of the duration spent speeding up, and slowing down; at most 0.5.
+
+    Returns
+    -------
+    tuple of ndarray
+        Fraction of the way, and its first and second derivative by ``fraction``.
+    """
+    peak = 1.0 / (1.0 - ramp)
+    near = np.minimum(fraction, 1.0 - fraction)
+    phase = np.pi * np.minimum(near / ramp, 1.0)
+    speed = 0.5 * peak * (1.0 - np.cos(phase))
+    slope = 0.5 * peak * np.pi / ramp * np.sin(phase)
+    slope *= np.where(fraction < 0.5, 1.0, -1.0)
+    inside = np.minimum(near, ramp)
+    gone = 0.5 * peak * (inside - ramp / np.pi * np.sin(np.pi * inside / ramp))
+    gone += peak * (near - inside)
+    way = np.where(fraction <= 0.5, gone, 1.0 - gone)
+    return way, speed, slope
+
+
+def ramp_for(aircraft: Aircraft, displacement: FloatArray, duration: float) -> float:
+    """Longest ramp of :func:`smooth_fraction` whose speed keeps the limits."""
+    limits = aircraft.limits
+    bound = np.where(displacement < 0.0, limits.velocity_min, limits.velocity_max)
+    needed = float(np.max(np.abs(displacement) / np.abs(bound))) / duration
+    return float(np.clip(1.0 - 1.02 * needed, 0.05, 0.5))
+
+
+def along(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    times: FloatArray,
+    reference: PiecewisePolynomial | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Position [m], velocity and acceleration of the reference at ``times`` [s].
+
+    Each of shape (times, 3). The reference is a shared profile (one component), a
+    path (three), or ``None``: a smooth straight flight.
+    """
+    displacement = goal - start
+    duration = float(times[-1])
+    if reference is None:
+        ramp = ramp_for(aircraft, displacement, duration)
+        way, speed, slope = smooth_fraction(times / duration, ramp)
+        values = (way, speed / duration, slope / duration**2)
+    else:
+        first = reference.derivative()
+        values = (reference(times), first(times), first.derivative()(times))
+        if reference.components == 3:
+            return values
+        values = tuple(value[:, 0] for value in values)  # type: ignore[assignment]
+    return (
+        start + np.outer(values[0], displacement),
+        np.outer(values[1], displacement),
+        np.outer(values[2], displacement),
+    )
+
+
+def flat_guess(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    widths: FloatArray,
+    reference: PiecewisePolynomial | None = None,
+) -> StagedGuess:
+    """States and inputs of flying along the reference, cut off inside the limits."""
+    from showc.ocp.transcription.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
+
+    times = np.concatenate([[0.0], np.cumsum(widths)])
+    position, velocity, acceleration = along(aircraft, start, goal, times, reference)
+    roll, pitch, thrust = attitude_and_thrust(
+        aircraft.vehicle, acceleration, aircraft.heading
+    )
+    limits = aircraft.limits
+    tilt = INSIDE * limits.tilt
+    angles = np.clip(np.stack([roll, pitch], axis=1), -tilt, tilt)
+    angles[[0, -1]] = 0.0
+    rates = np.gradient(angles, times, axis=0)
+    bound = INSIDE * np.array(limits.body_rate[:2])
+    rates = np.clip(rates, -bound, bound)
+    rates[[0, -1]] = 0.0
+    velocity = np.clip(
+        velocity,
+        INSIDE * np.array(limits.velocity_min),
+        INSIDE * np.array(limits.velocity_max),
+    )
+    velocity[[0, -1]] = 0.0
+    position[0], position[-1] = start, goal
+    span = limits.thrust_max - limits.thrust_min
+    room = 0.5 * (1.0 - INSIDE) * span
+    thrust = np.clip(thrust, limits.thrust_min + room, limits.thrust_max - room)
+    states = [position, velocity, angles]
+    if aircraft.yaw == "free":
+        states.append(np.full((times.size, 1), aircraft.heading))
+    states.append(rates)
+    if aircraft.yaw == "free":
+        states.append(np.zeros((times.size, 1)))
+    inputs = np.zeros((widths.size, 2 * len(input_names(aircraft))))
+    inputs[:, 0], inputs[:, 1] = thrust[:-1], thrust[1:]
+    return StagedGuess(np.hstack(states), inputs)
+
+
+def flown_guess(
+    aircraft: Aircraft, trajectory: Trajectory, widths: FloatArray
+) -> StagedGuess:
+    """States and inputs of an earlier flight, on other intervals.
+
+    The flight is stretched to the duration of the intervals.
+    """
+    from showc.ocp.transcription.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
+
+    names = state_names(aircraft)
+    order = {
+        name: index
+        for index, name in enumerate(
+            (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
+        )
+    }
+    stretch = trajectory.state.end / float(widths.sum())
+    times = np.concatenate([[0.0], np.cumsum(widths)]) * stretch
+    states = trajectory.state(times)[:, [order[name] for name in names]]
+    for index, name in enumerate(names):
+        if name.startswith("v") or name in {"p", "q", "r"}:
+            states[:, index] *= stretch
+    rates = [names.index(rate) for rate in ("p", "q", "r") if rate in names]
+    thrust = trajectory.control(times)[:, 0]
+    inputs = np.zeros((widths.size, 2 * len(input_names(aircraft))))
+    inputs[:, 0], inputs[:, 1] = thrust[:-1], thrust[1:]
+    for k, rate in enumerate(rates):
+        mean = np.diff(states[:, rate]) / widths
+        inputs[:, 2 + 2 * k] = inputs[:, 3 + 2 * k] = mean
+    return StagedGuess(states, inputs)

@@ -1,0 +1,135 @@
+"""Whether a task makes sense before any search, and a trajectory after it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.single_drone.audit import Excess, greatest_excess, half_space_excess
+from showc.fleet.single_drone.model import POSITION
+from showc.fleet.single_drone.replay import replay
+from showc.fleet.single_drone.result import Result
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.programs import Programs
+    from showc.fleet.single_drone.result import HalfSpace, Status
+    from showc.flight import Trajectory
+
+    FloatArray = NDArray[np.float64]
+
+POSITION_ACCURACY = 4e-4
+"""Default of the greatest replay error [m]; a proof allows 5e-4."""
+VELOCITY_ACCURACY = 2e-4
+"""Greatest replay error of the velocity [m/s]; a proof allows 5e-4."""
+ATTITUDE_ACCURACY = float(np.deg2rad(0.01))
+"""Greatest replay error of roll, pitch and yaw [rad]."""
+KEPT = 1e-9
+"""Excess over a limit, relative to its range, that counts as rounding."""
+STILL = 1e-9
+"""Moves shorter than this are hovers [m]."""
+
+
+def refusal(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    half_spaces: Sequence[HalfSpace] = (),
+    duration: float = np.inf,
+) -> str:
+    """Say why the task contradicts its limits before any search; empty if not."""
+    if conflict := aircraft.conflict():
+        return conflict
+    lower = np.array(aircraft.limits.position_min)
+    upper = np.array(aircraft.limits.position_max)
+    for name, place in (("start", start), ("goal", goal)):
+        if not np.all(np.isfinite(place)):
+            return f"the {name} {place.tolist()} is no position"
+        outside = np.maximum(lower - place, place - upper)
+        axis = int(np.argmax(outside))
+        if outside[axis] > STILL:
+            return (
+                f"the {name} has {POSITION[axis]} = {place[axis]:.3f} m; the flight "
+                f"volume allows {lower[axis]:.3f} to {upper[axis]:.3f} m"
+            )
+    for space in half_spaces:
+        ends = ([("start", start)] if space.start <= 0.0 else []) + (
+            [("goal", goal)] if space.end >= duration else []
+        )
+        for name, place in ends:
+            short = space.offset - float(np.dot(space.normal, place))
+            if short > 1e-6:
+                return f"the {name} lies {short:.6f} m outside a half-space"
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What flying a trajectory again and auditing its limits has shown."""
+
+    status: Status
+    message: str = ""
+    position_error: float = 0.0
+    attitude_error: float = 0.0
+
+    def result(
+        self,
+        programs: Programs,
+        duration: float,
+        trajectory: Trajectory | None = None,
+    ) -> Result:
+        """Return it as a result; only a solved one has its trajectory."""
+        solved = self.status == "solved" and trajectory is not None
+        return Result(
+            self.status,
+            duration,
+            trajectory if solved else None,
+            self.message,
+            self.position_error,
+            self.attitude_error,
+            programs.iterations,
+            programs.solves,
+            trajectory.state.intervals if solved and trajectory is not None else 0,
+        )
+
+
+def judge(
+    aircraft: Aircraft,
+    trajectory: Trajectory,
+    half_spaces: Sequence[HalfSpace] = (),
+    accuracy: float = POSITION_ACCURACY,
+) -> Verdict:
+    """Fly a trajectory again and audit its limits."""
+    flown = replay(aircraft.vehicle, [trajectory])
+    missed, turned = float(flown.position[0]), float(flown.attitude[0])
+    slipped = float(flown.velocity[0])
+    worst: Excess = greatest_excess(aircraft, trajectory)
+    status: Status = "solved"
+    message = ""
+    crossed = half_space_excess(trajectory, half_spaces)
+    if worst.relative > KEPT:
+        status = "infeasible"
+        message = (
+            f"{worst.name} is {worst.amount:.3g} outside its limit near "
+            f"{worst.time:.2f} s"
+        )
+    elif crossed is not None and crossed.amount > KEPT:
+        status = "infeasible"
+        message = (
+            f"{crossed.name} is crossed by {crossed.amount:.3g} m near "
+            f"{crossed.time:.2f} s"
+        )
+    elif missed > accuracy or slipped > VELOCITY_ACCURACY or turned > ATTITUDE_ACCURACY:
+        status = "inaccurate"
+        message = (
+            f"the controls miss the trajectory by {1e3 * missed:.3g} mm, "
+            f"{1e3 * slipped:.3g} mm/s and {np.rad2deg(turned):.3g} deg; wanted "
+            f"{1e3 * accuracy:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
+        )
+    return Verdict(status, message, missed, turned)

@@ -1,0 +1,367 @@
+"""The optimal control problem of one drone on one leg.
+
+Unknown functions: position, velocity, roll and pitch with their rates, and yaw with
+its rate when it is free; thrust and angular accelerations, linear on each interval,
+as inputs. The torques follow from these exactly (rates are polynomials, so are the
+gyroscopic terms); with yaw held, yaw, its rate and U4 drop out:
+psi = heading, r = 0, U4 = -(Ix - Iy) p q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from showc.vehicle import Limits, Quadrotor, Vector
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.problem import Phase, Problem
+
+    FloatArray = NDArray[np.float64]
+
+Yaw = Literal["held", "free"]
+Bounds = dict[tuple[str, str], tuple[float, float]]
+
+POSITION = ("x", "y", "z")
+TORQUES = ("torque_x", "torque_y", "torque_z")
+SIGNALS = ("reference_x", "reference_y", "reference_z")
+HALF_SPACES = "half_spaces"
+
+# Scales are constants, not taken from the limits: a program is then the same whichever
+# limits it is first used with, and so are its answers.
+LENGTH_SCALE = 10.0
+SPEED_SCALE = 5.0
+ANGLE_SCALE = 0.35
+RATE_SCALE = 1.7
+ANGULAR_ACCELERATION_SCALE = 20.0
+ACCELERATION_SCALE = 5.0
+ROOM = 2e-3
+"""Between the points at which a program's velocities follow its thrust, what is flown
+goes beyond a limit of acceleration by up to so much of it."""
+SPEED_ROOM = 0.1
+"""The same for the level speed, over that for accelerations."""
+UNREACHED = 1e3
+"""Stands for a vertical acceleration without a limit [m/s²]: no aircraft reaches it."""
+EXACT_GYROSCOPIC = 0.02
+"""Share of a torque limit above which gyroscopic torques are bounded exactly, not by
+their greatest value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Aircraft:
+    """What flies, what it keeps, and how its yaw behaves."""
+
+    vehicle: Quadrotor
+    limits: Limits
+    """State and control limits of the leg, the flight volume among them."""
+    yaw: Yaw = "held"
+    heading: float = 0.0
+    """Yaw at both hovers, and throughout when held [rad]."""
+    room: float = ROOM
+    """Share of the limits of acceleration that a program leaves unused."""
+
+    @property
+    def gyroscopic_torque(self) -> Vector:
+        """Greatest |(Iy - Iz) q r| / k, |(Iz - Ix) p r| / k and |(Ix - Iy) p q| [N m].
+
+        With k the vehicle's ``torque_factor``, and r = 0 when yaw is held.
+        """
+        ix, iy, iz = self.vehicle.inertia
+        p, q, r = self.limits.body_rate
+        factor = self.vehicle.torque_factor
+        r = 0.0 if self.yaw == "held" else r
+        return (
+            abs(iy - iz) * q * r / factor,
+            abs(iz - ix) * p * r / factor,
+            abs(ix - iy) * p * q,
+        )
+
+    @property
+    def torque_per_acceleration(self) -> Vector:
+        """Torques U2, U3, U4 for a unit of angular acceleration [N m s²/rad]."""
+        ix, iy, iz = self.vehicle.inertia
+        factor = self.vehicle.torque_factor
+        return ix / factor, iy / factor, iz
+
+    @property
+    def exact_torques(self) -> bool:
+        """Whether gyroscopic torques are large enough to be followed in time.
+
+        Small ones are covered by their greatest value, which saves rows.
+        """
+        return any(
+            share > EXACT_GYROSCOPIC * limit
+            for share, limit in zip(
+                self.gyroscopic_torque, self.limits.torque_max, strict=True
+            )
+        )
+
+    def canonical(self) -> Aircraft:
+        """Return the same aircraft with limits that stand for all of its kind.
+
+        Limits enter a built program as bounds only, given anew for each solve; only
+        whether torques are followed exactly changes its form.
+        """
+        # Torques beyond all need, or next to none: either way the same question of
+        # exactness is answered as for the true limits.
+        torque = 1e-12 if self.exact_torques else 1e9
+        limits = Limits(
+            velocity_min=(-1.0, -1.0, -1.0),
+            velocity_max=(1.0, 1.0, 1.0),
+            tilt=1.0,
+            body_rate=(1.0, 1.0, 1.0),
+            thrust_min=0.0,
+            thrust_max=1.0,
+            torque_max=(torque, torque, torque),
+            position_min=(-1.0, -1.0, -1.0),
+            position_max=(1.0, 1.0, 1.0),
+            level_speed=1.0 if self.limits.rounds_speed else 0.0,
+            acceleration=1.0 if self.limits.acceleration else 0.0,
+            acceleration_up=1.0 if self._vertical else 0.0,
+        )
+        return replace(self, limits=limits, room=ROOM)
+
+    @property
+    def _vertical(self) -> bool:
+        """Whether vertical acceleration is limited, upward or downward."""
+        return bool(self.limits.acceleration_up or self.limits.acceleration_down)
+
+    def conflict(self) -> str:
+        """Say why these limits allow no hover at all; empty when they do."""
+        hover = self.vehicle.hover_thrust
+        limits = self.limits
+        if not limits.thrust_min <= hover <= limits.thrust_max:
+            return (
+                f"hovering takes {hover:.3g} N of thrust; the limits allow "
+                f"{limits.thrust_min:.3g} to {limits.thrust_max:.3g} N"
+            )
+        if hover > self.vehicle.thrust_max:
+            return (
+                f"hovering takes {hover:.3g} N of thrust; the rotors give at most "
+                f"{self.vehicle.thrust_max:.3g} N"
+            )
+        return ""
+
+
+def _axes(aircraft: Aircraft) -> tuple[tuple[str, str, str, int], ...]:
+    """Angle, rate, angular acceleration and axis of each rotation that moves."""
+    axes = (("roll", "p", "p_dot", 0), ("pitch", "q", "q_dot", 1))
+    return axes if aircraft.yaw == "held" else (*axes, ("yaw", "r", "r_dot", 2))
+
+
+def input_names(aircraft: Aircraft) -> tuple[str, ...]:
+    """Names of the inputs: thrust, then angular accelerations."""
+    return ("thrust", *(axis[2] for axis in _axes(aircraft)))
+
+
+def state_names(aircraft: Aircraft) -> tuple[str, ...]:
+    """Names of the states in the order of the problem."""
+    angles = tuple(axis[0] for axis in _axes(aircraft))
+    rates = tuple(axis[1] for axis in _axes(aircraft))
+    return (*POSITION, "vx", "vy", "vz", *angles, *rates)
+
+
+def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
+    """Bounds of all states, inputs and path constraints of one drone.
+
+    Keys are as ``StagedTranscription.solve`` takes them.
+    """
+    limits = aircraft.limits
+    bounds: dict[tuple[str, str], tuple[float, float]] = {}
+    for k, axis in enumerate(POSITION):
+        bounds["bounds", axis] = limits.position_min[k], limits.position_max[k]
+        bounds["bounds", f"v{axis}"] = limits.velocity_min[k], limits.velocity_max[k]
+    for angle, rate, _, number in _axes(aircraft):
+        reach = limits.tilt if number < 2 else np.pi
+        middle = aircraft.heading if number == 2 else 0.0
+        bounds["bounds", angle] = middle - reach, middle + reach
+        bounds["bounds", rate] = -limits.body_rate[number], limits.body_rate[number]
+    bounds["bounds", "thrust"] = limits.thrust_min, limits.thrust_max
+    exact = aircraft.exact_torques
+    gyroscopic = np.array(aircraft.gyroscopic_torque)
+    spare = np.zeros(3) if exact else gyroscopic
+    for _, _, acceleration, k in _axes(aircraft):
+        # Small gyroscopic torques are set aside; large ones can help as well.
+        room = limits.torque_max[k] + (gyroscopic[k] if exact else -spare[k])
+        most = room / aircraft.torque_per_acceleration[k]
+        bounds["bounds", acceleration] = -most, most
+    if exact:
+        for k, name in enumerate(TORQUES):
+            bounds["path", name] = -limits.torque_max[k], limits.torque_max[k]
+    margin = np.abs(aircraft.vehicle.rotor_fractions()[:, 1:]) @ spare
+    for rotor in range(4):
+        share = float(margin[rotor])
+        bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
+    if limits.acceleration:
+        most = (1.0 - aircraft.room) * limits.acceleration
+        bounds["path", "acceleration"] = -np.inf, most**2
+    if limits.acceleration_up or limits.acceleration_down:
+        bounds["path", "vertical_acceleration"] = (
+            -(1.0 - aircraft.room) * (limits.acceleration_down or UNREACHED),
+            (1.0 - aircraft.room) * (limits.acceleration_up or UNREACHED),
+        )
+    if limits.rounds_speed:
+        most = (1.0 - SPEED_ROOM * aircraft.room) * limits.level_speed
+        bounds["path", "level_speed"] = -np.inf, most**2
+    return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
+
+
+def add_drone(
+    phase: Phase, problem: Problem, aircraft: Aircraft, tag: str = ""
+) -> None:
+    """Add states, inputs, dynamics and limits of one drone to a phase.
+
+    Its start and goal are the parameters ``start_x`` ... ``goal_z``. ``tag`` is added
+    to every name, for several drones in one problem.
+    """
+    import casadi  # noqa: PLC0415 - checking a script must not load it
+
+    from showc.vehicle.motion import thrust_direction  # noqa: PLC0415
+
+    vehicle, axes = aircraft.vehicle, _axes(aircraft)
+    bounds = limit_bounds(aircraft, tag)
+
+    def state(name: str, scale: float, start: object, end: object) -> Any:  # noqa: ANN401
+        lower, upper = bounds["bounds", name + tag]
+        return phase.state(name + tag, lower, upper, start=start, end=end, scale=scale)
+
+    position = [
+        state(
+            axis,
+            LENGTH_SCALE,
+            problem.parameter(f"start_{axis}{tag}"),
+            problem.parameter(f"goal_{axis}{tag}"),
+        )
+        for axis in POSITION
+    ]
+    velocity = [state(f"v{axis}", SPEED_SCALE, 0.0, 0.0) for axis in POSITION]
+    angles = {}
+    for name, _, _, axis in axes:
+        hover = aircraft.heading if axis == 2 else 0.0
+        angles[name] = state(name, ANGLE_SCALE, hover, hover)
+    rates = [state(rate, RATE_SCALE, 0.0, 0.0) for _, rate, _, _ in axes]
+    lower, upper = bounds["bounds", f"thrust{tag}"]
+    thrust = phase.control(
+        f"thrust{tag}", lower, upper, degree=1, scale=vehicle.hover_thrust
+    )
+    accelerations = [
+        phase.control(
+            name + tag,
+            *bounds["bounds", name + tag],
+            degree=1,
+            scale=ANGULAR_ACCELERATION_SCALE,
+        )
+        for _, _, name, _ in axes
+    ]
+    for place, speed in zip(position, velocity, strict=True):
+        phase.derivative(place, speed)
+    direction = thrust_direction(
+        angles["roll"],
+        angles["pitch"],
+        angles.get("yaw", aircraft.heading),
+        sin=casadi.sin,
+        cos=casadi.cos,
+    )
+    for axis, speed in enumerate(velocity):
+        weight = vehicle.gravity if axis == 2 else 0.0
+        phase.derivative(speed, thrust * (direction[axis] / vehicle.mass) - weight)
+    for (name, _, _, _), rate, acceleration in zip(
+        axes, rates, accelerations, strict=True
+    ):
+        phase.derivative(angles[name], rate)
+        phase.derivative(rate, acceleration)
+    _limit_torques(phase, aircraft, tag)
+    for name, moved in (
+        ("acceleration", velocity[:2]),
+        ("vertical_acceleration", velocity[2:]),
+    ):
+        if pair := bounds.get(("path", name + tag)):
+            scale = ACCELERATION_SCALE ** len(moved)
+            phase.constrain_rate(moved, *pair, name=name + tag, scale=scale)
+    if pair := bounds.get(("path", f"level_speed{tag}")):
+        squared = velocity[0] ** 2 + velocity[1] ** 2
+        phase.constrain(squared, *pair, name=f"level_speed{tag}", scale=SPEED_SCALE**2)
+
+
+def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
+    """Keep torques and rotor speeds within their limits."""
+    from showc.vehicle.motion import torques_for  # noqa: PLC0415
+
+    def symbol(name: str) -> Any:  # noqa: ANN401
+        held = aircraft.yaw == "held" and name in {"r", "r_dot"}
+        table = phase.controls if name.endswith("dot") else phase.states
+        return 0.0 if held else table[name + tag].quantity.symbol
+
+    vehicle = aircraft.vehicle
+    bounds = limit_bounds(aircraft, tag)
+    rates = symbol("p"), symbol("q"), symbol("r")
+    torques = torques_for(
+        vehicle,
+        rates if aircraft.exact_torques else (0.0, 0.0, 0.0),
+        (symbol("p_dot"), symbol("q_dot"), symbol("r_dot")),
+    )
+    for k, name in enumerate(TORQUES):
+        if pair := bounds.get(("path", name + tag)):
+            scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
+            phase.constrain(torques[k], *pair, name=name + tag, scale=scale)
+    fractions = vehicle.rotor_fractions()
+    thrust = phase.controls[f"thrust{tag}"].quantity.symbol
+    for rotor in range(4):
+        name = f"rotor_{rotor + 1}{tag}"
+        share = fractions[rotor, 0] * thrust + sum(
+            fractions[rotor, 1 + k] * torques[k] for k in range(3)
+        )
+        phase.constrain(share, *bounds["path", name], name=name, scale=1.0)
+
+
+EFFORT_TORQUE = 1.0
+"""Weight of squared angular acceleration (over its scale) in the effort."""
+
+
+def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> Any:  # noqa: ANN401
+    """Squared inputs, off hover and scaled: what an effort term integrates."""
+    controls = phase.controls
+    thrust = controls[f"thrust{tag}"].quantity.symbol
+    total = (thrust / aircraft.vehicle.hover_thrust - 1.0) ** 2
+    for name in input_names(aircraft)[1:]:
+        symbol = controls[f"{name}{tag}"].quantity.symbol
+        total += EFFORT_TORQUE * (symbol / ANGULAR_ACCELERATION_SCALE) ** 2
+    return total
+
+
+def single_problem(
+    aircraft: Aircraft, *, minimum_time: bool, half_spaces: int = 0
+) -> Problem:
+    """State the problem of one drone.
+
+    Parameters of the problem: start and goal; ``effort`` and ``nearness``, the weights
+    of the squared inputs and of the squared distance to the reference [1/m²]; the
+    reference, which varies along the leg, unless ``minimum_time``.
+
+    Parameters
+    ----------
+    half_spaces
+        Number of half-spaces on the position for each interval.
+    """
+    from showc.ocp.problem import Problem  # noqa: PLC0415
+
+    problem = Problem("drone")
+    phase = problem.phase("leg", duration=(0.05, 10_000.0))
+    add_drone(phase, problem, aircraft)
+    weight = problem.parameter("effort", 1e-3)
+    running = weight * effort(phase, aircraft)
+    position = [phase.states[axis].quantity.symbol for axis in POSITION]
+    if half_spaces:
+        phase.half_space(HALF_SPACES, position, half_spaces)
+    if minimum_time:
+        problem.minimise(phase.duration + phase.integral(running))
+        return problem
+    nearness = problem.parameter("nearness", 0.0)
+    reference = [problem.parameter(name) for name in SIGNALS]
+    distance = sum((a - b) ** 2 for a, b in zip(position, reference, strict=True))
+    problem.minimise(phase.integral(running + nearness * distance))
+    return problem

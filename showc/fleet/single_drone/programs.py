@@ -1,0 +1,120 @@
+"""Programs of the single drone: built once a process, solved many times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from showc.fleet.single_drone.model import (
+    POSITION,
+    SIGNALS,
+    limit_bounds,
+    single_problem,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.ocp.transcription.staged.stages import TimeKind
+    from showc.ocp.transcription.staged.transcription import (
+        StagedGuess,
+        StagedSolution,
+        StagedSolver,
+        StagedTranscription,
+    )
+
+    FloatArray = NDArray[np.float64]
+
+FINE, ROUGH = 1e-6, 1e-5
+"""Tolerance of a solve at a given time, and of the search for the least: there it
+decides whether borders that hardly matter come to rest, and costs 1e-5 of the time."""
+SLOTS = (0, 2, 4, 8, 16)
+"""Numbers of half-spaces for an interval that programs are built with."""
+
+
+@lru_cache(maxsize=64)
+def _built(
+    aircraft: Aircraft,
+    intervals: int,
+    time: TimeKind,
+    half_spaces: int,
+    solver: StagedSolver,
+) -> StagedTranscription:
+    # The core loads casadi, which checking a script must not.
+    from showc.ocp.transcription.staged.transcription import (  # noqa: PLC0415
+        StagedOptions,
+        StagedTranscription,
+    )
+
+    timed = time != "given"
+    return StagedTranscription(
+        single_problem(aircraft, minimum_time=timed, half_spaces=half_spaces),
+        intervals,
+        time=time,
+        signals=() if timed else SIGNALS,
+        options=StagedOptions(
+            solver=solver,
+            iterations=120 if solver == "fatrop" else 300,
+            tolerance=ROUGH if time == "movable" else FINE,
+            inset=ROUGH if time == "movable" else FINE,
+            barrier=1e-4 if time == "movable" else 1e-2,
+            width_range=(0.3, 1.8),
+            width_weight=3e-3,
+        ),
+    )
+
+
+class Programs:
+    """Solves programs of one aircraft between two hovers, and counts."""
+
+    def __init__(self, aircraft: Aircraft, start: FloatArray, goal: FloatArray) -> None:
+        self.aircraft = aircraft
+        self.bounds = limit_bounds(aircraft)
+        self.ends = {
+            f"{name}_{axis}": float(place[k])
+            for name, place in (("start", start), ("goal", goal))
+            for k, axis in enumerate(POSITION)
+        }
+        self.iterations = 0
+        self.solves = 0
+
+    def leave(self, room: float) -> None:
+        """Leave a share of the limits of acceleration unused from now on."""
+        self.aircraft = replace(self.aircraft, room=room)
+        self.bounds = limit_bounds(self.aircraft)
+
+    def program(
+        self,
+        intervals: int,
+        time: TimeKind,
+        half_spaces: int = 0,
+        solver: StagedSolver = "fatrop",
+    ) -> StagedTranscription:
+        """Return the program for so many intervals, from the process's store."""
+        return _built(self.aircraft.canonical(), intervals, time, half_spaces, solver)
+
+    def solve(
+        self,
+        program: StagedTranscription,
+        widths: FloatArray,
+        guess: StagedGuess,
+        parameters: dict[str, float],
+        *,
+        signals: FloatArray | None = None,
+        half_spaces: dict[str, tuple[FloatArray, FloatArray]] | None = None,
+    ) -> StagedSolution:
+        """Solve once, with this aircraft's limits and hovers."""
+        solution = program.solve(
+            widths=widths,
+            guess=guess,
+            parameters=self.ends | parameters,
+            signals=signals,
+            half_spaces=half_spaces,
+            bounds=self.bounds,
+        )
+        self.iterations += solution.iterations
+        self.solves += 1
+        return solution

@@ -1,0 +1,179 @@
+"""One drone in the least time: the mesh is part of what is sought.
+
+Borders of the mesh intervals come to lie where limits are reached or left (the switch
+times of Agamawi, Hager and Rao 2019, without having to know the arcs beforehand):
+either their widths are unknowns of the program, or meshes are graded one after the
+other by what the last one loses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.shared_profile.estimate import minimum_time_estimate
+from showc.fleet.single_drone.assembly import trajectory_of
+from showc.fleet.single_drone.grading import solve_on_graded_meshes
+from showc.fleet.single_drone.guess import flat_guess
+from showc.fleet.single_drone.intervals import (
+    END_GRADING,
+    graded_widths,
+    interval_count,
+)
+from showc.fleet.single_drone.judgement import STILL, Verdict, judge, refusal
+from showc.fleet.single_drone.model import POSITION, ROOM
+from showc.fleet.single_drone.programs import Programs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.result import Result
+    from showc.ocp.transcription.staged.transcription import StagedGuess, StagedSolution
+
+    FloatArray = NDArray[np.float64]
+
+EFFORT = 1e-4
+"""Weight of effort beside the time [s]."""
+INTERVALS = 24
+"""Intervals whose borders move."""
+CLOSE = 1e-3
+"""Error of the time that these are good for."""
+SPARE = 1.1
+"""Time to start from, over the estimate."""
+PROMISING = 0.95
+"""A first flight with movable borders is built upon if it takes no longer than this
+times the one it started from."""
+SETTLED = 2.0
+"""Change by a pass over the tolerance below which borders have settled: another pass
+gains a tenth of that."""
+ROOMS = (ROOM, 0.01, 0.02, 0.04)
+"""Shares of the limits of acceleration left unused, one try after the other: graded
+meshes keep them at their points, and fly beyond them between these."""
+PASSES = 4
+"""Greatest number of passes in which interval borders move."""
+
+
+def minimum_time(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    *,
+    tolerance: float = 1e-3,
+) -> Result:
+    """Fly from hover to hover in the least time.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (3,) [m].
+    tolerance
+        Relative error of the time that is good enough; decides how fine the mesh
+        becomes.
+
+    Returns
+    -------
+    Result
+        Its duration is the least time, not rounded. A move of no length takes no
+        time and has no trajectory.
+    """
+    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    # From the origin: drones that make the same move make it in the same way.
+    way = goal - start
+    programs = Programs(_moved(aircraft, -start), np.zeros(3), way)
+    if reason := refusal(aircraft, start, goal):
+        return Verdict("limit", reason).result(programs, 0.0)
+    if np.linalg.norm(way) < STILL:
+        return Verdict("solved").result(programs, 0.0)
+    verdict = Verdict("infeasible")
+    for attempt in _attempts(programs, way, tolerance):
+        if not attempt.result.usable:
+            verdict = Verdict("infeasible", attempt.message)
+            continue
+        duration = attempt.duration
+        here = replace(
+            attempt,
+            coefficients={
+                **attempt.coefficients,
+                **{
+                    axis: attempt.coefficients[axis] + start[k]
+                    for k, axis in enumerate(POSITION)
+                },
+            },
+        )
+        trajectory = trajectory_of(aircraft, here, start, goal, duration)
+        verdict = judge(aircraft, trajectory)
+        if verdict.status == "solved":
+            return verdict.result(programs, duration, trajectory)
+    return verdict.result(programs, 0.0)
+
+
+def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:
+    """Return the aircraft with its flight volume moved [m]."""
+    limits = aircraft.limits
+    low, high = np.array(limits.position_min) + by, np.array(limits.position_max) + by
+    lower = (float(low[0]), float(low[1]), float(low[2]))
+    upper = (float(high[0]), float(high[1]), float(high[2]))
+    return replace(
+        aircraft, limits=replace(limits, position_min=lower, position_max=upper)
+    )
+
+
+def _attempts(
+    programs: Programs, way: FloatArray, tolerance: float
+) -> Iterator[StagedSolution]:
+    """Flights in the least time, the quickest way of finding one first.
+
+    With yaw held, borders that move mostly come to a good end, and the program serves
+    every move; with yaw free they mostly do not. Graded meshes do either way, and as
+    closely as wanted; more points make the flight more accurate.
+    """
+    here = np.zeros(3)
+    aircraft = programs.aircraft
+    estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
+    limited = aircraft.limits.limits_acceleration
+    if aircraft.yaw == "held" and tolerance >= CLOSE:
+        count = interval_count(estimate, INTERVALS)
+        widths = graded_widths(SPARE * estimate, count, END_GRADING)
+        guess = flat_guess(aircraft, here, way, widths)
+        for room in ROOMS[:2] if limited else ROOMS[:1]:
+            programs.leave(room)
+            solution = _moving(programs, widths, guess, tolerance)
+            if solution is not None:
+                yield solution
+    for points, room in zip((3, 4, 5), ROOMS[1:], strict=True):
+        programs.leave(room)
+        yield solve_on_graded_meshes(
+            programs,
+            here,
+            way,
+            SPARE * estimate,
+            tolerance=tolerance,
+            effort=EFFORT,
+            points=points,
+        )
+
+
+def _moving(
+    programs: Programs, widths: FloatArray, guess: StagedGuess, tolerance: float
+) -> StagedSolution | None:
+    """Least time on so many intervals whose borders move; ``None`` if it fails.
+
+    The borders move in several passes, each within a range about where it starts,
+    until that gains little: one pass with a wide range often ends nowhere.
+    """
+    program = programs.program(widths.size, "movable")
+    best: StagedSolution | None = None
+    for _ in range(PASSES):
+        moved = programs.solve(program, widths, guess, {"effort": EFFORT})
+        gain = 1.0 - moved.duration / float(widths.sum())
+        if not moved.result.usable or (best is None and gain < 1.0 - PROMISING):
+            break
+        if best is not None and abs(gain) < SETTLED * tolerance:
+            return min(best, moved, key=lambda flight: flight.duration)
+        best, widths, guess = moved, moved.widths, moved.guess
+    return None

@@ -1,0 +1,146 @@
+"""One drone at the common time: near the reference, and on its side of the walls.
+
+Near the profile, and behind its first walls, splines come first: they need no program
+to be built. Where a drone has no slack left for them, and where walls were not enough,
+optimal control does the work.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.deconfliction.walls import NODES
+from showc.fleet.single_drone.avoiding import avoid
+from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
+from showc.fleet.single_drone.single import follow, hover
+from showc.fleet.single_drone.spline import follow_spline
+from showc.flight import Trajectory
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.fleet.single_drone.convex_program import Walls
+    from showc.fleet.single_drone.single import Aircraft
+
+    FloatArray = NDArray[np.float64]
+
+_MOMENT = 1.5e-3
+"""Time left over after a flight in which nothing but hovering is worth it [s]: what
+rounding up to whole milliseconds leaves."""
+STRAIGHT, ROUND, SPLINE, OPTIMAL = "straight", "round", "spline", "optimal control"
+Outcome = tuple[str, Trajectory | None, str]
+"""How a drone is flown, its flight if there is one, why not if there is none."""
+
+
+def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    reference: PiecewisePolynomial,
+    intervals: int,
+    shortest: Trajectory | None = None,
+    bending: bool = False,  # noqa: FBT001, FBT002 - as above
+) -> Outcome:
+    """Fly one drone as near as can be to the shared profile on its straight line.
+
+    Parameters
+    ----------
+    shortest
+        Its flight in least time, if it is known: then it is one of the slowest, for
+        which splines are not supple enough, and they are not tried.
+    bending
+        Whether drones will have to be bent afterwards: then the program for it is used
+        here already, so that all processes build it at the same time.
+    """
+    duration = reference.end
+    if shortest is not None and 0.0 <= duration - shortest.state.end < _MOMENT:
+        return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
+    if shortest is None and not bending:
+        found = follow_spline(aircraft, start, goal, reference, intervals)
+        if found is not None:
+            return SPLINE, found.flight.trajectory(0), ""
+    flight = avoid(aircraft, start, goal, reference, NO_WALLS, shortest=shortest)
+    if flight is not None:
+        return OPTIMAL, flight, ""
+    result = follow(
+        aircraft, start, goal, duration, reference=reference, shortest=shortest
+    )
+    return OPTIMAL, result.trajectory if result.solved else None, result.message
+
+
+def _lingering(
+    aircraft: Aircraft, flight: Trajectory, goal: FloatArray, duration: float
+) -> Trajectory:
+    """Return a flight followed by a hover over what is left of the duration [s]."""
+    if duration == flight.state.end:
+        return flight
+    breaks = np.append(flight.state.breaks, duration)
+    still = hover(aircraft, goal, duration)
+
+    def longer(part: PiecewisePolynomial, rest: PiecewisePolynomial) -> FloatArray:
+        last = np.broadcast_to(
+            rest.coefficients[:, :1], (1, *part.coefficients[0].shape)
+        )
+        return np.concatenate([part.coefficients, last])
+
+    return Trajectory(
+        PiecewisePolynomial(breaks, longer(flight.state, still.state)),
+        PiecewisePolynomial(breaks, longer(flight.control, still.control)),
+    )
+
+
+def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    reference: PiecewisePolynomial,
+    intervals: int,
+    walls: Walls,
+    present: FloatArray,
+    clearance: float,
+    earlier: Trajectory | None = None,
+    first_walls: bool = False,  # noqa: FBT001, FBT002 - as above
+) -> Outcome:
+    """Fly one drone on its side of the walls.
+
+    Parameters
+    ----------
+    present
+        Positions of the iterate before at ``NODES`` of each interval, shape (K, 7, 3)
+        [m]: the way about which the walls were laid.
+    clearance
+        How far behind them optimal control aims [m]; it weighs walls against effort
+        and falls a little short.
+    earlier
+        Its flight of the round before if that is by optimal control.
+    first_walls
+        Whether none of the walls follows on one that was not enough. Then a spline, a
+        tenth of the work, comes first for a drone not flown by optimal control yet.
+
+    Returns
+    -------
+    Outcome
+        The flight keeps every limit; the walls it keeps as far as it can.
+    """
+    inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
+    way = PiecewisePolynomial(
+        np.linspace(0.0, reference.end, intervals + 1),
+        np.einsum("ij,kja->kia", inverse, present),
+    )
+    methods = (
+        [SPLINE, OPTIMAL] if first_walls and earlier is None else [OPTIMAL, SPLINE]
+    )
+    for method in methods:
+        if method == SPLINE:
+            found = follow_spline(aircraft, start, goal, reference, intervals, walls)
+            flight = None if found is None else found.flight.trajectory(0)
+        else:
+            flight = avoid(
+                aircraft, start, goal, reference, walls, way, clearance, earlier
+            )
+        if flight is not None:
+            return method, flight, ""
+    return OPTIMAL, None, "no flight behind the walls was found"

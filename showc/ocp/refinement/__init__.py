@@ -1,0 +1,1 @@
+"""The loops that solve, audit and refine until a tolerance is met."""

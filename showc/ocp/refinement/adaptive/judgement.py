@@ -1,0 +1,190 @@
+"""What a solved mesh is worth: errors, and where they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.audit.optimality import objective_size
+from showc.ocp.outcome import ErrorEstimate
+from showc.ocp.refinement.adaptive.options import BOUNDARY_SHARE, CAUTION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
+    from showc.ocp.problem import Problem
+    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.solution import PhaseSolution, Solution
+    from showc.ocp.transcription.collocation.limits import Table
+
+    FloatArray = NDArray[np.float64]
+
+HUGE = 1e200
+"""Errors beyond this are not told apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """One solved and audited mesh."""
+
+    solution: Solution
+    audits: tuple[PhaseAudit, ...]
+    error: ErrorEstimate
+    indicators: tuple[FloatArray, ...]
+    """Error over tolerance of each interval, phase by phase."""
+    shares: tuple[FloatArray, ...]
+    """Share of each interval in the objective's relative error, phase by phase."""
+    must_cut: tuple[NDArray[np.bool_], ...]
+    """Intervals whose error is that of a control of given degree, phase by phase."""
+    structures: tuple[Structure | None, ...]
+    """The arcs the mesh was made for, phase by phase."""
+    moved: float
+    """Relative change of the objective since the mesh before; 0 for a first one."""
+
+    @property
+    def greatest(self) -> float:
+        """Greatest of the errors."""
+        error = self.error
+        return max(error.dynamics, error.path, error.objective)
+
+    @property
+    def merit(self) -> float:
+        """Order of solutions: the greatest error, the objective's with caution."""
+        error = self.error
+        return max(error.dynamics, error.path, error.objective / CAUTION)
+
+
+def judge(
+    problem: Problem,
+    auditors: Sequence[PhaseAuditor],
+    solution: Solution,
+    former: Judgement | None,
+    structures: Sequence[Structure | None],
+    *,
+    table: Table,
+    tolerance: float,
+    mended: bool = True,
+) -> Judgement:
+    """Audit a solution and turn the errors into indicators.
+
+    The dual-weighted estimate of the objective's error is an upper bound in practice;
+    where all flagged intervals have just been refined (``former`` is the mesh before,
+    ``mended``) and the objective hardly moved, twice the greater of the last two moves
+    is the better estimate.
+    """
+    audits = tuple(a.audit(solution, table) for a in auditors)
+    size = objective_size(solution)
+    lost = [
+        a.objective_dynamics
+        + a.objective_control
+        + p.bound_gaps.sum(axis=1)
+        + _margin_loss(auditor, p, table)
+        for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
+    ]
+    total = sum(float(part.sum()) for part in lost) / size
+    weight, move = 1.0, 0.0
+    if former is not None:
+        move = abs(solution.objective - former.solution.objective) / size
+        moved = 2.0 * max(move, former.moved)
+        if mended and moved < total and _was_mended(former, solution):
+            weight = moved / total
+    indicators = []
+    for a, part in zip(audits, lost, strict=True):
+        share = weight * part / size * len(part) / (2.0 * CAUTION)
+        # Where a constraint is active all along, more points of it would only
+        # contradict each other: a finer polynomial keeps it better.
+        along = np.where(a.path_active > BOUNDARY_SHARE, a.path, 0.0)
+        worst = np.maximum(np.maximum(a.dynamics, share), along)
+        indicators.append(np.minimum(worst, HUGE) / tolerance)
+    top = max(float(part.max()) for part in indicators)
+    if weight * total > CAUTION * tolerance and 0.0 < top <= 1.0:
+        # Many small shares add up to too much: the greatest are the ones to mend.
+        indicators = [1.5 * part / top for part in indicators]
+    left_open = solution.slack / sum(part.size for part in lost)
+    error = ErrorEstimate(
+        max(float(a.dynamics.max()) for a in audits),
+        0.0,
+        max(float(a.path.max()) for a in audits),
+        weight * total + solution.slack / size,
+    )
+    must_cut = tuple(
+        _limited(problem, solution, i, audit, tolerance)
+        for i, audit in enumerate(audits)
+    )
+    return Judgement(
+        solution,
+        audits,
+        error,
+        tuple(indicators),
+        tuple((weight * part + left_open) / size for part in lost),
+        must_cut,
+        tuple(structures),
+        move,
+    )
+
+
+def _margin_loss(
+    auditor: PhaseAuditor, part: PhaseSolution, table: Table
+) -> FloatArray:
+    """Multipliers of path constraints times the margins they are tightened by."""
+    mesh = part.mesh
+    if not any(mesh.path_margins):
+        return np.zeros(mesh.intervals)
+    scale = auditor.path_scales(table)
+    force = np.abs(part.path_multipliers) @ scale
+    owner = np.repeat(np.arange(mesh.intervals), mesh.points)
+    mean = np.bincount(owner, weights=force) / np.asarray(mesh.points)
+    widths = np.diff(part.states.breaks)
+    return np.asarray(mean * widths * np.asarray(mesh.path_margins))
+
+
+def _was_mended(former: Judgement, solution: Solution) -> bool:
+    """Whether the refinement since ``former`` touched what it had flagged.
+
+    Raising the points of an interval does nothing for a control of given degree.
+    """
+    return all(
+        new.intervals > old.intervals or not limited.any()
+        for new, old, limited in zip(
+            solution.mesh.phases,
+            former.solution.mesh.phases,
+            former.must_cut,
+            strict=True,
+        )
+    )
+
+
+def _limited(
+    problem: Problem,
+    solution: Solution,
+    index: int,
+    audit: PhaseAudit,
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """Intervals whose error is the control's, where its degree is given."""
+    part, phase = solution.phases[index], problem.phases[index]
+    chosen = part.mesh.control_degrees
+    given = any(
+        control.degree is not None or min(chosen.get(name, (-1,))) >= 0
+        for name, control in phase.controls.items()
+    )
+    size = objective_size(solution)
+    share = audit.objective_control / size * len(audit.dynamics) / 2.0
+    return np.asarray((share > np.maximum(audit.dynamics, tolerance)) & given)
+
+
+def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
+    """Whether the objective got worse than the errors of ``former`` explain."""
+    error = former.error
+    if error.dynamics > 1e-3 or error.path > 1e-3:
+        return False
+    sign = -1.0 if problem.maximises else 1.0
+    loss = sign * (solution.objective - former.solution.objective)
+    size = objective_size(former.solution)
+    allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
+    return bool(loss / size > allowed)

@@ -1,0 +1,381 @@
+"""Solve a problem to a tolerance: mesh, audit, refine, place switches, repeat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.audit.residuals import PhaseAuditor
+from showc.ocp.guess import Guess
+from showc.ocp.outcome import Result
+from showc.ocp.refinement.adaptive.attempts import Attempts
+from showc.ocp.refinement.adaptive.judgement import Judgement, is_worse, judge
+from showc.ocp.refinement.adaptive.options import (
+    CAUTION,
+    CHEAP,
+    CLOSE,
+    EFFORT,
+    LOOSE,
+    LOOSELY,
+    ROUGH,
+    SWITCH_TRIALS,
+    TRIAL_EFFORT,
+    UNEVENNESS,
+    WEIGHINGS,
+    Options,
+)
+from showc.ocp.refinement.adaptive.proposal import (
+    Proposal,
+    place_switches,
+    plain_mesh,
+    refined,
+    with_ends,
+)
+from showc.ocp.refinement.adaptive.recorder import Recorder
+from showc.ocp.refinement.adaptive.symmetry import uneven, unmoved
+from showc.ocp.solution import Solution
+from showc.ocp.transcription.collocation.limits import Overrides
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from showc.ocp.problem import Problem
+    from showc.ocp.refinement.adaptive.switches import Structure
+
+
+class _Refinement:
+    """The state of one adaptive solve."""
+
+    def __init__(self, attempts: Attempts) -> None:
+        self.attempts, self.options = attempts, attempts.options
+        problem = self.problem = attempts.problem
+        self.auditors = [
+            PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
+        ]
+        self.history = Recorder(self.options.progress)
+        # Where a coupling binds is known as a fraction of the phase, which moves with
+        # the borders of arcs.
+        placing = self.options.switches and not self.options.couplings
+        self.trials = SWITCH_TRIALS if placing else 0
+        """How often switch times may still be placed."""
+        self.refused: list[Structure] = []
+        """Structures that did not help."""
+        self.loose = False
+        """Whether the latest mesh was solved loosely: arcs cannot be read off it."""
+        self.rescaled = False
+        self.guess: Guess | Solution | None = None
+        """The guess the user gave."""
+
+    def first(self, guess: Guess | Solution | None) -> Solution:
+        """Solve the first mesh, by other ways where the plain one fails."""
+        self.guess = guess
+        mesh = self.options.mesh or plain_mesh(self.auditors, 10, 4)
+        solution = self.attempts.attempt(mesh, guess)
+        if solution.result is Result.CONTRADICTION:
+            return solution
+        if solution.result.usable:
+            return self._unsymmetric(self._weighed(solution), guess)
+        best = solution
+        base = self.options.solver
+        for name, scale in self._other_durations(guess):
+            self.history.note(
+                solution, None, f"the solver failed; a duration of {scale:g} is tried"
+            )
+            self.attempts.scales[name] = scale
+            solution = self.attempts.attempt(mesh, guess)
+            if solution.result.usable:
+                return self._weighed(solution)
+            del self.attempts.scales[name]
+        for other, strategy in (
+            (mesh, {"mu_strategy": "monotone"}),
+            (plain_mesh(self.auditors, 20, 3), {"mu_strategy": "adaptive"}),
+            (plain_mesh(self.auditors, 30, 3), {"mu_strategy": "monotone"}),
+            (plain_mesh(self.auditors, 6, 6), {"mu_strategy": "adaptive"}),
+        ):
+            self.history.note(solution, None, "the solver failed; another way is tried")
+            extra = {**strategy, **base.extra}
+            solver = replace(base, extra=extra, iterations=2 * base.iterations)
+            solution = self.attempts.attempt(other, guess, solver=solver)
+            if solution.result.usable:
+                return self._weighed(solution)
+        self.history.note(solution, None, "the solver failed; no other way is left")
+        return best
+
+    def _weighed(self, solution: Solution) -> Solution:
+        """Solve again where the solver's tolerance was loose for what it found.
+
+        The first scale of the objective is a guess. A solver that stops at 1e-8 of a
+        scale that is far too great has not reached anything.
+        """
+        for _ in range(WEIGHINGS):
+            loose = self.attempts.weigh(solution)
+            if loose < LOOSELY:
+                break
+            words = f"the objective's scale was {loose:.1e} times too great; again"
+            self.history.note(solution, None, words)
+            better = self.attempts.attempt(solution.mesh, solution)
+            if not better.result.usable:
+                break
+            solution = better
+        return solution
+
+    def _unsymmetric(
+        self, solution: Solution, guess: Guess | Solution | None
+    ) -> Solution:
+        """Start again without symmetry where the first search may be caught in one."""
+        table = self.attempts.table
+        still = unmoved(self.problem, solution, table)
+        given = guess or Guess()
+        if not still or isinstance(given, Solution):
+            return solution
+        sign = -1.0 if self.problem.maximises else 1.0
+        best, built = solution, self.attempts.latest
+        for share in UNEVENNESS:
+            names = ", ".join(repr(name) for name, _ in still)
+            words = f"{names} stayed at its guess; a start without symmetry is tried"
+            self.history.note(solution, None, words)
+            solution = self.attempts.attempt(
+                best.mesh, uneven(given, still, table, share)
+            )
+            gain = sign * (best.objective - solution.objective)
+            if solution.result.usable and gain > 1e-6 * abs(best.objective):
+                best, built = solution, self.attempts.latest
+        self.attempts.latest = built
+        return best
+
+    def _other_durations(
+        self, guess: Guess | Solution | None
+    ) -> list[tuple[str, float]]:
+        """Orders of magnitude for a duration of which nothing is known."""
+        if guess is not None or len(self.problem.phases) > 1:
+            return []
+        phase = self.problem.phases[0]
+        low, high = self.attempts.table["duration", phase.name]
+        name = f"{phase.name}.duration"
+        if name in self.attempts.scales or np.isfinite(high):
+            return []
+        return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
+
+    def judge(
+        self,
+        solution: Solution,
+        former: Judgement | None,
+        structures: Sequence[Structure | None],
+        *,
+        mended: bool = True,
+    ) -> Judgement:
+        """Audit a solution of the present problem."""
+        return judge(
+            self.problem,
+            self.auditors,
+            solution,
+            former,
+            structures,
+            table=self.attempts.table,
+            tolerance=self.options.tolerance,
+            mended=mended,
+        )
+
+    def take(self, proposal: Proposal, current: Judgement) -> Judgement | None:
+        """Solve and judge a proposal; ``None`` if it is no step forward."""
+        switching, former_before = proposal.places_switches, self.attempts.former
+        base = self.options.solver
+        unknowns = self.attempts.unknowns(proposal.mesh)
+        limit = base.iterations
+        if switching:
+            limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 150)))
+        accuracy = base.tolerance
+        error = current.error.objective / self.options.tolerance
+        if unknowns > CHEAP and error > 1.0:
+            # The program's objective is the problem's over this scale.
+            scale = self.attempts.scales.get("objective", 1.0)
+            share = min(1.0, abs(current.solution.objective) / scale)
+            accuracy = max(accuracy, share * (LOOSE if error > 1e3 else CLOSE))
+        self.loose = accuracy > CLOSE
+        solution = self.attempts.attempt(
+            proposal.mesh,
+            current.solution,
+            arcs=proposal.arcs,
+            structures=proposal.structures,
+            solver=replace(
+                base,
+                iterations=limit,
+                tolerance=accuracy,
+            ),
+        )
+        if not solution.result.usable and not switching:
+            solution = self._afresh(proposal, current, solution)
+        fresh = None
+        if solution.result.usable and not is_worse(self.problem, solution, current):
+            former = None if switching else current
+            fresh = self.judge(
+                solution, former, proposal.structures, mended=proposal.complete
+            )
+            rough = max(fresh.error.dynamics, fresh.error.path)
+            # Wrong arcs are mended by the next meshes, if these cost little.
+            errs = unknowns > CHEAP and fresh.error.objective > max(
+                2.0 * current.error.objective, self.options.tolerance
+            )
+            if switching and (errs or rough > 3.0 * current.greatest):
+                fresh = None
+        if fresh is None:
+            self.history.note(solution, None, "no better; back to the mesh before")
+            # The mesh before is still there to start from, if it is not to blame.
+            self.attempts.former = former_before if switching else None
+        else:
+            self.accept(fresh)
+        return fresh
+
+    def reached(self, passed: Judgement) -> bool:
+        """Whether all errors are within the tolerance."""
+        tolerance, error = self.options.tolerance, passed.error
+        least = max(error.dynamics, error.path) <= tolerance
+        return least and error.objective <= CAUTION * tolerance
+
+    def _afresh(
+        self, proposal: Proposal, current: Judgement, failed: Solution
+    ) -> Solution:
+        """Try a mesh on which the solver failed in other ways."""
+        base = self.options.solver
+        self.attempts.former = None
+        if failed.iterations * failed.multipliers.unknowns.size > 0.5 * EFFORT:
+            return failed
+        starts: tuple[tuple[Guess | Solution | None, dict[str, object]], ...] = (
+            (self.guess, {"mu_oracle": "probing"}),
+            (current.solution, {"mu_strategy": "monotone"}),
+        )
+        solution = failed
+        for guess, strategy in starts:
+            self.history.note(solution, None, "the solver failed; it starts afresh")
+            solution = self.attempts.attempt(
+                proposal.mesh,
+                guess,
+                arcs=proposal.arcs,
+                structures=proposal.structures,
+                solver=replace(base, extra={**strategy, **base.extra}),
+            )
+            if solution.result.usable:
+                break
+        return solution
+
+    def may_go_on(self) -> bool:
+        """Whether meshes and effort are left."""
+        few = len(self.history.records) < self.options.meshes - 1
+        return few and self.attempts.effort < self.options.effort
+
+    def step(self, current: Judgement) -> Judgement | None:
+        """Solve the next mesh: one whose arcs are new if there are any, or a finer one.
+
+        Returns
+        -------
+        Judgement or None
+            ``None``: nothing better was found.
+        """
+        proposal = self.arcs(current)
+        if proposal is not None:
+            number = len(self.history.records)
+            self.history.note(current.solution, current, proposal)
+            fresh = self.take(proposal, current)
+            if fresh is not None:
+                return fresh
+            self.refused += [s for s in proposal.structures if s is not None]
+            if self.attempts.unknowns(proposal.mesh) > CHEAP:
+                self.trials = 0
+            proposal = self.finer(current)
+            if proposal is not None:
+                self.history.amend(number, proposal)
+        else:
+            proposal = self.finer(current)
+            if proposal is not None:
+                self.history.note(current.solution, current, proposal)
+        return None if proposal is None else self.take(proposal, current)
+
+    def arcs(self, current: Judgement) -> Proposal | None:
+        """Return a mesh whose arcs are those of a solution, if they are new."""
+        if self.trials <= 0 or self.loose:
+            return None
+        table = self.attempts.table
+        proposal = place_switches(current, self.auditors, table, self.refused)
+        self.trials -= proposal is not None
+        return proposal
+
+    def finer(self, current: Judgement) -> Proposal | None:
+        """Return the next finer mesh; ``None``: there is none, or it is too large."""
+        proposal = refined(current, self.options)
+        same = with_ends(self.problem, proposal.mesh) == current.solution.mesh
+        large = proposal.mesh.point_count > self.options.points
+        return None if same or large else proposal
+
+    def accept(self, judgement: Judgement) -> None:
+        """Let later meshes start from a solution, if it is worth it."""
+        good = judgement.error.dynamics < ROUGH
+        self.attempts.former = self.attempts.latest if good else None
+        if good and not self.rescaled:
+            self.rescaled = True
+            self.attempts.rescale(judgement.solution)
+
+
+def solve(
+    problem: Problem,
+    *,
+    guess: Guess | Solution | None = None,
+    parameters: Mapping[str, float] | None = None,
+    overrides: Overrides | None = None,
+    options: Options | None = None,
+) -> Solution:
+    """Solve ``problem`` to a tolerance, its couplings left out.
+
+    Arguments, result and errors are those of :func:`showc.ocp.solve`.
+    """
+    chosen = options or Options()
+    attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
+    work = _Refinement(attempts)
+    solution = work.first(guess)
+    if not solution.result.usable:
+        work.history.note(solution, None, "no solution on any first mesh")
+        return replace(
+            solution,
+            iterations=attempts.iterations,
+            history=tuple(work.history.records),
+        )
+    attempts.effort = 0.0
+    none: list[Structure | None] = [None] * len(problem.phases)
+    best = current = work.judge(solution, None, none)
+    work.accept(current)
+    while work.may_go_on() and not work.reached(current):
+        step = work.step(current)
+        if step is None:
+            break
+        current = step
+        best = min(best, current, key=lambda passed: passed.merit)
+    if current is not best and not work.history.knows(current.solution):
+        work.history.note(current.solution, current, "an earlier mesh was better")
+    done = best.greatest <= chosen.tolerance
+    work.history.note(best.solution, best, "tolerance reached" if done else "stopped")
+    return _finished(work, best, done=done)
+
+
+def _finished(work: _Refinement, best: Judgement, *, done: bool) -> Solution:
+    result = Result.SOLVED if done else Result.COARSE
+    table = work.attempts.table
+    audits = [a.audit(best.solution, table, shoot=True) for a in work.auditors]
+    error = replace(best.error, shooting=max(a.shooting for a in audits))
+    message = result.value
+    if not done:
+        message += (
+            f" Dynamics {error.dynamics:.1e}, path constraints {error.path:.1e}, "
+            f"objective {error.objective:.1e}; wanted {work.options.tolerance:.0e}."
+        )
+        worst = next((a.worst_path for a in audits if a.worst_path), "")
+        if worst and error.path > work.options.tolerance:
+            message += f" Violated most between the nodes: {worst}."
+    return replace(
+        best.solution,
+        result=result,
+        message=message,
+        iterations=work.attempts.iterations,
+        error=error,
+        history=tuple(work.history.records),
+    )

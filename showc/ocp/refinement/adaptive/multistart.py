@@ -1,0 +1,203 @@
+"""Several starts for one problem: which optima there are, and the best of them.
+
+A nonlinear program ends in the optimum that its start leads to. Starts other than the
+given one differ by slow waves in states and controls, within their bounds, and by the
+duration; they follow the golden ratio, so that every run has the same. Each is solved
+on a first mesh. Those that end in different optima are then refined, best first.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.guess import Curve, Guess, curves_of, sample
+from showc.ocp.scaling import GOLDEN
+from showc.ocp.solution import Optimum, Solution
+from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.start import middle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from showc.ocp.problem import Problem
+    from showc.ocp.transcription.collocation.limits import Table
+
+SAME = 1e-3
+"""Relative difference of objectives on a first mesh below which two optima are one."""
+ONE = 1e-6
+"""The same after refinement, to the usual tolerance."""
+REFINED = 4
+"""Greatest number of different optima that are refined."""
+_WAVES = 3
+"""Waves in a start: half a period, one, and one and a half."""
+_POINTS = 25
+"""Values of a guessed curve."""
+_STRETCH = 3.0
+"""Greatest ratio of a guessed duration to that of the first start."""
+
+_task: list[Callable[[int], Solution]] = []
+"""What a process does with the number of a start; set before processes are forked."""
+
+
+def _run(number: int) -> Solution:
+    return _task[0](number)
+
+
+def solve_from_many(
+    problem: Problem,
+    first: Guess | Solution | None,
+    parameters: Mapping[str, float],
+    solve: Callable[[Guess | Solution | None, bool], Solution],
+    *,
+    starts: int,
+    jobs: int,
+) -> Solution:
+    """Solve from ``starts`` different starts.
+
+    Parameters
+    ----------
+    problem, first, parameters
+        The problem, its first start, and values of its parameters.
+    solve
+        Solves from a start, on a first mesh alone if its second argument says so.
+    starts, jobs
+        Number of starts, and of processes.
+
+    Returns
+    -------
+    Solution
+        The best one, with all ``optima`` that were found.
+    """
+    guesses = [
+        first,
+        *(varied(problem, first, parameters, k) for k in range(1, starts)),
+    ]
+    quick = _each(lambda k: solve(guesses[k], True), starts, jobs)
+    sign = -1.0 if problem.maximises else 1.0
+    order = sorted(
+        (k for k in range(starts) if quick[k].result.usable),
+        key=lambda k: sign * quick[k].objective,
+    )
+    if not order:
+        return quick[0]
+    groups = _grouped([Optimum(quick[k].objective, None, (k,)) for k in order], SAME)
+    chosen = groups[:REFINED]
+    full = _each(lambda n: solve(quick[chosen[n].starts[0]], False), len(chosen), jobs)
+    best = min(
+        range(len(chosen)),
+        key=lambda n: (not full[n].result.usable, sign * full[n].objective),
+    )
+    refined = [
+        replace(group, objective=found.objective, result=found.result)
+        for group, found in zip(chosen, full, strict=True)
+    ]
+    optima = _grouped(
+        sorted([*refined, *groups[REFINED:]], key=lambda found: sign * found.objective),
+        ONE,
+    )
+    return replace(full[best], optima=tuple(optima))
+
+
+def _grouped(found: Sequence[Optimum], same: float) -> list[Optimum]:
+    """Join neighbours whose objectives differ by no more than a relative ``same``."""
+    groups: list[Optimum] = []
+    for one in found:
+        last = groups[-1] if groups else None
+        size = abs(one.objective)
+        if last is not None and abs(one.objective - last.objective) <= same * size:
+            starts = tuple(sorted((*last.starts, *one.starts)))
+            groups[-1] = replace(last, starts=starts)
+        else:
+            groups.append(one)
+    return groups
+
+
+def _each(task: Callable[[int], Solution], count: int, jobs: int) -> list[Solution]:
+    """Do ``task`` for 0, 1, ..., in processes if there are several ``jobs``."""
+    if min(jobs, count) <= 1:
+        return [task(number) for number in range(count)]
+    # Expressions cannot be sent to another process, but a forked one has them.
+    _task[:] = [task]
+    try:
+        with ProcessPoolExecutor(
+            min(jobs, count), mp_context=multiprocessing.get_context("fork")
+        ) as pool:
+            return list(pool.map(_run, range(count)))
+    finally:
+        _task.clear()
+
+
+def varied(
+    problem: Problem,
+    first: Guess | Solution | None,
+    parameters: Mapping[str, float],
+    number: int,
+) -> Guess:
+    """Start ``number`` (1, 2, ...): the first one with waves in all its curves.
+
+    Parameters
+    ----------
+    problem, parameters
+        Whose bounds and end values the start keeps.
+    first
+        The start that is varied.
+    number
+        Another one for each number, the same in every run.
+    """
+    statement = Statement(problem)
+    table = statement.table(statement.parameters(parameters))
+    scales = statement.scales({})
+    given = first if isinstance(first, Guess) else Guess()
+    s = np.linspace(0.0, 1.0, _POINTS)
+    curves: dict[str, Curve] = dict(given.curves)
+    durations: dict[str, float] = dict(given.durations)
+    drawn = 0
+
+    def draw() -> float:
+        """Next number in [-1, 1]."""
+        nonlocal drawn
+        drawn += 1
+        return float(2.0 * ((GOLDEN * (number * (2 * drawn + 1))) % 1.0) - 1.0)
+
+    for p, phase in enumerate(problem.phases):
+        known = curves_of(first.phases[p]) if isinstance(first, Solution) else {}
+        low, high = table["duration", phase.name]
+        usual = durations.get(phase.name, scales.durations[p])
+        if isinstance(first, Solution):
+            usual = first.phases[p].duration
+        durations[phase.name] = float(np.clip(usual * _STRETCH ** draw(), low, high))
+        members = [(name, True, i) for i, name in enumerate(phase.states)]
+        members += [(name, False, j) for j, name in enumerate(phase.controls)]
+        for name, is_state, index in members:
+            size = (scales.states if is_state else scales.controls)[p][index]
+            low, high = table["bounds", phase.name, name]
+            halves = np.arange(1, _WAVES + 1)
+            sizes = np.array([draw() / k for k in halves])
+            wave = sizes @ np.sin(np.pi * halves[:, None] * s)
+            title = f"{phase.name}.{name}"
+            base = known.get(name, curves.get(title, curves.get(name)))
+            if base is None:
+                base = _line(table, phase.name, name)
+                if not is_state:
+                    wave = wave + draw()
+            start = table["time", phase.name][0]
+            values = sample(base, s, start, durations[phase.name]) + 0.7 * size * wave
+            curves[title] = np.clip(values, low, high)
+    return replace(given, curves=curves, durations=durations)
+
+
+def _line(table: Table, phase: str, name: str) -> Curve:
+    """Straight line between known end values; else the middle of the bounds."""
+    ends = [
+        table[which, phase, name] if (which, phase, name) in table.slots else (0.0, 1.0)
+        for which in ("start", "end")
+    ]
+    known = [low for low, high in ends if low == high]
+    if not known:
+        return middle(*table["bounds", phase, name])
+    return np.array([known[0], known[-1]], dtype=np.float64)

@@ -1,0 +1,108 @@
+"""How an adaptive solve is steered, and the rules of thumb it follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, get_args
+
+from showc.ocp.fault import StatementError
+from showc.ocp.nodes import Scheme
+from showc.ocp.transcription.collocation.solver import SolverOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from showc.ocp.coupling import Imposed
+    from showc.ocp.history import MeshRecord
+    from showc.ocp.mesh import Mesh
+
+Rule = Literal["decay", "curvature"]
+"""How an interval is refined; see :mod:`showc.ocp.refinement.adaptive.refine`."""
+
+INNER_DEGREE = 3
+"""Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
+badly determined there, and a high degree would only oscillate."""
+BOUNDARY_SHARE = 0.6
+"""Share of an interval from which a path constraint counts as active all along."""
+LITTLE_VIOLATION = 3e-4
+"""Violation of a path constraint from which on it is tightened, not chased."""
+CAUTION = 0.25
+"""Share of the tolerance that the estimate of the objective's error may take."""
+ROUGH = 1e-2
+"""Error of the dynamics above which arcs and multipliers of a solution mean nothing."""
+CHEAP = 1500
+"""Unknowns up to which a program costs next to nothing: its mesh may grow as fast as
+its errors suggest, and it is solved to the full tolerance at once."""
+GROWTH = 2.0
+"""Greatest growth of the points from mesh to mesh beyond that."""
+LOOSE = 1e-6
+"""Solver's tolerance on costly programs whose mesh is yet too coarse by far."""
+CLOSE = 1e-7
+"""Solver's tolerance on other costly programs: the last digits cost most iterations."""
+EFFORT = 1e6
+"""Unknowns times iterations that one mesh may cost; at least a hundred iterations."""
+TRIAL_EFFORT = 3e5
+"""Unknowns times iterations after which arcs are taken for wrong; at least sixty
+iterations, at most a hundred and fifty."""
+VAGUE = 3e-2
+"""Relative error of the objective above which a solution has not yet found its arcs."""
+UNEVENNESS = (1e-3, 5e-2)
+"""Differences within a guessed control, over its range, that break a symmetry."""
+LOOSELY = 100.0
+"""Scale of the objective in a program over the objective found, above which the program
+is solved again: the solver's tolerance of 1e-8 means 1e-6 then."""
+WEIGHINGS = 3
+"""How often that is done."""
+SWITCH_TRIALS = 4
+"""How often switch times are placed anew in one solve."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a problem is solved; the defaults are meant for every problem."""
+
+    tolerance: float = 1e-6
+    """Wanted relative error: of every state between the nodes over its range, of
+    every path constraint over its scale, of the objective."""
+    mesh: Mesh | None = None
+    """First mesh; by default ten intervals of four points in each phase."""
+    meshes: int = 14
+    """Greatest number of meshes."""
+    points: int = 1000
+    """Greatest number of collocation points; refinement stops there."""
+    effort: float = 1e6
+    """Unknowns times iterations that refinement may cost, small programs not counted;
+    no further mesh is begun beyond. A million are some seven seconds of CPU time;
+    infinity: no limit."""
+    scheme: Scheme = "gauss"
+    """Collocation points."""
+    rule: Rule = "decay"
+    """How an interval is refined; see :mod:`showc.ocp.refinement.adaptive.refine`."""
+    switches: bool = True
+    """Whether switch times may become unknowns."""
+    scales: Mapping[str, float] = field(default_factory=dict)
+    """Typical magnitudes by name, where bounds do not tell them."""
+    couplings: tuple[Imposed, ...] = ()
+    """Couplings that are imposed from the start; :func:`showc.ocp.solve` adds what
+    its audits find violated."""
+    solver: SolverOptions = field(default_factory=SolverOptions)
+    """How each nonlinear program is solved."""
+    progress: Callable[[MeshRecord], None] | None = None
+    """Called after each mesh."""
+    starts: int = 1
+    """Number of different starts, each solved; the best solution counts, and
+    :attr:`showc.ocp.Solution.optima` lists all that were found."""
+    jobs: int = 1
+    """Processes among which the starts are shared."""
+
+    def __post_init__(self) -> None:
+        least = {"tolerance": 1e-15, "meshes": 1, "points": 1, "effort": 0.0}
+        for name, low in (*least.items(), ("starts", 1), ("jobs", 1)):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float)) or not value >= low:
+                raise StatementError(f"{name} is {value!r}; wanted at least {low:g}")
+        for name, choice in (("scheme", Scheme), ("rule", Rule)):
+            value = getattr(self, name)
+            if value not in get_args(choice):
+                wanted = ", ".join(map(repr, get_args(choice)))
+                raise StatementError(f"{name} is {value!r}; wanted one of {wanted}")

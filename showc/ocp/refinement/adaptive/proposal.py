@@ -1,0 +1,285 @@
+"""What to try next: switch times placed, or intervals refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.audit.optimality import ranges
+from showc.ocp.history import Decision, Step
+from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.nodes import fitting_points
+from showc.ocp.refinement.adaptive.options import (
+    BOUNDARY_SHARE,
+    CHEAP,
+    GROWTH,
+    INNER_DEGREE,
+    LITTLE_VIOLATION,
+    ROUGH,
+    VAGUE,
+)
+from showc.ocp.refinement.adaptive.refine import arc_mesh, refine, summary
+from showc.ocp.refinement.adaptive.switches import border_reasons, detect
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
+    from showc.ocp.problem import Problem
+    from showc.ocp.refinement.adaptive.judgement import Judgement
+    from showc.ocp.refinement.adaptive.options import Options
+    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.solution import PhaseSolution, Solution
+    from showc.ocp.transcription.collocation.limits import Table
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """The next mesh to try."""
+
+    mesh: Mesh
+    arcs: tuple[FloatArray, ...]
+    """First guess of the arcs' durations, phase by phase."""
+    structures: tuple[Structure | None, ...]
+    decisions: tuple[tuple[Decision, ...], ...]
+    """What is done to each interval of the mesh before, and why, phase by phase."""
+    words: str
+    """What was done, and why."""
+    places_switches: bool = False
+    complete: bool = True
+    """Whether every interval is refined whose error is too great."""
+
+
+def inner_degree(auditor: PhaseAuditor, control: int) -> int:
+    """Degree of a control between its bounds; -1 for the points' own."""
+    loose = (
+        auditor.principle.affine[control] and not auditor.principle.path_bound[control]
+    )
+    return INNER_DEGREE if loose else -1
+
+
+def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Structure:
+    """Arcs of one phase of a solution."""
+    phase = auditor.phase
+    pairs = [table["bounds", phase.name, name] for name in phase.states]
+    bounds = np.array(pairs).reshape(-1, 2)
+    return detect(
+        judgement.solution.phases[auditor.index],
+        auditor.control_bounds(table),
+        (bounds[:, 0], bounds[:, 1]),
+        (
+            partial(auditor.path_values, judgement.solution),
+            auditor.path_bounds(table),
+        ),
+    )
+
+
+def place_switches(
+    judgement: Judgement,
+    auditors: Sequence[PhaseAuditor],
+    table: Table,
+    refused: Sequence[Structure],
+) -> Proposal | None:
+    """Mesh whose arcs are those seen in the solution; ``None`` if nothing new.
+
+    Arcs are believed only where dynamics and optimality are about right and the mesh
+    has at least two intervals for each; ``refused`` are structures that did not help.
+    """
+    if judgement.error.dynamics > ROUGH or judgement.error.objective > VAGUE:
+        return None
+    meshes: list[PhaseMesh] = []
+    arcs: list[FloatArray] = []
+    structures: list[Structure | None] = []
+    decisions: list[tuple[Decision, ...]] = []
+    placed = 0
+    for auditor, part, known in zip(
+        auditors, judgement.solution.phases, judgement.structures, strict=True
+    ):
+        structure = _structure(judgement, auditor, table)
+        count = structure.times.size
+        least = 1 if known is None else max(known.times.size, 1)
+        believed = least <= count <= part.mesh.intervals // 2
+        seen = [known, *refused] if known is not None else list(refused)
+        if not believed or any(structure.same_as(former) for former in seen):
+            meshes.append(part.mesh)
+            arcs.append(part.arc_durations)
+            structures.append(known)
+            decisions.append((Decision(),) * part.mesh.intervals)
+            continue
+        free = [
+            (j, name, inner_degree(auditor, j))
+            for j, (name, control) in enumerate(auditor.phase.controls.items())
+            if control.degree is None
+        ]
+        names = [constraint.name for constraint in auditor.phase.path_constraints]
+        mesh, durations = arc_mesh(
+            part, structure, free, names, auditor.principle.entries
+        )
+        meshes.append(mesh)
+        arcs.append(durations)
+        structures.append(structure)
+        decisions.append(_borders(part, structure))
+        placed += count
+    if not placed:
+        return None
+    return Proposal(
+        Mesh(tuple(meshes)),
+        tuple(arcs),
+        tuple(structures),
+        tuple(decisions),
+        f"{placed} switch times placed",
+        places_switches=True,
+    )
+
+
+def _borders(part: PhaseSolution, structure: Structure) -> tuple[Decision, ...]:
+    """Say for each interval which borders of arcs were placed in it."""
+    breaks = part.states.breaks
+    found: list[list[str]] = [[] for _ in range(part.mesh.intervals)]
+    reasons = border_reasons(structure, part.control_names)
+    for time, reason in zip(structure.times, reasons, strict=True):
+        k = int(np.searchsorted(breaks, time, side="right")) - 1
+        found[min(max(k, 0), len(found) - 1)].append(f"{reason} at {time:.6g}")
+    return tuple(
+        Decision(Step.SWITCH, "; ".join(words)) if words else Decision()
+        for words in found
+    )
+
+
+def refined(judgement: Judgement, options: Options) -> Proposal:
+    """Mesh with the intervals refined whose errors are too great."""
+    meshes: list[PhaseMesh] = []
+    decisions: list[tuple[Decision, ...]] = []
+    words = []
+    complete = True
+    growth = _growth(judgement.solution, options)
+    for i, part in enumerate(judgement.solution.phases):
+        audit = judgement.audits[i]
+        constrained, earlier = _with_path_points(part.mesh, audit, options.tolerance)
+        mesh, chosen = refine(
+            constrained,
+            part,
+            judgement.indicators[i],
+            rule=options.rule,
+            scale=ranges(part.states),
+            must_cut=judgement.must_cut[i],
+            most=growth * part.mesh.point_count,
+        )
+        complete &= not any(
+            decision.step is Step.KEPT and flag > 1.0
+            for decision, flag in zip(chosen, judgement.indicators[i], strict=True)
+        )
+        if audit.path.max() > options.tolerance:
+            words.append("path constraints added where they were violated")
+        words.append(summary(chosen))
+        decisions.append(
+            tuple(new.after(old) for new, old in zip(chosen, earlier, strict=True))
+        )
+        meshes.append(mesh)
+    return Proposal(
+        Mesh(tuple(meshes)),
+        tuple(part.arc_durations for part in judgement.solution.phases),
+        judgement.structures,
+        tuple(decisions),
+        "; ".join(words),
+        complete=complete,
+    )
+
+
+def _growth(solution: Solution, options: Options) -> float:
+    """Return by what factor the points of a mesh may grow.
+
+    As far as programs cost next to nothing, or doubled; never beyond the points that
+    the caller allows.
+    """
+    points = solution.mesh.point_count
+    cheap = CHEAP * points / unknowns_of(solution)
+    return min(max(cheap, GROWTH * points), options.points) / points
+
+
+def unknowns_of(solution: Solution) -> int:
+    """Return the number of unknowns of the program that was solved."""
+    return int(solution.multipliers.unknowns.size)
+
+
+def _with_path_points(
+    mesh: PhaseMesh, audit: PhaseAudit, tolerance: float
+) -> tuple[PhaseMesh, list[Decision]]:
+    """Let path constraints hold where they are violated between the nodes too.
+
+    A new place replaces old ones next to it. Where places have been added before
+    and little is left, the constraint is tightened by what is left: chasing the
+    place of the greatest violation would never end.
+    """
+    points = [list(places) for places in mesh.path_points]
+    margins = list(mesh.path_margins)
+    decisions = [Decision()] * mesh.intervals
+    for k in range(mesh.intervals):
+        violation = float(audit.path[k])
+        if violation <= tolerance:
+            continue
+        name = audit.path_names[k]
+        found = f"{name!r} violated by {violation:.1e} of its scale between the points"
+        decisions[k] = Decision(Step.CONSTRAINED, f"{found}: held there too", name)
+        if audit.path_active[k] > BOUNDARY_SHARE:
+            words = f"{found}, where it is active all along"
+            decisions[k] = Decision(Step.KEPT, words, name)
+            continue
+        dense = list(fitting_points(2 * mesh.points[k]))
+        little = violation < LITTLE_VIOLATION and len(points[k]) > 2
+        if little or len(points[k]) >= len(dense):
+            margins[k] += 1.5 * violation
+            words = f"{found}: tightened by {margins[k]:.1e}"
+            decisions[k] = Decision(Step.CONSTRAINED, words, name)
+            continue
+        if len(points[k]) > 3:
+            # The peak moves away from every single point: leave it no room.
+            points[k] = dense
+            continue
+        for place in audit.path_places[k]:
+            points[k] = [s for s in points[k] if abs(s - place) > 0.03]
+            points[k].append(float(np.clip(place, 0.0, 1.0)))
+    changed = replace(
+        mesh,
+        path_points=tuple(tuple(sorted(p)) for p in points),
+        path_margins=tuple(margins),
+    )
+    return changed, decisions
+
+
+def with_ends(problem: Problem, mesh: Mesh) -> Mesh:
+    """Let path constraints hold at the ends of intervals, which Gauss points miss."""
+    return Mesh(
+        tuple(
+            replace(
+                part,
+                path_points=tuple(
+                    tuple(sorted({0.0, 1.0, *places})) for places in part.path_points
+                ),
+            )
+            if phase.path_constraints
+            else part
+            for phase, part in zip(problem.phases, mesh.phases, strict=True)
+        )
+    )
+
+
+def plain_mesh(auditors: Sequence[PhaseAuditor], intervals: int, points: int) -> Mesh:
+    """Equal intervals, with the degrees of controls that are left to the solver."""
+    phases = []
+    for auditor in auditors:
+        degrees = {
+            name: (min(INNER_DEGREE, points - 1),) * intervals
+            for j, (name, control) in enumerate(auditor.phase.controls.items())
+            if control.degree is None and auditor.principle.affine[j]
+        }
+        mesh = PhaseMesh.uniform(intervals, points)
+        phases.append(replace(mesh, control_degrees=degrees))
+    return Mesh(tuple(phases))

@@ -1,0 +1,240 @@
+"""Rows of one phase: collocation, path constraints, half-spaces.
+
+Unknowns are Bernstein coefficients: of each state on each mesh interval (degree N
+for N collocation points, neighbours share the border), of each control on each
+interval (any degree), the durations of the arcs, start times and statics. With c
+the coefficients of interval k of width h and f the dynamics, the defects are
+
+    sum_j D_ij c_j - h f(x_i, u_i, t_i) = 0,   x_i = sum_j B_ij c_j,   i = 1 .. N,
+
+D and B being derivative and value of the Bernstein basis at the points. Bounds of
+states and controls are bounds of unknowns; by the hull property they hold at every
+instant, not only at the points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi
+import numpy as np
+
+from showc.ocp.nodes import bernstein_derivative, bernstein_values, collocation
+from showc.ocp.transcription.collocation.nlp import Kernel
+from showc.ocp.transcription.collocation.triplets import Triplets
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.coupling import Imposed
+    from showc.ocp.mesh import PhaseMesh
+    from showc.ocp.problem import Phase
+    from showc.ocp.quantity import HalfSpaces
+    from showc.ocp.transcription.collocation.builder import Builder
+    from showc.ocp.transcription.collocation.layout import PhaseLayout
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """One phase with its mesh and the place of its unknowns."""
+
+    index: int
+    phase: Phase
+    mesh: PhaseMesh
+    place: PhaseLayout
+
+
+def add_phase(builder: Builder, index: int) -> None:
+    """Add all rows and blocks of one phase."""
+    phase, mesh = builder.problem.phases[index], builder.mesh.phases[index]
+    part = _Part(index, phase, mesh, builder.layout.phases[index])
+    _add_nodes(builder, part)
+    if phase.path_constraints and any(mesh.path_points):
+        _add_path(builder, part)
+    for half_space in phase.half_spaces:
+        _add_half_space(builder, part, half_space)
+    for imposed in builder.couplings:
+        if imposed.phase == index:
+            _add_coupling(builder, part, imposed)
+    if mesh.arc_count > 1:
+        scale = builder.scales.durations[index]
+        row = builder.new_rows("duration", "duration", index, scale=scale)
+        builder.linear.add(row, part.place.durations, 1.0 / scale)
+
+
+def _add_nodes(builder: Builder, part: _Part) -> None:
+    """Defects, path constraints and integrals at the collocation points."""
+    phase, mesh, place, index = part.phase, part.mesh, part.place, part.index
+    points = [np.array(collocation(builder.scheme, n)[0]) for n in mesh.points]
+    weights = np.concatenate([collocation(builder.scheme, n)[1] for n in mesh.points])
+    width = casadi.SX.sym("h")
+    names = list(phase.states)
+    outputs = [width * phase.derivatives[name] for name in names]
+    outputs += [c.symbol for c in phase.path_constraints]
+    integrands = [width * expression for _, expression in phase.integrals]
+    if builder.direct and integrands:
+        symbols = casadi.vertcat(*[symbol for symbol, _ in phase.integrals])
+        factors = casadi.jacobian(builder.problem.objective, symbols)
+        outputs.append(casadi.mtimes(factors, casadi.vertcat(*integrands)))
+    elif integrands:
+        outputs += integrands
+    y = casadi.vertcat(*outputs)
+    z = _node_symbols(builder, phase, width)
+    kernel, used = builder.kernel(f"node{index}", z, y)
+    count, ny = weights.size, y.numel()
+
+    rows = Triplets()
+    column = np.arange(count) * ny
+    interval = np.repeat(np.arange(mesh.intervals), mesh.points)
+    fraction = np.concatenate(points)
+    for i, name in enumerate(names):
+        scale = float(builder.scales.states[index][i])
+        row = builder.new_rows("dynamics", name, index, interval, fraction, scale=scale)
+        rows.add(row, column + i, -1.0 / scale)
+        first = 0
+        for k, s in enumerate(points):
+            slope = bernstein_derivative(mesh.points[k], tuple(float(v) for v in s))
+            block = row[first : first + s.size][:, None]
+            builder.linear.add(block, place.states[k][:, i][None, :], slope / scale)
+            first += s.size
+    for c, constraint in enumerate(phase.path_constraints):
+        scale = builder.row_scale(constraint, phase.name)
+        title = constraint.name
+        row = builder.new_rows("path", title, index, interval, fraction, scale=scale)
+        rows.add(row, column + len(names) + c, 1.0 / scale)
+    objective = np.zeros(count * ny)
+    after = len(names) + len(phase.path_constraints)
+    if builder.direct and integrands:
+        objective[column + after] = builder.sign * weights
+    elif integrands:
+        for m, unknown in enumerate(builder.layout.integrals[index]):
+            row = builder.new_rows("integral", f"integral {m}", index)
+            builder.linear.add(row, unknown, 1.0)
+            rows.add(row[0], column + after + m, -weights)
+    inputs = _node_inputs(builder, part, points, used)
+    builder.add_block(kernel, count, inputs=inputs, rows=rows, objective=objective)
+
+
+def _node_symbols(builder: Builder, phase: Phase, width: Any) -> Any:  # noqa: ANN401
+    """Stack the inputs of a node: states, controls, time, width, statics."""
+    return casadi.vertcat(
+        *[state.quantity.symbol for state in phase.states.values()],
+        *[control.quantity.symbol for control in phase.controls.values()],
+        phase.time,
+        width,
+        *[static.symbol for static in builder.problem.statics],
+    )
+
+
+def _node_inputs(
+    builder: Builder, part: _Part, points: list[FloatArray], used: list[int]
+) -> Triplets:
+    """Matrix from unknowns to the ``used`` inputs at ``points`` of each interval."""
+    phase, mesh, place = part.phase, part.mesh, part.place
+    matrix = Triplets()
+    nx, nu = len(phase.states), len(phase.controls)
+    first = 0
+    for k, s in enumerate(points):
+        key = tuple(float(v) for v in s)
+        arc = mesh.arcs[k]
+        before = sum(mesh.fractions[m] for m in range(k) if mesh.arcs[m] == arc)
+        for at, number in enumerate(used):
+            row = (first + np.arange(s.size)) * len(used) + at
+            if number < nx:
+                basis = bernstein_values(mesh.points[k], key)
+                matrix.add(row[:, None], place.states[k][:, number][None, :], basis)
+            elif number < nx + nu:
+                table = place.controls[k][number - nx]
+                basis = bernstein_values(table.size - 1, key)
+                matrix.add(row[:, None], table[None, :], basis)
+            elif number == nx + nu:
+                matrix.add(row, place.start, 1.0)
+                matrix.add(row[:, None], place.durations[None, :arc], 1.0)
+                matrix.add(row, place.durations[arc], before + mesh.fractions[k] * s)
+            elif number == nx + nu + 1:
+                matrix.add(row, place.durations[arc], mesh.fractions[k])
+            else:
+                matrix.add(row, builder.layout.statics[number - nx - nu - 2], 1.0)
+        first += s.size
+    return matrix
+
+
+def _add_path(builder: Builder, part: _Part) -> None:
+    """Path constraints at points besides the collocation points."""
+    phase, mesh = part.phase, part.mesh
+    points = [np.array(places, dtype=np.float64) for places in mesh.path_points]
+    z = _node_symbols(builder, phase, casadi.SX.sym("h"))
+    y = casadi.vertcat(*[c.symbol for c in phase.path_constraints])
+    kernel, used = builder.kernel(f"path{part.index}", z, y)
+    fraction = np.concatenate(points)
+    interval = np.repeat(np.arange(mesh.intervals), [p.size for p in points])
+    rows = Triplets()
+    for c, constraint in enumerate(phase.path_constraints):
+        scale = builder.row_scale(constraint, phase.name)
+        row = builder.new_rows(
+            "path", constraint.name, part.index, interval, fraction, scale=scale
+        )
+        rows.add(row, np.arange(fraction.size) * y.numel() + c, 1.0 / scale)
+    inputs = _node_inputs(builder, part, points, used)
+    builder.add_block(kernel, fraction.size, inputs=inputs, rows=rows)
+
+
+def _add_coupling(builder: Builder, part: _Part, imposed: Imposed) -> None:
+    """One coupling where it is imposed."""
+    coupling = next(c for c in part.phase.couplings if c.name == imposed.name)
+    points = imposed.points(part.mesh, builder.scheme)
+    fraction = np.concatenate(points)
+    interval = np.repeat(np.arange(part.mesh.intervals), [p.size for p in points])
+    z = _node_symbols(builder, part.phase, casadi.SX.sym("h"))
+    name = f"coupling{part.index}_{part.phase.couplings.index(coupling)}"
+    kernel, used = builder.kernel(name, z, coupling.symbol)
+    scale = builder.row_scale(coupling)
+    row = builder.new_rows(
+        "coupling", imposed.name, part.index, interval, fraction, scale=scale
+    )
+    rows = Triplets()
+    rows.add(row, np.arange(fraction.size), 1.0 / scale)
+    inputs = _node_inputs(builder, part, points, used)
+    builder.add_block(kernel, fraction.size, inputs=inputs, rows=rows)
+
+
+def _add_half_space(builder: Builder, part: _Part, half_space: HalfSpaces) -> None:
+    """Linear constraints on Bernstein coefficients, normals given per solve."""
+    mesh, names = part.mesh, list(part.phase.states)
+    chosen = [names.index(name) for name in half_space.states]
+    size, number = len(chosen), half_space.rows
+    z = casadi.SX.sym("c", size)
+    normals = casadi.SX.sym("n", number * size)
+    y = casadi.mtimes(casadi.reshape(normals, size, number).T, z)
+    kernel = Kernel.of(f"half{len(builder.half_space_offsets)}", z, normals, y)
+    coefficients = np.vstack([table[:, chosen] for table in part.place.states])
+    interval = np.repeat(
+        np.arange(mesh.intervals), np.asarray(mesh.points, dtype=int) + 1
+    )
+    fraction = np.concatenate([np.linspace(0.0, 1.0, n + 1) for n in mesh.points])
+    count = interval.size
+    inputs, parameters, rows = Triplets(), Triplets(), Triplets()
+    inputs.add(np.arange(count * size), coefficients.ravel(), 1.0)
+    first = builder.parameter_count
+    step = np.arange(number * size)[None, :]
+    parameters.add(
+        np.arange(count)[:, None] * number * size + step,
+        first + interval[:, None] * number * size + step,
+        1.0,
+    )
+    builder.parameter_count += mesh.intervals * number * size
+    builder.half_space_offsets[half_space.name] = (first, number, size)
+    scale = float(builder.scales.states[part.index][chosen].max())
+    row = builder.new_rows(
+        "half-space",
+        half_space.name,
+        part.index,
+        np.repeat(interval, number),
+        np.repeat(fraction, number),
+        scale=scale,
+    )
+    rows.add(row, np.arange(count * number), 1.0 / scale)
+    builder.add_block(kernel, count, inputs=inputs, rows=rows, parameters=parameters)

@@ -1,0 +1,190 @@
+"""Reading the solver's answer: polynomials, costates, and what is violated where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.ocp.nodes import bernstein_values, collocation
+from showc.ocp.solution import PhaseSolution
+from showc.trajectory import PiecewisePolynomial
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.ocp.solution import Multipliers
+    from showc.ocp.transcription.collocation.limits import Box
+    from showc.ocp.transcription.collocation.transcription import Transcription
+
+    FloatArray = NDArray[np.float64]
+
+
+def worst_violation(
+    built: Transcription, point: Multipliers, limits: Box, vector: FloatArray
+) -> str:
+    """Say which constraint is violated most, and where.
+
+    ``vector`` holds the parameters of the program.
+    """
+    parts = built.discretisation
+    _, rows = parts.program.values(point.unknowns, vector)
+    value = np.asarray(rows).ravel()
+    low = limits.row_lower / parts.row_scale
+    high = limits.row_upper / parts.row_scale
+    violation = np.maximum(np.maximum(low - value, value - high), 0.0)
+    if not np.all(np.isfinite(value)):
+        violation = np.where(np.isfinite(value), violation, np.inf)
+    if value.size == 0 or violation.max() <= 10.0 * built.options.tolerance:
+        return "All constraints are kept; the objective is not yet least."
+    worst = int(np.argmax(violation))
+    group = next(g for g in parts.groups if g.rows[0] <= worst <= g.rows[-1])
+    at = worst - int(group.rows[0])
+    phase = built.problem.phases[group.phase]
+    amount = violation[worst] * parts.row_scale[worst]
+    where = f"in phase {phase.name!r}"
+    if group.interval[at] >= 0:
+        place = parts.layout.phases[group.phase]
+        unknowns = point.unknowns * parts.unknown_scale
+        widths = built.mesh.phases[group.phase].widths(unknowns[place.durations])
+        k = int(group.interval[at])
+        time = unknowns[place.start] + widths[:k].sum() + group.place[at] * widths[k]
+        where += f" at t = {time:.6g}"
+    return f"Violated most: {group.kind} of {group.name!r} {where}, by {amount:.3g}."
+
+
+def phase_solution(
+    built: Transcription,
+    index: int,
+    unknowns: FloatArray,
+    limits: Box,
+    multipliers: Multipliers,
+) -> PhaseSolution:
+    """Read the trajectory of one phase from the unscaled unknowns."""
+    phase, mesh = built.problem.phases[index], built.mesh.phases[index]
+    place = built.discretisation.layout.phases[index]
+    arcs = unknowns[place.durations]
+    widths = mesh.widths(arcs)
+    # A phase of no duration still needs increasing breaks.
+    widths = np.maximum(widths, 1e-12 * max(float(widths.sum()), 1e-6))
+    begin = float(unknowns[place.start])
+    breaks = begin + np.concatenate([[0.0], np.cumsum(widths)])
+    times, costates, pressures = _costates(built, index, begin, widths, multipliers)
+    return PhaseSolution(
+        phase.name,
+        mesh,
+        arcs,
+        tuple(phase.states),
+        tuple(phase.controls),
+        _join([unknowns[t] for t in place.states], breaks),
+        _join(
+            [_same_degree([unknowns[c] for c in tables]) for tables in place.controls],
+            breaks,
+        ),
+        times,
+        costates,
+        built.scheme,
+        pressures,
+        _bound_gaps(built, index, unknowns, limits, multipliers),
+    )
+
+
+def _bound_gaps(
+    built: Transcription,
+    index: int,
+    unknowns: FloatArray,
+    limits: Box,
+    multipliers: Multipliers,
+) -> FloatArray:
+    """Multiply multipliers of the states' bounds by the distance that is left.
+
+    A Bernstein coefficient at its bound leaves the polynomial a little off it;
+    multiplier times that distance is what the objective could still gain.
+    """
+    place, mesh = built.discretisation.layout.phases[index], built.mesh.phases[index]
+    pull = multipliers.of_bounds / built.discretisation.unknown_scale
+    pull = pull * multipliers.objective_scale
+    rows = []
+    for k in range(mesh.intervals):
+        table, n = place.states[k], mesh.points[k]
+        s = tuple(float(v) for v in np.arange(n + 1) / n)
+        value = bernstein_values(n, s) @ unknowns[table]
+        # A positive multiplier belongs to the upper bound, a negative one to the
+        # lower; borders count half for each of their intervals.
+        bound = np.where(pull[table] > 0.0, limits.upper[table], limits.lower[table])
+        with np.errstate(invalid="ignore"):
+            loss = np.abs(pull[table] * (bound - value))
+        loss[~np.isfinite(loss)] = 0.0
+        rows.append(loss[1:-1].sum(axis=0))
+    return np.stack(rows)
+
+
+def _costates(
+    built: Transcription,
+    index: int,
+    begin: float,
+    widths: FloatArray,
+    multipliers: Multipliers,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give times of the points, costates and path multipliers there.
+
+    The multipliers of the defects over the quadrature weights are costates, those
+    of the path constraints over weight and width are densities in time.
+    """
+    mesh = built.mesh.phases[index]
+    nodes = [collocation(built.scheme, n) for n in mesh.points]
+    ends = begin + np.cumsum(widths)
+    times = np.concatenate(
+        [end - h + h * s for end, h, (s, _) in zip(ends, widths, nodes, strict=True)]
+    )
+    weights = np.concatenate([w for _, w in nodes])
+    spans = np.repeat(np.maximum(widths, 1e-300), mesh.points) * weights
+    costates, pressures = [np.zeros((times.size, 0))], [np.zeros((times.size, 0))]
+    seen: list[str] = []
+    first = np.concatenate([[0], np.cumsum(mesh.points)])
+    for group in built.discretisation.groups:
+        if group.phase != index or group.kind not in {"dynamics", "path"}:
+            continue
+        force = multipliers.of_constraints[group.rows] / group.scale
+        force = (force * multipliers.objective_scale)[:, None]
+        if group.kind == "dynamics":
+            costates.append(-force / weights[:, None])
+        elif group.name not in seen:
+            seen.append(group.name)
+            pressures.append(force / spans[:, None])
+        else:
+            # A single point between the nodes acts on the polynomials as these
+            # multipliers at the nodes do.
+            at = 1 + seen.index(group.name)
+            for k, s, weight in zip(
+                group.interval, group.place, force[:, 0], strict=True
+            ):
+                n = mesh.points[k]
+                nodal = slice(first[k], first[k] + n)
+                share = np.linalg.solve(
+                    bernstein_values(n - 1, tuple(map(float, nodes[k][0]))).T,
+                    bernstein_values(n - 1, (float(s),))[0],
+                )
+                pressures[at][nodal, 0] += weight * share / spans[nodal]
+    return times, np.hstack(costates), np.hstack(pressures)
+
+
+def _elevated(table: FloatArray, degree: int) -> FloatArray:
+    """Bernstein coefficients (degree + 1, components) raised to ``degree``."""
+    curve = PiecewisePolynomial(np.array([0.0, 1.0]), table[None])
+    return np.asarray(curve.elevated(degree).coefficients[0])
+
+
+def _same_degree(rows: list[FloatArray]) -> FloatArray:
+    """Stack coefficient vectors of several controls, elevated to one degree."""
+    if not rows:
+        return np.zeros((1, 0))
+    degree = max(row.size for row in rows) - 1
+    return np.hstack([_elevated(row[:, None], degree) for row in rows])
+
+
+def _join(tables: list[FloatArray], breaks: FloatArray) -> PiecewisePolynomial:
+    """One piecewise polynomial from tables (degree + 1, components)."""
+    degree = max(table.shape[0] for table in tables) - 1
+    raised = [_elevated(table, degree) for table in tables]
+    return PiecewisePolynomial(breaks, np.stack(raised))

@@ -1,0 +1,138 @@
+"""The nonlinear programming solvers CasADi brings, set up once for collocation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import casadi
+
+from showc.errors import ShowError
+from showc.ocp.outcome import Result
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.ocp.transcription.collocation.nlp import Program
+
+SolverName = Literal["ipopt", "snopt"]
+
+
+class SolverMissingError(ShowError):
+    """The nonlinear programming solver asked for is not on this machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverOptions:
+    """How the nonlinear program is solved."""
+
+    solver: SolverName = "ipopt"
+    tolerance: float = 1e-8
+    """Scaled optimality error at which the solver stops."""
+    iterations: int = 500
+    """Greatest number of iterations."""
+    seconds: float = 600.0
+    """Greatest CPU time of one solve [s]; a guard, not a means of control."""
+    extra: Mapping[str, object] = field(default_factory=dict)
+    """Further options handed to the solver as they are."""
+
+
+_IPOPT_RESULTS = {
+    "Solve_Succeeded": Result.SOLVED,
+    "Solved_To_Acceptable_Level": Result.ACCEPTABLE,
+    "Feasible_Point_Found": Result.ACCEPTABLE,
+    "Infeasible_Problem_Detected": Result.INFEASIBLE,
+    "Restoration_Failed": Result.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": Result.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Result.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Result.TIME_LIMIT,
+    "Diverging_Iterates": Result.DIVERGED,
+    "Invalid_Number_Detected": Result.INVALID_NUMBER,
+    "Search_Direction_Becomes_Too_Small": Result.ACCEPTABLE,
+}
+
+
+def result_of(status: str) -> Result:
+    """Translate the solver's own return status."""
+    if status.startswith("Finished successfully"):
+        return Result.SOLVED
+    return _IPOPT_RESULTS.get(status, Result.FAILED)
+
+
+def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:  # noqa: ANN401
+    """Make a solver for ``program``; ``warm``: for a start with multipliers.
+
+    Raises
+    ------
+    SolverMissingError
+        If the solver is not installed or has no licence here.
+    """
+    common: dict[str, Any] = {
+        "print_time": False,
+        "calc_lam_p": False,
+        "calc_multipliers": False,
+        "no_nlp_grad": True,
+        "error_on_fail": False,
+        "verbose_init": False,
+        "show_eval_warnings": False,
+        "grad_f": program.objective_gradient,
+        "jac_g": program.constraint_jacobian,
+    }
+    if options.solver == "snopt":
+        if not casadi.has_nlpsol("snopt"):
+            raise SolverMissingError(
+                "SNOPT is not available: CasADi finds no SNOPT library "
+                "(libsnopt7). Put a licensed one on the library path, or use "
+                "solver='ipopt', which needs no licence."
+            )
+        settings: dict[str, Any] = {
+            "Major optimality tolerance": options.tolerance,
+            "Major feasibility tolerance": options.tolerance,
+            "Major iterations limit": options.iterations,
+        }
+        try:
+            return casadi.nlpsol(
+                "ocp",
+                "snopt",
+                program.oracle,
+                {**common, "snopt": settings | dict(options.extra)},
+            )
+        except RuntimeError as fault:
+            raise SolverMissingError(
+                f"SNOPT is present but cannot start: {fault}. Check its licence, or "
+                "use solver='ipopt'."
+            ) from fault
+    settings = {
+        "print_level": 0,
+        "sb": "yes",
+        "tol": options.tolerance,
+        "max_iter": options.iterations,
+        "max_cpu_time": options.seconds,
+        # Rows and unknowns are scaled from bounds already; a scale from the
+        # gradient at the guess is useless where the guess is flat.
+        "nlp_scaling_method": "none",
+        "bound_relax_factor": 1e-8,
+        "mu_strategy": "adaptive",
+        "acceptable_iter": 0,
+        "honor_original_bounds": "no",
+    }
+    if warm:
+        settings |= {
+            "warm_start_init_point": "yes",
+            "warm_start_bound_push": 1e-3,
+            "warm_start_bound_frac": 1e-3,
+            "warm_start_slack_bound_push": 1e-3,
+            "warm_start_slack_bound_frac": 1e-3,
+            "warm_start_mult_bound_push": 1e-3,
+        }
+    settings |= dict(options.extra)
+    return casadi.nlpsol(
+        "ocp",
+        "ipopt",
+        program.oracle,
+        {
+            **common,
+            "hess_lag": program.lagrangian_hessian,
+            "ipopt": settings,
+        },
+    )

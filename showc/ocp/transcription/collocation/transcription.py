@@ -1,0 +1,324 @@
+"""A problem on a mesh, built once and solved many times.
+
+Between solves, parameters, bounds, end values, durations, half-spaces and the first
+guess may change; only the mesh and the expressions are fixed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.ocp.outcome import Result
+from showc.ocp.scaling import GOLDEN
+from showc.ocp.solution import Multipliers, Solution
+from showc.ocp.transcription.collocation.discretisation import discretise
+from showc.ocp.transcription.collocation.limits import (
+    Overrides,
+    Statement,
+    box,
+    parameter_vector,
+)
+from showc.ocp.transcription.collocation.readout import phase_solution, worst_violation
+from showc.ocp.transcription.collocation.solver import (
+    SolverOptions,
+    make_solver,
+    result_of,
+)
+from showc.ocp.transcription.collocation.start import starting_point
+from showc.ocp.transcription.collocation.warmstart import transfer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.ocp.coupling import Imposed
+    from showc.ocp.guess import Guess
+    from showc.ocp.mesh import Mesh
+    from showc.ocp.nodes import Scheme
+    from showc.ocp.problem import Problem
+    from showc.ocp.transcription.collocation.limits import Box
+
+    FloatArray = NDArray[np.float64]
+
+
+def _slack(given: Mapping[str, FloatArray], answer: Mapping[str, Any]) -> float:
+    """Sum of multipliers times distances to what they belong to, scaled."""
+    total = 0.0
+    for values, low, high, force in (
+        ("x", "lbx", "ubx", "lam_x"),
+        ("g", "lbg", "ubg", "lam_g"),
+    ):
+        at, pull = (np.asarray(answer[name]).ravel() for name in (values, force))
+        # A positive multiplier belongs to the upper bound, a negative one to the lower.
+        gap = np.abs(np.where(pull > 0.0, given[high], given[low]) - at)
+        total += float(np.abs(pull[np.isfinite(gap)]) @ gap[np.isfinite(gap)])
+    return total if np.isfinite(total) else 0.0
+
+
+UNLIMITED = 1e6
+"""Size, over their scales, of an objective and an unknown that grow without limit."""
+SHARE = 0.1
+"""Share of the change found that the objective is divided by. Its slopes are then some
+tens at the start, as IPOPT's own scaling has them, and the search goes by the objective
+from the first step; measured to end in fewer wrong places than with 1."""
+_SAMPLES = 5
+"""Places at which the slopes of the objective are looked at for its scale."""
+
+
+class Transcription:
+    """A problem discretised on a mesh, ready to be solved many times.
+
+    Parameters
+    ----------
+    problem
+        What is to be solved; not to be changed afterwards.
+    mesh
+        Intervals, arcs and points of each phase.
+    scheme
+        Collocation points: ``gauss`` (default), ``radau`` or ``lobatto``.
+    scales
+        Typical magnitudes by name (``"x"``, ``"phase.x"``, ``"phase.duration"``)
+        where bounds and end values do not tell them.
+    options
+        How the nonlinear program is solved.
+    couplings
+        Couplings of the problem that are imposed, and where; by default none.
+
+    Raises
+    ------
+    ValueError
+        If the problem is not completely stated or the mesh has other phases.
+    SolverMissingError
+        If the solver asked for is not available.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        mesh: Mesh,
+        *,
+        scheme: Scheme = "gauss",
+        scales: Mapping[str, float] | None = None,
+        options: SolverOptions | None = None,
+        couplings: Sequence[Imposed] = (),
+    ) -> None:
+        self.problem, self.mesh, self.scheme = problem, mesh, scheme
+        self.options = options or SolverOptions()
+        self._statement = Statement(problem)
+        self.scales = self._statement.scales(scales or {})
+        self.discretisation = discretise(problem, mesh, scheme, self.scales, couplings)
+        self._solvers: dict[bool, Any] = {}
+
+    def solve(
+        self,
+        *,
+        parameters: Mapping[str, float] | None = None,
+        overrides: Overrides | None = None,
+        guess: Guess | Solution | None = None,
+        warm: Multipliers | None = None,
+        arcs: Sequence[FloatArray | None] | None = None,
+        former: Transcription | None = None,
+    ) -> Solution:
+        """Solve once.
+
+        Parameters
+        ----------
+        parameters
+            Values of the problem's parameters, by name.
+        overrides
+            Bounds, end values, durations and half-spaces that differ this time.
+        guess
+            Where to start: functions or arrays, or a solution on any mesh.
+        warm
+            Multipliers (with their point) of an earlier solve of this transcription;
+            replaces ``guess``.
+        arcs
+            First guess of the arcs' durations of each phase, for a mesh with several
+            arcs.
+        former
+            The transcription, on another mesh, that ``guess`` is a solution of: its
+            multipliers are carried over.
+
+        Returns
+        -------
+        Solution
+            Never raises for a problem without solution: see ``result``, ``message``.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown or a parameter has no value.
+        """
+        changes = overrides or Overrides()
+        values = self._statement.parameters(parameters or {})
+        table = self._statement.table(values)
+        limits = box(self.problem, self.mesh, self.discretisation, table, changes)
+        start = starting_point(
+            self, guess, limits, table=table, changes=changes, arcs=arcs
+        )
+        built = self.discretisation
+        vector = parameter_vector(built, values, changes, built.program.parameters)
+        self._guess_integrals(start, vector)
+        unit = self._objective_scale(start / built.unknown_scale, limits, vector, warm)
+        vector[-1] = 1.0 / unit
+        scaled = {
+            "p": vector,
+            "lbx": limits.lower / built.unknown_scale,
+            "ubx": limits.upper / built.unknown_scale,
+            "lbg": limits.row_lower / built.row_scale,
+            "ubg": limits.row_upper / built.row_scale,
+            "x0": start / built.unknown_scale,
+        }
+        given = dict(zip(self._statement.names, values.tolist(), strict=True))
+        if limits.contradictions:
+            result, message = Result.CONTRADICTION, "; ".join(limits.contradictions)
+            point = scaled["x0"]
+            nothing = Multipliers(
+                point, np.zeros(point.size), np.zeros(built.row_scale.size), unit
+            )
+            message = f"{result.value} {message}."
+            return self._solution(result, message, nothing, limits, given)
+        if former is not None and isinstance(guess, Solution):
+            warm = transfer(former, guess, self, scaled["x0"], unit)
+        if warm is not None:
+            scaled |= {
+                "x0": warm.unknowns,
+                "lam_x0": warm.of_bounds,
+                "lam_g0": warm.of_constraints,
+            }
+        solver = self._solver(warm=warm is not None)
+        answer = solver(**scaled)
+        statistics = solver.stats()
+        result = result_of(statistics["return_status"])
+        multipliers = Multipliers(
+            np.asarray(answer["x"]).ravel(),
+            np.asarray(answer["lam_x"]).ravel(),
+            np.asarray(answer["lam_g"]).ravel(),
+            unit,
+        )
+        growing = None if result.usable else self._growing(multipliers, limits, vector)
+        if growing is not None:
+            result = Result.UNBOUNDED
+        message = result.value
+        if growing is not None:
+            message = f"{message} {growing}"
+        elif not result.usable:
+            message = f"{message} {worst_violation(self, multipliers, limits, vector)}"
+        solution = self._solution(result, message, multipliers, limits, given)
+        objective = float(answer["f"]) * unit
+        return replace(
+            solution,
+            objective=-objective if self.problem.maximises else objective,
+            slack=unit * _slack(scaled, answer),
+            iterations=int(statistics["iter_count"]),
+        )
+
+    def _guess_integrals(self, point: FloatArray, vector: FloatArray) -> None:
+        """Start integrals from their values along the guess, not from zero."""
+        built = self.discretisation
+        if not any(table.size for table in built.layout.integrals):
+            return
+        _, rows = built.program.values(point / built.unknown_scale, vector)
+        value = np.nan_to_num(np.asarray(rows).ravel())
+        for group in built.groups:
+            if group.kind == "integral":
+                number = int(group.name.split()[-1])
+                unknown = built.layout.integrals[group.phase][number]
+                # Roots and logarithms of an integral do not start at zero.
+                point[unknown] = -value[group.rows[0]] or 1.0
+
+    def _objective_scale(
+        self,
+        point: FloatArray,
+        limits: Box,
+        vector: FloatArray,
+        warm: Multipliers | None,
+    ) -> float:
+        """Return the scale of the objective, in which the solver's tolerance is meant.
+
+        The scale given, or that of the multipliers to start with; else by how much the
+        objective would change if every unknown moved by its scale, as the slopes at the
+        start and at places around it tell (the start alone may be flat).
+        """
+        if self.scales.objective is not None:
+            return self.scales.objective
+        if warm is not None:
+            return warm.objective_scale
+        built = self.discretisation
+        low = limits.lower / built.unknown_scale
+        high = limits.upper / built.unknown_scale
+        plain = vector.copy()
+        plain[-1] = 1.0
+        pattern = np.arange(1, point.size + 1) * GOLDEN
+        sizes = []
+        for number in range(_SAMPLES):
+            aside = (pattern * (2 * number + 1)) % 1.0 - 0.5
+            place = np.clip(point + (number > 0) * aside, low, high)
+            slopes = built.program.objective_gradient(place, plain)[1]
+            size = float(np.abs(np.asarray(slopes)).sum())
+            if np.isfinite(size) and size > 0.0:
+                sizes.append(size)
+        return float(SHARE * np.median(sizes)) if sizes else 1.0
+
+    def _growing(
+        self, found: Multipliers, limits: Box, vector: FloatArray
+    ) -> str | None:
+        """Name the unbounded quantity with which an objective grows, if one does."""
+        built = self.discretisation
+        value = float(built.program.values(found.unknowns, vector)[0])
+        free = ~(np.isfinite(limits.lower) & np.isfinite(limits.upper))
+        size = np.where(free, np.abs(found.unknowns), 0.0)
+        if not (value < -UNLIMITED or np.isnan(value)) or size.max() < UNLIMITED:
+            return None
+        worst = int(np.argmax(size))
+        reached = f"reaches {found.unknowns[worst] * built.unknown_scale[worst]:.3g}"
+        for phase, place in zip(self.problem.phases, built.layout.phases, strict=True):
+            rows = [(n, place.state_row(i)) for i, n in enumerate(phase.states)]
+            rows += [(n, place.control_row(j)) for j, n in enumerate(phase.controls)]
+            rows.append(("duration", [place.durations]))
+            for name, tables in rows:
+                if any(worst in table for table in tables):
+                    return f"{name!r} of phase {phase.name!r} {reached}; bound it."
+        return f"A static {reached}; bound it."
+
+    def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
+        if warm not in self._solvers:
+            self._solvers[warm] = make_solver(
+                self.discretisation.program, self.options, warm=warm
+            )
+        return self._solvers[warm]
+
+    def _solution(
+        self,
+        result: Result,
+        message: str,
+        multipliers: Multipliers,
+        limits: Box,
+        parameters: dict[str, float],
+    ) -> Solution:
+        """Read a point of the program; its objective is not yet known."""
+        built = self.discretisation
+        unknowns = multipliers.unknowns * built.unknown_scale
+        # The solver keeps bounds to its tolerance only; the answer keeps them.
+        unknowns = np.clip(unknowns, limits.lower, limits.upper)
+        phases = tuple(
+            phase_solution(self, p, unknowns, limits, multipliers)
+            for p in range(len(self.problem.phases))
+        )
+        numbers = zip(self.problem.statics, built.layout.statics, strict=True)
+        statics = {static.name: float(unknowns[number]) for static, number in numbers}
+        return Solution(
+            result,
+            message,
+            float("nan"),
+            phases,
+            statics,
+            multipliers,
+            0,
+            self.mesh,
+            parameters,
+        )

@@ -1,0 +1,144 @@
+"""The dual bound: never above a flight that exists, and near the best ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fleet.handmade import LIMITS, VEHICLE
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.fleet.lower_bound.bound import lower_bound, surplus
+from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.vehicle.motion import thrust_direction
+
+
+def relaxation(**changes):
+    return Relaxation(VEHICLE, replace(LIMITS, **changes))
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_support_is_the_greatest_over_all_attitudes_and_thrusts(seed):
+    rng = np.random.default_rng(seed)
+    heading = float(rng.uniform(-4.0, 4.0))
+    cap = rng.uniform(0.0, 1.3, 2)
+    multiplier = rng.normal(size=3)
+    held = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "held", heading)
+    (support,) = held.thrust_supports(multiplier, cap[0], cap[1])
+    grid = np.linspace(-1.0, 1.0, 81)
+    phi, theta = np.meshgrid(cap[0] * grid, cap[1] * grid)
+    body = np.stack(
+        [np.cos(phi) * np.sin(theta), -np.sin(phi), np.cos(phi) * np.cos(theta)], -1
+    )
+    c, s = np.cos(heading), np.sin(heading)
+    turned = body @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    least, most = held.specific_thrust
+    values = np.stack([most * turned @ multiplier, least * turned @ multiplier])
+    assert support >= values.max() - 1e-9
+    assert support <= values.max() + 2e-3 * most
+    free = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "free")
+    assert free.thrust_supports(multiplier, cap[0], cap[1])[0] >= support - 1e-9
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), yaw=st.sampled_from(["held", "free"]))
+def test_support_within_an_envelope_is_the_greatest_over_what_keeps_it(seed, yaw):
+    rng = np.random.default_rng(seed)
+    cap, multiplier = rng.uniform(0.0, 0.8, 2), rng.normal(size=3)
+    level, up, down = rng.uniform(0.5, 6.0, 3)
+    limits = replace(
+        LIMITS, acceleration=level, acceleration_up=up, acceleration_down=down
+    )
+    relaxed = Relaxation(VEHICLE, limits, yaw, 0.4)
+    supports = relaxed.thrust_supports(multiplier, cap[0], cap[1])
+    size = 40_000
+    roll = rng.uniform(-cap[0], cap[0], size)
+    pitch = rng.uniform(-cap[1], cap[1], size)
+    edge = rng.random(size) < 0.5
+    pitch = np.where(edge, np.copysign(cap[1], pitch), pitch)
+    edge = rng.random(size) < 0.5
+    roll = np.where(edge, np.copysign(cap[0], roll), roll)
+    heading = 0.4 if yaw == "held" else rng.uniform(-np.pi, np.pi, size)
+    body = np.stack(thrust_direction(roll, pitch, heading), axis=-1)
+    most = relaxed.specific_thrust[1]
+    low = (VEHICLE.gravity - down) / body[:, 2]
+    high = np.minimum((VEHICLE.gravity + up) / body[:, 2], most)
+    high = np.minimum(high, level / np.maximum(np.hypot(body[:, 0], body[:, 1]), 1e-9))
+    thrust = np.where(rng.random(size) < 0.5, high, low)[:, None] * body
+    thrust = thrust[(low <= high) & (low >= relaxed.specific_thrust[0])]
+    reached = (thrust @ multiplier).max(initial=-np.inf)
+    assert reached <= min(supports) + 1e-9
+    if yaw == "held":
+        # And it is no loose superset.
+        assert reached >= min(supports) - 0.15 * np.linalg.norm(multiplier) * level
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    way=st.tuples(*[st.floats(-40.0, 40.0)] * 3).filter(
+        lambda d: np.linalg.norm(d) > 1.0
+    )
+)
+def test_the_bound_never_exceeds_a_flight_that_exists(way):
+    way = np.array(way)
+    # A straight flight proved against all limits takes longer than any true bound.
+    flown = shared_profile(VEHICLE, LIMITS, 0.3, np.zeros((1, 3)), way[None])
+    found = lower_bound(Relaxation(VEHICLE, LIMITS, "held", 0.3), 0, way, 5.0)
+    assert 0.5 * flown.duration < found.time < flown.duration
+
+
+@pytest.mark.parametrize(
+    ("way", "low", "high"),
+    [
+        # The independent reference: 6.871 s by optimal control to 0.1 %.
+        ((30.0, 20.0, 10.0), 6.83, 6.872),
+        # Straight up at 5 m/s: thrust 21.03 N, then free fall.
+        ((0.0, 0.0, 10.0), 2.35, 2.37),
+    ],
+)
+def test_known_moves(way, low, high):
+    found = lower_bound(relaxation(), 3, np.array(way), 4.0)
+    assert low < found.time < high
+    assert found.drone == 3
+
+
+def test_straight_up_is_bound_by_bang_bang():
+    # v = 5 m/s is reached after v / a, left before v / g; the rest is cruise.
+    most = LIMITS.thrust_max / VEHICLE.mass - VEHICLE.gravity
+    exact = 2.0 + 0.5 * 5.0 / most + 0.5 * 5.0 / VEHICLE.gravity
+    found = lower_bound(relaxation(), 0, np.array([0.0, 0.0, 10.0]), 4.0)
+    assert exact * 0.995 < found.time <= exact
+
+
+def test_a_witness_proves_its_time_and_all_shorter_ones_but_no_flown_one():
+    model = relaxation()
+    way = np.array([30.0, 20.0, 10.0])
+    found = lower_bound(model, 0, way, 7.0)
+    beta, knots = np.array(found.beta), np.array(found.knots)
+    multipliers = np.array(found.multipliers)
+    for subdivisions in (32, 64, 256):
+        proof = surplus(
+            model, way, found.time * (1 - 1e-4), beta, knots, multipliers, subdivisions
+        )
+        assert proof > 0.0
+    assert surplus(model, way, 6.95, beta, knots, multipliers) < 0.0
+    # A finer integral is a tighter one: the remainder is directed.
+    coarse, fine = (
+        surplus(model, way, found.time, beta, knots, multipliers, n) for n in (4, 64)
+    )
+    assert coarse <= fine
+
+
+def test_slower_aircraft_have_longer_bounds():
+    way = np.array([12.0, 3.0, -4.0])
+    times = [
+        lower_bound(relaxation(**changes), 0, way, 4.0).time
+        for changes in (
+            {},
+            {"tilt": 0.2},
+            {"tilt": 0.2, "velocity_max": (3.0, 3.0, 3.0)},
+        )
+    ]
+    assert times[0] < times[1] < times[2]

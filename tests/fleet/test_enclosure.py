@@ -1,0 +1,83 @@
+"""Flights within a concave fence: round its corners, with the margin, at all times."""
+
+import numpy as np
+import pytest
+from fleet.handmade import LIMITS, make_leg, make_options, make_show
+
+from showc.errors import SolveError
+from showc.fleet import solve_leg
+from showc.fleet.deconfliction.enclosure import detour
+from showc.fleet.execution.pool import InProcess
+from showc.fleet.single_drone.single import Aircraft
+from showc.plan.metric import measure
+from showc.progress import Silent
+from showc.script.fence import Fence
+from showc.vehicle import PRESETS, Separation
+
+L = np.array([(-40, -40), (40, -40), (40, 0), (0, 0), (0, 40), (-40, 40)], float)
+GENTLE = PRESETS["formation-625g"].envelope.within(LIMITS)
+
+
+def solve(leg, fence, margin):
+    show = make_show(
+        leg.drones.size,
+        separation=Separation(1.5),
+        fence=fence,
+        fence_margin=margin,
+    )
+    return solve_leg(leg, show, make_options(), InProcess(), Silent())
+
+
+def assert_encloses(flight, fence, margin):
+    times = np.linspace(0.0, flight.duration, 4001)
+    places = [t.state(times)[:, :3] for t in flight.trajectories]
+    for place in places:
+        assert Fence(fence).clearance(place[:, :2]).min() >= margin - 1e-5
+    for i, one in enumerate(places):
+        for other in places[:i]:
+            assert measure(one - other, Separation(1.5)).min() >= 1.5 - 1e-6
+
+
+@pytest.mark.parametrize("limits", [LIMITS, GENTLE], ids=["airframe", "autopilot"])
+def test_a_fleet_goes_round_a_corner_and_keeps_apart(limits):
+    start = np.array([(x, y, 20.0) for x in (-15.0, -12.0) for y in (20.0, 23.0)])
+    goal = np.array([(x, y, 22.0) for x in (20.0, 23.0) for y in (-15.0, -12.0)])
+    flight = solve(make_leg(start, goal, limits=limits), L, 3.0)
+    assert_encloses(flight, L, 3.0)
+    # A straight way would take less and leave the fence.
+    assert not Fence(L, 3.0).straight(start[0, :2], goal[:1, :2])[0]
+
+
+def test_two_that_pass_each_other_at_a_corner_keep_apart_within_the_fence():
+    start = np.array([(-6.0, 8.0, 20.0), (8.0, -6.0, 20.0)])
+    flight = solve(make_leg(start, start[::-1], limits=GENTLE), L, 2.0)
+    assert_encloses(flight, L, 2.0)
+
+
+def test_a_drone_with_a_stop_at_each_corner_is_a_flight_for_any_longer_time():
+    fence = Fence(L, 2.0)
+    way = detour(fence, np.array([-6.0, 30.0, 10.0]), np.array([30.0, -6.0, 14.0]))
+    aircraft = Aircraft(make_show(1).vehicle, GENTLE)
+    least = sum(profile.duration for profile in way.profiles(aircraft))
+    assert way.halting(aircraft, 0.99 * least) is None
+    flight = way.halting(aircraft, 1.3 * least)
+    assert flight.state.end == pytest.approx(1.3 * least)
+    times = np.linspace(0.0, flight.state.end, 3001)
+    assert fence.clearance(flight.state(times)[:, :2]).min() >= 2.0 - 1e-6
+
+
+def test_a_passage_that_is_too_narrow_is_named_with_drone_and_margin():
+    walls = np.array(
+        [(-20, -9), (-1, -9), (-1, -1), (1, -1), (1, -9), (20, -9), (20, 9)]
+        + [(1, 9), (1, 1), (-1, 1), (-1, 9), (-20, 9)],
+        float,
+    )
+    leg = make_leg([(-10.0, 0.0, 9.0)], [(10.0, 0.0, 9.0)], limits=GENTLE)
+    with pytest.raises(SolveError, match=r"drone 1 has no way .* stays 1\.50 m within"):
+        solve(leg, walls, 1.5)
+
+
+def test_a_place_too_near_the_fence_is_refused_with_both_distances():
+    leg = make_leg([(-10.0, 39.0, 9.0)], [(-10.0, 0.0, 9.0)], limits=GENTLE)
+    with pytest.raises(SolveError, match=r"1\.00 m within the fence, the margin is 3"):
+        solve(leg, L, 3.0)

@@ -1,0 +1,179 @@
+"""Flights within an autopilot's envelope: kept at every instant, upright at both ends.
+
+What is flown is worked out here from thrust and attitude, not from the polynomials of
+the velocity that the planner bounds.
+"""
+
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+from fleet.handmade import LIMITS, VEHICLE, make_leg, make_options, make_show
+
+from showc.errors import SolveError
+from showc.fleet import solve_leg
+from showc.fleet.execution.pool import InProcess
+from showc.fleet.lower_bound.bound import lower_bound
+from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone.single import Aircraft, follow, minimum_time
+from showc.fleet.single_drone.spline import follow_spline
+from showc.fleet.single_drone.vertical import quickest_ascent, vertical_accelerations
+from showc.progress import Silent
+from showc.vehicle import PRESETS, Separation
+from showc.vehicle.motion import thrust_direction
+
+ENVELOPE = PRESETS["formation-625g"].envelope
+HOVER = VEHICLE.hover_thrust
+TIGHT = {
+    "the preset's": ENVELOPE.within(LIMITS),
+    "little tilt, thrust near hover": ENVELOPE.within(
+        replace(
+            LIMITS,
+            tilt=radians(12.0),
+            thrust_min=0.8 * HOVER,
+            thrust_max=1.2 * HOVER,
+        )
+    ),
+    "level alone": replace(LIMITS, acceleration=2.0, level_speed=4.0),
+    "upright alone": replace(LIMITS, acceleration_up=1.0, acceleration_down=0.7),
+}
+
+
+def flown(trajectory):
+    """Velocity and acceleration that thrust and attitude give, each (m, 3)."""
+    times = np.linspace(0.0, trajectory.state.end, 6001)
+    state, control = trajectory.state(times), trajectory.control(times)
+    direction = np.stack(thrust_direction(*state[:, 6:9].T), axis=-1)
+    acceleration = control[:, :1] / VEHICLE.mass * direction
+    acceleration[:, 2] -= VEHICLE.gravity
+    return state[:, 3:6], acceleration
+
+
+def assert_within(trajectory, limits):
+    velocity, acceleration = flown(trajectory)
+    level = np.hypot(acceleration[:, 0], acceleration[:, 1])
+    assert level.max() <= (limits.acceleration or np.inf) * (1.0 + 1e-3)
+    up, down = limits.acceleration_up, limits.acceleration_down
+    assert acceleration[:, 2].max() <= (up or np.inf) * (1.0 + 1e-3)
+    assert -acceleration[:, 2].min() <= (down or np.inf) * (1.0 + 1e-3)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    assert speed.max() <= (limits.level_speed or np.inf) + 1e-6
+
+
+@pytest.mark.parametrize("limits", TIGHT.values(), ids=TIGHT)
+@pytest.mark.parametrize("way", [(12.0, 0.0, 0.0), (7.0, -9.0, 4.0), (3.0, 3.0, -6.0)])
+def test_every_kind_of_flight_keeps_the_envelope_and_none_beats_the_bound(limits, way):
+    aircraft, way = Aircraft(VEHICLE, limits, "held", 0.3), np.array(way)
+    start = np.array([0.0, 0.0, 50.0])
+    least = minimum_time(aircraft, start, start + way)
+    assert least.solved, least.message
+    assert_within(least.trajectory, limits)
+    bound = lower_bound(
+        Relaxation(VEHICLE, limits, "held", 0.3), 0, way, least.duration
+    )
+    assert 0.97 * least.duration < bound.time <= least.duration
+    free = minimum_time(replace(aircraft, limits=LIMITS), start, start + way)
+    assert least.duration > free.duration
+
+    shared = shared_profile(VEHICLE, limits, 0.3, start[None], (start + way)[None])
+    assert shared.duration >= least.duration
+    longer = shared.stretched(1.1 * least.duration)
+    spline = follow_spline(
+        aircraft, start, start + way, longer.derivatives()[0], intervals=40
+    )
+    near = follow(
+        aircraft,
+        start,
+        start + way,
+        longer.duration,
+        reference=longer.derivatives()[0],
+    )
+    assert near.solved
+    assert_within(near.trajectory, limits)
+    if spline is not None:
+        assert_within(spline.flight.trajectory(0), limits)
+
+
+def test_a_yaw_that_is_free_keeps_the_envelope_too():
+    limits = TIGHT["the preset's"]
+    aircraft = Aircraft(VEHICLE, limits, "free")
+    start, goal = np.array([0.0, 0.0, 50.0]), np.array([6.0, 8.0, 53.0])
+    least = minimum_time(aircraft, start, goal)
+    assert least.solved, least.message
+    assert_within(least.trajectory, limits)
+
+
+def solve(leg, **show):
+    show = make_show(leg.drones.size, **show)
+    return solve_leg(leg, show, make_options(), InProcess(), Silent())
+
+
+PADS = np.array([(3.0 * x, 3.0 * y, 0.0) for x in range(3) for y in range(2)])
+
+
+@pytest.mark.parametrize("kind", ["launch", "land"])
+@pytest.mark.parametrize("limits", TIGHT.values(), ids=TIGHT)
+def test_launch_and_landing_hold_x_and_y_under_any_limits(kind, limits):
+    limits = limits.upright(2.0)
+    high = PADS + [0.0, 0.0, 12.0]
+    ends = (PADS, high) if kind == "launch" else (high, PADS)
+    flight = solve(make_leg(*ends, kind=kind, limits=limits))
+    for row, trajectory in enumerate(flight.trajectories):
+        state = trajectory.state.coefficients
+        assert np.all(state[..., :2] == ends[0][row, :2])
+        assert np.all(state[..., [3, 4, 6, 7, 9, 10, 11]] == 0.0)
+        assert np.all(trajectory.control.coefficients[..., 1:] == 0.0)
+        _, acceleration = flown(trajectory)
+        derived = trajectory.state.select([5]).derivative()
+        times = np.linspace(0.0, flight.duration, 6001)
+        assert np.median(np.abs(acceleration[:, 2] - derived(times)[:, 0])) < 1e-9
+        assert_within(trajectory, limits)
+    certificate = flight.certificate
+    assert certificate.dual_bound <= certificate.single_drone_minimum
+    assert certificate.dual_bound > 0.995 * certificate.single_drone_minimum
+    assert flight.duration < certificate.single_drone_minimum + 1e-3
+
+
+def test_pads_at_different_heights_launch_on_one_profile():
+    limits = TIGHT["the preset's"].upright(3.0)
+    start = PADS + np.array([[0, 0, h] for h in (0.0, 1.0, 2.0, 0.5, 0.0, 3.0)])
+    goal = np.array([*PADS.T[:2], np.full(6, 10.0)]).T
+    flight = solve(make_leg(start, goal, kind="launch", limits=limits))
+    for trajectory in flight.trajectories:
+        assert_within(trajectory, limits)
+        velocity, _ = flown(trajectory)
+        assert velocity[:, 2].max() <= 3.0 + 1e-9
+
+
+def test_the_quickest_ascent_is_bang_and_brake():
+    aircraft = Aircraft(VEHICLE, replace(LIMITS, thrust_min=0.8 * HOVER).upright(50.0))
+    up, down = vertical_accelerations(aircraft)
+    assert down == pytest.approx(0.2 * VEHICLE.gravity)
+    height = 1.0
+    ascent = quickest_ascent(aircraft, np.array([height]))
+    assert ascent.cruise == 0.0
+    assert up * ascent.push == pytest.approx(down * ascent.brake)
+    risen = 0.5 * up * ascent.push**2 + 0.5 * down * ascent.brake**2
+    assert risen == pytest.approx(height)
+
+
+def test_pads_above_each_other_are_refused_with_the_pair():
+    start = np.array([(0.0, 0.0, 0.0), (0.4, 0.0, 3.0)])
+    goal = np.array([(0.0, 0.0, 12.0), (0.4, 0.0, 8.0)])
+    leg = make_leg(start, goal, kind="launch", limits=LIMITS.upright(2.0))
+    with pytest.raises(SolveError, match=r"drone 1 and drone 2 come within 0\.4"):
+        solve(leg, separation=Separation(1.0))
+
+
+def test_a_leg_says_what_the_airframe_alone_would_need():
+    limits = TIGHT["the preset's"]
+    start = PADS + [0.0, 0.0, 10.0]
+    leg = make_leg(start, start + [20.0, 5.0, 3.0], limits=limits)
+    show = make_show(6)
+    show.airframe_limits = LIMITS
+    flight = solve_leg(leg, show, make_options(), InProcess(), Silent())
+    alone = flight.certificate.statistics["airframe_bound"]
+    free = minimum_time(Aircraft(VEHICLE, LIMITS), start[0], leg.goal[0])
+    assert 0.98 * free.duration < alone <= free.duration < flight.duration

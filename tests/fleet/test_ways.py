@@ -1,0 +1,96 @@
+"""Ways round each other: crowds that straight lines would run into each other."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.fleet.deconfliction.ways import bump_over, find_ways
+from showc.fleet.shared_profile.profile import Profile
+from showc.plan.metric import measure
+from showc.vehicle import PRESETS, Separation
+
+LIMITS = PRESETS["formation-625g"].limits
+PROFILE = Profile(6.0, 3.0, 0.6)
+
+
+def ways_of(start, goal, separation=None, parked=None):
+    return find_ways(
+        start,
+        goal,
+        parked,
+        PROFILE,
+        separation or Separation(1.0),
+        LIMITS,
+        np.zeros(start.shape[0], dtype=bool),
+    )
+
+
+def least(start, goal, ways, separation):
+    """Least distance of any pair at 2,000 instants, and the positions there."""
+    breaks, coefficients = ways.positions(start, goal, PROFILE)
+    from showc.trajectory import PiecewisePolynomial
+
+    times = np.linspace(0.0, PROFILE.duration, 2000)
+    places = np.stack([PiecewisePolynomial(breaks, c)(times) for c in coefficients])
+    a, b = np.triu_indices(start.shape[0], 1)
+    gaps = measure(places[a] - places[b], separation)
+    return float(gaps.min(initial=np.inf)), places
+
+
+@pytest.mark.parametrize("rise", [0.5, 0.35, 0.2])
+def test_a_bump_rises_from_rest_and_comes_back_to_rest(rise):
+    bump = bump_over(4.0, rise)
+    first, second = bump.derivative(), bump.derivative().derivative()
+    ends = np.array([0.0, 4.0])
+    for curve in (bump, first, second):
+        assert np.abs(curve(ends)).max() < 1e-12
+    assert bump(np.array([2.0]))[0, 0] == pytest.approx(1.0)
+    inner = bump.breaks[1:-1]
+    assert np.abs(second(inner - 1e-9) - second(inner + 1e-9)).max() < 1e-5
+
+
+def test_two_drones_that_swap_places_pass_each_other_on_the_right():
+    start = np.array([[-5.0, 0.0, 20.0], [5.0, 0.0, 20.0]])
+    ways = ways_of(start, start[::-1])
+    assert ways.broken == 0
+    assert ways.aside[0, 1] < 0.0 < ways.aside[1, 1]
+
+
+@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "any-axis"])
+def test_a_dense_grid_that_turns_in_place_keeps_apart(shape):
+    separation = Separation(1.0, shape, 1.5)
+    x, y = np.meshgrid(np.arange(6) - 2.5, np.arange(6) - 2.5)
+    start = np.column_stack([1.6 * x.ravel(), 1.6 * y.ravel(), np.full(36, 20.0)])
+    goal = start[:, [1, 0, 2]] * [-1.0, 1.0, 1.0]
+    ways = ways_of(start, goal, separation)
+    assert ways.broken == 0
+    nearest, places = least(start, goal, ways, separation)
+    assert nearest >= 1.0
+    assert np.array_equal(places[:, -1], goal)
+
+
+def test_parked_drones_are_flown_around():
+    start, goal = np.array([[-6.0, 0.0, 20.0]]), np.array([[6.0, 0.0, 20.0]])
+    parked = np.array([[0.0, 0.0, 20.0]])
+    ways = ways_of(start, goal, parked=parked)
+    _, places = least(start, goal, ways, Separation(1.0))
+    assert np.linalg.norm(places[0] - parked[0], axis=-1).min() >= 1.0
+
+
+def test_where_all_axes_count_there_is_no_way_round():
+    start = np.array([[-5.0, 0.0, 20.0], [5.0, 2.0, 22.0]])
+    assert ways_of(start, start[::-1], Separation(1.0, "all-axes")) is None
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 14))
+def test_what_the_search_calls_apart_is_apart(seed, count):
+    rng = np.random.default_rng(seed)
+    places = np.argwhere(np.ones((5, 5, 3)))[rng.permutation(75)] * 1.5
+    start, goal = places[:count] + [0.0, 0.0, 15.0], places[-count:] + [2.0, 1.0, 15.0]
+    ways = ways_of(start, goal)
+    nearest, found = least(start, goal, ways, Separation(1.0))
+    assert np.array_equal(found[:, -1], goal)
+    if ways.broken == 0:
+        assert nearest >= 1.0
