@@ -1,6 +1,6 @@
 # make show    compile and verify shows/grid.yaml
 # make test    the whole test suite
-# make lint    linter, formatter, type checker
+# make lint    linter, formatter, type checker, plain sentences
 # make bench   the benchmark tables (each peer in an environment of its own)
 # make fuzz    long campaign of hostile data and accidents; FUZZ="--cases 100 scripts"
 # make docs    generate schemas, references and tables in the documentation
@@ -25,6 +25,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tests/prose.py
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

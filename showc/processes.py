@@ -168,8 +168,8 @@ def join_group(group: int) -> None:
         os.setpgid(0, group)
     except OSError:
         os._exit(1)
-    # Who joins after the guard's last deed is not reached by it. From here on a death
-    # of the parent is followed by that deed; an earlier one shows here.
+    # A worker that joins after the guard's last deed is out of its reach. From here on
+    # a death of the parent is followed by that deed; an earlier one shows here.
     parent = parent_process()
     if parent is not None and not parent.is_alive():
         os._exit(1)

@@ -62,8 +62,9 @@ def solve_itinerary(
     keys = [leg_key(leg, show, options) for leg in itinerary.legs]
     if options.cluster is not None and not options.cluster.startswith("tls://"):
         progress.note(
-            f"the cluster {options.cluster} is used without TLS: whoever can reach it "
-            "can run code on its workers and change what they return; see security.md"
+            f"the cluster {options.cluster} is used without TLS: anything that "
+            "reaches it can run code on its workers and change what they return; "
+            "see security.md"
         )
     with workers(options.jobs, options.cluster) as crew:
         found, missing = _look_up(itinerary, keys, cache, crew, progress)
@@ -171,7 +172,7 @@ class _Task:
 
 
 class _Notes(Silent):
-    """Keeps what was said worth a line, for whoever watches elsewhere."""
+    """Keeps what was said worth a line, for a watcher elsewhere."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

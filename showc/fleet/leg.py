@@ -356,7 +356,7 @@ class _Solver:
         return least, longest
 
     def _side_by_side(self, limiting: Limiting, shared: Profile) -> Repair | None:
-        """Where all drones make the same move, nobody can come nearer: no slack."""
+        """Where all drones make the same move, none comes nearer: no slack."""
         moves = self.leg.goal - self.leg.start
         if np.abs(moves - moves[0]).max() > _STILL:
             return None

@@ -247,7 +247,7 @@ def searched(tracks: Tracks, wanted: Separation) -> Separation:
     """Return the separation with which pairs are sought; the result does not change.
 
     The search cuts time where drones fly twice that far. Files that ask for nothing, or
-    in which drones fly for hours at any speed, are cut into no more than so many parts.
+    in which drones fly for hours at any speed, are cut into no more parts than this.
     """
     width = np.maximum(tracks.ends - tracks.starts, 1e-9)
     reach = tracks.position.max(axis=1) - tracks.position.min(axis=1)

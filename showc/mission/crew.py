@@ -1,7 +1,7 @@
 """Work on several legs at once, in copies of this process.
 
 A copy made by the system's ``fork`` has the whole show already; only what it finds is
-sent back. Who works changes nothing in what is found.
+sent back. The number of workers changes nothing in what is found.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def nearest_pair(
 ) -> tuple[int, int, float]:
     """Return the nearest two of ``points`` (n, 3) with a mover, and their distance.
 
-    ``moving`` (n,) says who moves. Infinite where there is no such pair.
+    ``moving`` (n,) marks drones that move. Infinite where there is no such pair.
     """
     boxes = _Boxes(points, points, separation, moving)
     limit = np.inf
@@ -106,7 +106,7 @@ def near_pairs(
 class _Boxes:
     """Boxes around straight parts, whose ends are (n, 3) [m], in the metric.
 
-    ``moving`` (n,) says who moves; pairs that both rest are left out.
+    ``moving`` (n,) marks drones that move; pairs that both rest are left out.
     """
 
     def __init__(

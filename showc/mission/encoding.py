@@ -30,7 +30,7 @@ class Encoding:
     name: str
     """What was done, in words."""
     stages: tuple[Stage, ...]
-    """In order; none when nobody moves."""
+    """In order; none when no drone moves."""
     closest: tuple[Closest | None, ...]
     """Nearest encounter of each stage, times since its release [s]."""
 

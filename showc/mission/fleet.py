@@ -204,7 +204,7 @@ def _warnings(
         latest = clock.text(prediction["latest_mission_start"])
         again = "day" if clock.start else "hour"
         found.append(
-            f"start the missions before {latest}: who misses a clock slot waits for "
+            f"start the missions before {latest}: a drone that misses a slot waits for "
             f"it until the next {again}"
         )
         if show.mission.slack < LEAST_SLACK:

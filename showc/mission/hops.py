@@ -1,8 +1,8 @@
-"""Over the others: who is in the way of others, and of whom others are, flies high.
+"""Over the others: drones that are in each other's way fly high.
 
 Straight lines that pass the starts and ends of other drones can only be flown in some
 order. Where that order goes round in circles, some drones leave their lines: they rise,
-each to a layer of its own line's conflicts, fly across above everybody, and come down
+each to a layer of its own line's conflicts, fly across above all others, and come down
 when the others have arrived.
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     IntArray = NDArray[np.int64]
 
 ROOM = 0.3
-"""How much farther than the separation the lowest layer is above everybody [m]."""
+"""How much farther than the separation the lowest layer is above all others [m]."""
 
 MARGIN = 0.05
 """How much farther than the separation ways up and down stay from drones there [m]."""
@@ -52,7 +52,7 @@ def hops(
 ) -> Iterator[tuple[str, list[Lines]]]:
     """Return the encoding with the fewest drones above the others, if there is one.
 
-    ``straight`` is the stage of straight lines, ``gaps`` says who of it may pass whom.
+    ``straight`` is the stage of straight lines, ``gaps`` which drone may pass which.
     """
     start, goal = around.positions.copy(), around.positions.copy()
     goal[leg.drones] = leg.goal
@@ -110,7 +110,7 @@ def _who_hops(gaps: Gaps, ways: _Ways, blocked: set[int]) -> IntArray | None:
     """Positions in the stage of drones without which the others can be put in order.
 
     Those that are ``blocked``, and greedily: of each pair that meets in either order
-    the busier one, then whoever is in most orders of those that go round in circles.
+    the busier one, then the drone in most orders that go round in circles.
     None if some of them cannot hop.
     """
     before, hopeless = gaps.order(), gaps.hopeless()

@@ -256,7 +256,7 @@ class Loops:
         keeps = np.add(three[0], three[1], out=three[0])
         keeps += three[2]
         keeps -= point
-        # Where the law stands, it waits for nobody.
+        # Where the law stands, it does not wait.
         np.greater_equal(speed, STANDS, out=self._moves)
         wanted.fill(1.0)
         np.divide(keeps, speed, out=wanted, where=self._moves)

@@ -71,7 +71,7 @@ def fence_corners(site: Site) -> tuple[tuple[float, float], ...]:
 def plan_file(mission: Mission, settings: PlanSettings) -> bytes:
     """Return the plan of one drone.
 
-    Home stands only in ``plannedHomePosition``: whoever sends the plan adds it for
+    Home stands only in ``plannedHomePosition``: a sender of the plan adds it for
     ArduPilot.
     """
     home = [

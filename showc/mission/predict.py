@@ -115,7 +115,7 @@ class PredictedFlight:
         return ended + line.landing_pause + LAND_LEG
 
     def _moves(self, times: FloatArray) -> Iterator[_Move]:
-        """Stages in order: who flies, since when, till when, and how far they come.
+        """Stages in order: the drones, from when, till when, and how far they come.
 
         ``times`` (n, 1) [s].
         """

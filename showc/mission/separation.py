@@ -92,12 +92,11 @@ def closest_encounter(
     enough: float = -np.inf,
     plenty: float = np.inf,
 ) -> Closest | None:
-    """Return the nearest encounter of ``motion``; None when nobody moves.
+    """Return the nearest encounter of ``motion``; None when no drone moves.
 
     Pairs that both rest are left out. The search ends early, with a valid encounter
-    but not the nearest, as soon as one nearer than ``enough`` [m] is found. Who is
-    proved to stay ``plenty`` [m] apart is not looked at more closely: no more than
-    that is proved then.
+    but not the nearest, as soon as one nearer than ``enough`` [m] is found. A
+    pair that is proved to stay ``plenty`` [m] apart is not looked at more closely.
     """
     moving = np.any(motion.begin != motion.end, axis=1)
     if motion.begin.shape[0] < 2 or not np.any(moving):

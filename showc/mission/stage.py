@@ -41,7 +41,7 @@ class Stage:
     """One straight leg of each of n drones, all released together."""
 
     drones: IntArray
-    """Who flies, counting from 0, shape (n,)."""
+    """The drones that fly, counting from 0, shape (n,)."""
     begin: FloatArray
     """Where from, shape (n, 3), show frame [m], on the mission's grid."""
     end: FloatArray
@@ -55,7 +55,7 @@ class Stage:
     climb: FloatArray
     """Vertical part of the direction, -1 to 1, shape (n,)."""
     by_climb: NDArray[np.bool_]
-    """Who is steered by the vertical instead of the horizontal speed, shape (n,)."""
+    """Drones steered by the vertical instead of the horizontal speed, shape (n,)."""
     command: FloatArray
     """Commanded horizontal or vertical speed, shape (n,) [m/s]."""
     wait: FloatArray
@@ -128,7 +128,7 @@ class Lines:
     """Straight legs of n drones that move, before it is said how long they take."""
 
     drones: IntArray
-    """Who flies, counting from 0, shape (n,)."""
+    """The drones that fly, counting from 0, shape (n,)."""
     begin: FloatArray
     """Where from, shape (n, 3), show frame [m], on the mission's grid."""
     end: FloatArray

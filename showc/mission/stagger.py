@@ -3,7 +3,7 @@
 Every pair whose lines come too near has an interval of differences of release that are
 forbidden. Giving out releases is scheduling with such pairs as constraints: each drone
 in turn takes the first release that those before it allow. The order counts: those on
-whom the longest chains of others wait come first, and some other orders are tried, too.
+which the longest chains of others wait come first; other orders are tried, too.
 Where a line passes another drone's start or end, only one of the two can pass first;
 orders that respect all of this exist unless it goes round in circles, and then every
 drone finds a release.
@@ -32,7 +32,7 @@ STEP = 0.1
 """Releases are whole multiples of this [s]."""
 
 LONGEST_WAIT = 600
-"""Nobody leaves later than this after the first [s]."""
+"""No drone leaves later than this after the first [s]."""
 
 SHUFFLES = 20
 """Orders with something random in them that are tried, besides the orderly one."""
@@ -80,7 +80,7 @@ def staggered(
         for gap in (gaps.after, gaps.before)
     )
     first, second = gaps.first, gaps.second
-    # Whom each drone is near, how much later it may leave, and how much sooner.
+    # The drones near each one, how much later it may leave, and how much sooner.
     near: Near = [[] for _ in range(gaps.drones)]
     for one, other, a, b in zip(
         first.tolist(), second.tolist(), after.tolist(), before.tolist(), strict=True
@@ -154,7 +154,7 @@ def ordered(
 def _chains(
     near: Near, order: list[tuple[int, int]]
 ) -> list[tuple[int, int, int]] | None:
-    """Who can only come after whom, and by how much [steps]; last ones first.
+    """Drones that can only come after others, by how much [steps]; last first.
 
     None if what must come first goes round in circles.
     """
@@ -174,7 +174,7 @@ def _tails(
 ) -> list[Number]:
     """From each drone's release to the end of the longest chain that waits for it.
 
-    In the unit of the ``flights``, of which one ``step`` has so many.
+    In the unit of the ``flights``, of which one ``step`` has this number.
     """
     tails = list(flights)
     for drone, other, behind in chains:
@@ -188,7 +188,7 @@ class _Turns:
     Parameters
     ----------
     near
-        For each drone whom it is near, how much later it may leave than that one, and
+        For each drone those near it, how much later it may leave than that one, and
         how much sooner [steps].
     before
         Pairs of drones, the first of which gets its release before the second.
@@ -211,7 +211,7 @@ class _Turns:
         for one, other in before:
             self.later[one].append(other)
             self.missing[other] += 1
-        # Who is near nobody leaves at once, whatever the order is.
+        # A drone near no other leaves at once, whatever the order is.
         self.alone = max(
             (time for time, others in zip(takes, near, strict=True) if not others),
             default=0.0,

@@ -1,4 +1,4 @@
-"""Where everybody is while a leg is looked at, and how the fleet moves in a stage."""
+"""Where all drones are while a leg is looked at, and how they move in a stage."""
 
 from __future__ import annotations
 

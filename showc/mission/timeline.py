@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 MANY = 200
-"""Fleets of so many drones are worth several processes."""
+"""Fleets of this size are worth several processes."""
 
 UNSURE = ARMED + 2.0 * LEAST_SPREAD
 """By how much the climb may end later than predicted: if a vehicle is armed at the

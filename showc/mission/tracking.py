@@ -106,7 +106,7 @@ class Tracks:
         some, high = np.arange(count), np.linalg.norm(self.along - self.ways[0], axis=1)
         moment[high <= distance] = 0.0
         for begin in range(1, steps, CHUNK):
-            # Only who has not been so near yet matters.
+            # Only drones that have not been so near yet matter.
             far = high > distance
             some, high = some[far], high[far]
             rows = self.ways[begin : begin + CHUNK, some]
@@ -228,7 +228,7 @@ class _Flight:
         -------
         ndarray
             States (STATES, n) at their next legs' releases, seen from where these
-            begin; at rest for who has none.
+            begin; at rest for drones without one.
         """
         some, most = self.some, len(track.ways) - 1
         until = track.until[some]
@@ -303,7 +303,7 @@ class _Flight:
         carried[:, ends] = rest
 
     def _note(self) -> None:
-        """Note who has come half way, and whose law has ended, in the last steps."""
+        """Note drones half way, and those whose law has ended, in the last steps."""
         first, rows = self.step - self.row, slice(0, self.row + 1)
         if np.isinf(self.ended).any():
             _passed(self.ended, first, self.places[rows, TIME], self.due / STEP)

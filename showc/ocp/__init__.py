@@ -3,7 +3,7 @@
 Knows no drones. State a problem with :class:`Problem`; solve it on a mesh of your
 own with :class:`Transcription`, or let :func:`solve` find the mesh.
 
-Names are looked up when first used: who needs one part of the core does not wait for
+Names are looked up when first used: a user of one part of the core does not wait for
 all of them to load.
 """
 

@@ -1,9 +1,9 @@
 """Independent parts of the proof, done side by side in copies of this process.
 
 A copy made by the system's ``fork`` has everything that was read already, without any
-of it being sent; what it finds comes back pickled. Who works changes nothing in what is
-found: results come back in the order of the parts, and what a copy that died left
-undone is done here.
+of it being sent; what it finds comes back pickled. The number of workers changes
+nothing in what is found: results come back in the order of the parts, and what a copy
+that died left undone is done here.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ class LogFile:
         channels
             Numbers of the channels; a negative one is none.
         share, shares
-            Which of so many equal shares of the chunks, in the file's order.
+            Which of the equal shares of the chunks, in the file's order.
 
         Yields
         ------

@@ -1,4 +1,4 @@
-"""What the verification tells whoever watches it: a protocol, and the silent one."""
+"""What the verification reports to its watcher: a protocol, and the silent one."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def prove(
     log
         The log, every byte of it accounted for.
     watch
-        Is told of the course of the work.
+        Hears of the course of the work.
     missions
         Whether to check the files beside the log.
     jobs

@@ -37,7 +37,7 @@ def verify_log(
         ``fork``: a caller with threads of its own had better leave it at 1. What is
         found does not depend on it.
     progress
-        Is told of the course of the work.
+        Hears of the course of the work.
     script
         The script to hold the log against; None: the one attached to the log.
 

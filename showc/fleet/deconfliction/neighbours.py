@@ -51,5 +51,5 @@ def least_distance(points: FloatArray, norm: float) -> float:
 
 
 def all_pairs(count: int) -> tuple[IntArray, IntArray]:
-    """All pairs (first, second) of so many, the first the lower index."""
+    """All pairs (first, second) of ``count``, the first the lower index."""
     return np.triu_indices(count, 1)

@@ -140,7 +140,7 @@ class Repair:
         self._rigid: set[int] = set()
         # Whether all processes have the program behind walls from the beginning.
         self._bending = False
-        # Who does not move hovers, and is flown around.
+        # A drone that does not move hovers, and is flown around.
         self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
         # How often a drone was found outside the fence, and which were not.
         self._strayed: dict[int, int] = {}

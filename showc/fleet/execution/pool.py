@@ -55,7 +55,7 @@ class Workers(Protocol):
     ) -> list[Any]:
         """Call ``function(*task)`` for every task; results in the tasks' order.
 
-        ``done`` is told how many more tasks have been finished, ``found`` the number of
+        ``done`` hears how many more tasks have been finished, ``found`` the number of
         a task and its result as soon as it is known.
         """
 
@@ -73,7 +73,7 @@ def _several(function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list
 
 
 def chunks(tasks: Sequence[Any]) -> list[list[Any]]:
-    """Cut tasks into chunks by their number alone, never by who works on them."""
+    """Cut tasks into chunks by their number alone, never by the workers."""
     size = 1 if len(tasks) < 32 else 2 if len(tasks) < 128 else 6
     return [list(tasks[top : top + size]) for top in range(0, len(tasks), size)]
 
@@ -130,7 +130,7 @@ class Processes:
             Thread(target=self._try, daemon=True).start()
 
     def _try(self) -> None:
-        # What stands in the way is said to whoever submits work next.
+        # What stands in the way is said when work is submitted next.
         with suppress(Exception):
             self._pool()
 
@@ -195,7 +195,7 @@ class Processes:
 
     def close(self) -> None:
         """Let the processes go; none is started any more."""
-        # Who still waits to start some, finds this when it is its turn.
+        # A thread that waits to start some finds this when it is its turn.
         self._closed = True
         self._let_go()
 
@@ -207,7 +207,7 @@ class Processes:
 
 
 def _started(jobs: int) -> ProcessPoolExecutor:
-    """Start so many processes, each with one thread."""
+    """Start ``jobs`` processes, each with one thread."""
     method = "forkserver" if os.name == "posix" else "spawn"
     context = get_context(method)
     if method == "forkserver":

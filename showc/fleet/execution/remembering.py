@@ -64,7 +64,7 @@ class Remembering:
     Parameters
     ----------
     workers
-        Who works.
+        The workers.
     folder
         Where the parts of this leg are kept; made when needed.
     key

@@ -114,7 +114,7 @@ def lower_bound(
     DualWitness
         Its ``time`` is proved by :func:`surplus`.
     """
-    # HiGHS is loaded only by who solves.
+    # HiGHS is loaded only where something is solved.
     from showc.fleet.lower_bound.relaxed_move import RelaxedMove  # noqa: PLC0415
 
     move = RelaxedMove(relaxation, displacement)

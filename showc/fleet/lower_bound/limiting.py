@@ -178,7 +178,7 @@ def _corners(
     """Rows of those of the ``wanted`` moves that may have the greatest bound of all."""
     if not wanted.size:
         return wanted
-    # HiGHS is loaded only by who solves.
+    # HiGHS is loaded only where something is solved.
     from showc.fleet.lower_bound.extremes import extreme_moves  # noqa: PLC0415
 
     signs = images(aircraft)

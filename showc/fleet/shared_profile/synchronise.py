@@ -243,7 +243,7 @@ def best_profile(
     weights = np.bincount(inverse.ravel(), minlength=distinct.shape[0])
 
     def judged(rows: IntArray, shapes: FloatArray) -> tuple[BoolArray, FloatArray]:
-        """Who keeps all limits under which shape, (n, m), and each shape's score."""
+        """Drones that keep all limits by shape, (n, m), and each shape's score."""
         use = _uses(vehicle, limits, heading, distinct[rows], duration, shapes)
         fits = use <= 0.9999
         least = np.minimum(use, 10.0).max(axis=0)

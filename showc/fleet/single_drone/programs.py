@@ -93,7 +93,7 @@ class Programs:
         half_spaces: int = 0,
         solver: StagedSolver = "fatrop",
     ) -> StagedTranscription:
-        """Return the program for so many intervals, from the process's store."""
+        """Return the program for ``intervals``, from the process's store."""
         return _built(self.aircraft.canonical(), intervals, time, half_spaces, solver)
 
     def solve(

@@ -161,7 +161,7 @@ def _attempts(
 def _moving(
     programs: Programs, widths: FloatArray, guess: StagedGuess, tolerance: float
 ) -> StagedSolution | None:
-    """Least time on so many intervals whose borders move; ``None`` if it fails.
+    """Least time on a number of intervals whose borders move; ``None`` if it fails.
 
     The borders move in several passes, each within a range about where it starts,
     until that gains little: one pass with a wide range often ends nowhere.

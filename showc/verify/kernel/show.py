@@ -60,7 +60,7 @@ class PieceTable:
         return self._columns(column, column + 1)
 
     def parts(self, rows: int) -> Iterator[PieceTable]:
-        """Cut into tables of whole drones with about so many rows each."""
+        """Cut into tables of whole drones with about ``rows`` rows each."""
         begin = 0
         while begin < self.drones.size:
             end = int(np.searchsorted(self.first, self.first[begin] + rows, "right"))

@@ -166,7 +166,7 @@ def segment_distance(
     u, v, w = b - a, d - c, a - c
     uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
     best = np.full(uu.size, np.inf)
-    # Who rests has an edge of no length.
+    # A drone at rest has an edge of no length.
     along_u, along_v = (np.where(size > 0.0, size, 1.0) for size in (uu, vv))
     for way, along, size in (
         (w, v, along_v),

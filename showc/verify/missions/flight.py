@@ -236,7 +236,7 @@ def _check_slots(
     show: LoggedShow,
     pause: float,
 ) -> Check:
-    """Whether each drone reaches its slots in time, and nobody waits for nothing.
+    """Whether each drone reaches its slots in time, and none waits for nothing.
 
     The latest end of a leg, with the spread of its delay and the lag of the clock, lies
     ``pause`` [s] before the next slot; what the log holds is held. The fleet as a whole

@@ -75,7 +75,7 @@ class _Timed:
         """Return what is flown from ``first`` up to ``following`` [s], if anything."""
         begun = np.count_nonzero(self.first < following - 1e-9, axis=1)
         flies = begun > 0
-        # Who is not yet off rests where its first timed leg begins.
+        # A drone not yet off rests where its first timed leg begins.
         chosen = np.arange(begun.size), np.maximum(begun - 1, 0)
         last = min(following, float(self.last[chosen][flies].max(initial=-np.inf)))
         if last <= first:
@@ -93,7 +93,7 @@ class _Timed:
 def stretches(
     missions: Sequence[MissionLegs], flights: Profiles, first_leg: IntArray
 ) -> Iterator[Stretch]:
-    """Cut time so that everybody flies at most one timed leg in a stretch.
+    """Cut time so that a drone flies at most one timed leg in a stretch.
 
     ``flights`` is the table of all legs, ``first_leg`` (drones,) the row of each one's
     first leg in it.
@@ -145,7 +145,7 @@ def _timed_legs(
 
 
 def _cuts(fleet: _Timed) -> FloatArray:
-    """Return times [s] between which nobody can fly more than one leg.
+    """Return times [s] between which no drone can fly more than one leg.
 
     Legs that begin close together share a cut, unless a drone's own leg before it still
     runs then.

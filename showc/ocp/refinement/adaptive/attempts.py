@@ -152,7 +152,7 @@ class Attempts:
         Returns
         -------
         float
-            What it was divided by when that was found, over this scale: so many times
+            What it was divided by when that was found, over this scale: this many times
             looser was the solver's tolerance.
         """
         size = objective_size(solution)

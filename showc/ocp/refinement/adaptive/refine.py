@@ -266,7 +266,7 @@ def _cut(cell: Cell, edges: FloatArray) -> list[Cell]:
 
 
 def _pieces(indicator: float) -> int:
-    """Into how many intervals one is cut that errs so many times too much."""
+    """Into how many intervals one is cut, by how much too large its error is."""
     return 2 if indicator < 30.0 else 3 if indicator < 1e4 else 4
 
 

@@ -42,7 +42,7 @@ than an interval."""
 def graded_breaks(
     phase: PhaseSolution, gap: FloatArray, span: FloatArray, intervals: int
 ) -> FloatArray:
-    """Borders of a new mesh of so many intervals.
+    """Borders of a new mesh with a given number of intervals.
 
     Parameters
     ----------

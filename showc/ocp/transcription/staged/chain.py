@@ -94,7 +94,7 @@ def lay_out(stage: Stage, intervals: int, time: TimeKind) -> Layout:
 
 
 class Chain:
-    """A program of so many stages, for a solver that CasADi brings.
+    """A program of a number of stages, for a solver that CasADi brings.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def _send(writing: int, payload: bytes) -> None:
 
 
 def _receive(reading: int, wanted: int, patience: float | None) -> bytes:
-    """Read so many bytes, fewer if the other end closes or ``patience`` [s] ends."""
+    """Read some bytes, fewer if the other end closes or ``patience`` [s] ends."""
     parts: list[bytes] = []
     missing = wanted
     while missing and select.select([reading], [], [], patience)[0]:

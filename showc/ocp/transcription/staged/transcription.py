@@ -53,7 +53,7 @@ __all__ = [
 
 
 class StagedTranscription:
-    """A problem on a mesh of so many intervals, built once, solved many times.
+    """A problem on a mesh of a given size, built once, solved many times.
 
     Parameters
     ----------
