@@ -53,6 +53,11 @@ class Overrides:
     (K, rows). Without an entry the group is switched off."""
 
 
+_NO_MATTER = 100.0
+"""Factor from one within which a constraint is left as stated: its unit does no harm,
+and a scale from a few slopes would only lead the search elsewhere. A launch in four
+phases failed by a scale of 3.2 on one inequality."""
+
 _PLACES = 5
 """Places at which the slopes of constraints are looked at for their scales."""
 
@@ -93,7 +98,8 @@ def _changed(
         size = float(np.abs(row) @ scale)
         if np.isfinite(size) and size > 0.0:
             found.append(size)
-    return float(np.median(found)) if found else 1.0
+    size = float(np.median(found)) if found else 1.0
+    return 1.0 if 1.0 / _NO_MATTER <= size <= _NO_MATTER else size
 
 
 def _pair(value: object) -> tuple[float, float]:
