@@ -95,6 +95,7 @@ def _rules(log: LogFile, channel: int) -> tuple[pb.Rules, int]:
             f"{FORMAT_VERSION}",
         )
     _check_rules(rules, offset)
+    _check_fence(rules, offset)
     return rules, epoch
 
 
@@ -105,6 +106,12 @@ def _sane(values: FloatArray) -> bool:
 
 def _vector(vector: pb.Vector3) -> list[float]:
     return [vector.x, vector.y, vector.z]
+
+
+def _check_fence(rules: pb.Rules, offset: int) -> None:
+    fence = np.array(rules.site.fence)
+    if fence.size % 2 or 0 < fence.size < 6 or not _sane(fence):
+        raise Damage(offset, "the fence is no polygon")
 
 
 def _check_rules(rules: pb.Rules, offset: int) -> None:
