@@ -82,8 +82,17 @@ def _axis_bound(displacement: FloatArray, limits: Limits) -> float:
 
 
 def _straight_time(leg: Leg, show: Show) -> float:
-    from showc.fleet.shared_profile.synchronise import shared_profile  # noqa: PLC0415 - heavy
+    from showc.fleet.leg import aircraft_of  # noqa: PLC0415 - heavy
+    from showc.fleet.shared_profile.synchronise import (  # noqa: PLC0415 - same
+        shared_profile,
+    )
+    from showc.fleet.single_drone.vertical import (  # noqa: PLC0415 - same
+        quickest_ascent,
+    )
 
+    if leg.kind in {"launch", "land"}:
+        heights = (leg.goal - leg.start)[:, 2]
+        return quickest_ascent(aircraft_of(show, leg), heights).duration
     profile = shared_profile(
         show.vehicle, leg.limits, show.heading, leg.start, leg.goal
     )
