@@ -132,7 +132,7 @@ def test_a_strange_part_counts_as_absent_and_goes(tmp_path, damage):
     elif damage == "flip":
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
     else:
-        from showc.fleet import remembering
+        from showc.fleet.execution import remembering
 
         made = tmp_path / "made"
         remembering._write(path, Maker(str(made)))

@@ -18,7 +18,7 @@ from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
 from showc.fleet.deconfliction.ways import find_ways
-from showc.fleet.shared_profile.flat import fly, keeps_limits
+from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
@@ -295,6 +295,7 @@ class Repair:
             self.aircraft.vehicle, self.aircraft.heading, breaks, positions[rows]
         )
         good = keeps_limits(self.aircraft.vehicle, self.aircraft.limits, flights)
+        good &= joined(flights)
         for index, row in enumerate(rows.tolist()):
             self._ways[row] = PiecewisePolynomial(breaks, positions[row])
             if good[index]:

@@ -15,7 +15,7 @@ import numpy as np
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.ways import find_ways
-from showc.fleet.shared_profile.flat import fly, keeps_limits
+from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -100,6 +100,8 @@ def fly_ways_slowly(  # noqa: PLR0917 - geometry of one leg
     if not kept(duration):
         return None
     flights = flown(duration)
+    if not joined(flights).all():
+        return None
     found = tuple(flights.trajectory(row) for row in range(start.shape[0]))
     near = conflicts(tracks_of(found, parked), separation, separation.distance)
     return None if len(near) else StretchedFlights(float(duration), found)

@@ -31,6 +31,8 @@ STATE_DEGREE = 7
 CONTROL_DEGREE = 12
 """Rates have degree 6, so the torque that balances their product is exact."""
 SLACK = 1e-9
+JOINT = 1e-7
+"""Greatest jump of a state at a joint (SI): a tenth of what the proof allows."""
 _HERMITE_NODES: FloatArray = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 
 _RAISE: FloatArray = np.array(
@@ -206,6 +208,16 @@ def keeps_limits(vehicle: Quadrotor, limits: Limits, flights: FlatFlights) -> Bo
         rounding (1e-9 of each limit).
     """
     return np.asarray(use_of_limits(vehicle, limits, flights).greatest <= 1.0 + SLACK)
+
+
+def joined(flights: FlatFlights) -> BoolArray:
+    """Whether states are continuous over the joints, shape (n,).
+
+    Rates are second differences of positions: on intervals of a few milliseconds their
+    rounding alone can exceed what a joint may jump by.
+    """
+    jump = np.abs(flights.state[:, 1:, 0] - flights.state[:, :-1, -1])
+    return np.asarray(jump.max(axis=(1, 2), initial=0.0) <= JOINT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
