@@ -235,6 +235,7 @@ def test_timeline_shows_light_and_mesh_in_place(tab, page, gliding_log):
 def test_report_prints(tab, tmp_path, gliding_log):
     path = tmp_path / "report.html"
     check = {
+        "code": "VRF321",
         "group": "separation",
         "name": "separation of every pair",
         "verdict": "fail",
@@ -244,12 +245,17 @@ def test_report_prints(tab, tmp_path, gliding_log):
         "where": {"pair": [9, 10], "segment": "pads -> sphere-1", "time": 9.8},
         "notes": ["too near"],
     }
-    verification = {"passed": False, "checks": [check]}
+    verification = {
+        "passed": False,
+        "proved": False,
+        "verdict": "NOT PROVED: trajectories not proved (nearest 0.13 m of limit 1)",
+        "checks": [check],
+    }
     path.write_text(render_report(gliding_log, verification), "utf-8")
     tab.errors.clear()
     tab.open(path)
     assert tab.evaluate("document.querySelector('.verdict').innerText").startswith(
-        "FAILED"
+        "NOT PROVED"
     )
     assert tab.errors == []
     shown = picture(tab)
