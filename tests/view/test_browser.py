@@ -248,6 +248,7 @@ def test_report_prints(tab, tmp_path, gliding_log):
     verification = {
         "passed": False,
         "proved": False,
+        "anchor": "script “a”",
         "verdict": "NOT PROVED: trajectories not proved (nearest 0.13 m of limit 1)",
         "checks": [check],
     }
