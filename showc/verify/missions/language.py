@@ -52,7 +52,7 @@ GREATEST_TAKEOFF = 2.5
 """What is above is flown by a waypoint, at a known speed [m]."""
 
 SLOWEST, FASTEST = 0.1, 20.0
-"""Speeds that autopilots heed, and more than any drone of a show flies [m/s]."""
+"""Speeds that autopilots accept, above those of any drone of a show [m/s]."""
 
 LONGEST_PAUSE = 600.0
 """Longest wait that is no slot [s]."""
