@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from fleet.handmade import LIMITS, VEHICLE
 
-from showc.fleet import program as module
 from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone import convex_program as module
 from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE, Aim, Program
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.rows import System
