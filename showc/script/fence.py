@@ -221,8 +221,9 @@ class Fence:
         before = np.full(len(nodes), -1)
         waiting = np.ones(len(nodes), dtype=bool)
         while waiting.any():
-            here = int(np.argmin(np.where(waiting, reached, np.inf)))
-            if not np.isfinite(reached[here]):
+            ahead = np.where(waiting, reached, np.inf)
+            here = int(np.argmin(ahead))
+            if not np.isfinite(ahead[here]):
                 break
             waiting[here] = False
             through = reached[here] + links[here]
