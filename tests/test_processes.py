@@ -30,12 +30,12 @@ run_all([lambda: time.sleep(60.0)] * 4, 2)
 """
 CREW = """
 import time
-from showc.mission.crew import side_by_side
+from showc.processes import side_by_side
 side_by_side(lambda number: time.sleep(60.0), 4, 2)
 """
 BUSY = """
 import math
-from showc.mission.crew import side_by_side
+from showc.processes import side_by_side
 # One call that never lets another thread of the worker run.
 side_by_side(lambda number: math.factorial(10_000_000), 4, 2)
 """

@@ -43,7 +43,7 @@ def command(
     """
     from showc.cli.compile import report
     from showc.fleet.options import SolveOptions
-    from showc.mission.outlook import mission_outlook
+    from showc.mission.feasibility import mission_outlook
     from showc.pipeline.outlook import outlook
     from showc.plan import build_itinerary
     from showc.script import load_show

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.geodesy import SiteFrame
 from showc.light.colour import drive_bytes, linear_light
-from showc.mission.geodesy import SiteFrame
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:

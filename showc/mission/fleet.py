@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from showc.autopilot.parameters import FIRMWARE, parameter_file, parameters_for
+from showc.autopilot.stage import StageBuilder
+from showc.autopilot.timing import ARMED
 from showc.errors import ExportError
-from showc.mission.boards import check_budget
+from showc.geodesy import SiteFrame
 from showc.mission.clock import MissionClock
-from showc.mission.encode import Encoder
-from showc.mission.geodesy import SiteFrame
-from showc.mission.lights import lights_left_out
-from showc.mission.parameters import FIRMWARE, parameter_file, parameters_for
+from showc.mission.encode import Encoder, lights_left_out
+from showc.mission.items import check_budget, waypoint_file
 from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
-from showc.mission.stage import StageBuilder
-from showc.mission.timeline import MANY, build_timeline
-from showc.mission.timing import ARMED
-from showc.mission.waypoints import waypoint_file
 from showc.progress import Silent
+from showc.schedule.timeline import MANY, build_timeline
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -30,8 +28,8 @@ if TYPE_CHECKING:
 
     from showc.flight import Flight
     from showc.mission.items import Mission
-    from showc.mission.timeline import Timeline
     from showc.progress import Progress
+    from showc.schedule.timeline import Timeline
     from showc.script.show import Show
 
     FloatArray = NDArray[np.float64]

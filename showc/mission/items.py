@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from showc.errors import ExportError
+
 
 class Command(IntEnum):
     """MAV_CMD values used."""
@@ -71,3 +73,102 @@ def without_position(command: Command, *parameters: float) -> MissionItem:
     return MissionItem(
         command, Frame.MISSION, (padded[0], padded[1], padded[2], padded[3])
     )
+
+
+ARDUPILOT_ITEMS = {
+    "4k": 161,
+    "f405": 303,
+    "f4": 303,
+    "8k": 303,
+    "15k": 303,
+    "16k": 650,
+    "pixhawk": 650,
+    "cube": 650,
+    "fmuv3": 650,
+    "sitl": 650,
+    "32k": 1306,
+    "h743": 1306,
+}
+"""Items including home, of which ArduPilot keeps 15 bytes each, less 4 bytes."""
+
+PX4_ITEMS = 500
+"""Items on PX4's usual boards."""
+
+
+def item_budget(autopilot: str, board: str) -> int:
+    """Return the greatest number of items a mission may have.
+
+    Raises
+    ------
+    ExportError
+        If nothing is known about ``board``.
+    """
+    if autopilot == "px4":
+        return PX4_ITEMS
+    try:
+        return ARDUPILOT_ITEMS[board.lower()]
+    except KeyError:
+        known = ", ".join(sorted(ARDUPILOT_ITEMS))
+        raise ExportError(
+            f"mission board {board!r} is not known; wanted one of {known}"
+        ) from None
+
+
+def check_budget(count: int, autopilot: str, board: str, drone: int) -> None:
+    """Refuse a mission of ``count`` items that ``board`` cannot hold.
+
+    Raises
+    ------
+    ExportError
+        With the count, the budget and what to do.
+    """
+    budget = item_budget(autopilot, board)
+    if count > budget:
+        raise ExportError(
+            f"the mission of drone {drone + 1} has {count} items, board {board!r} "
+            f"holds {budget}; choose a larger board, take transitions out or leave "
+            "the lights to another carrier"
+        )
+
+
+HEADER = "QGC WPL 110"
+
+
+def waypoint_file(mission: Mission, *, home_row: bool) -> bytes:
+    """Return the file of one drone.
+
+    ArduPilot takes row 0 for the planned home and throws it away; other autopilots
+    take it for an item. ``home_row`` says which reader the file is for. Latitudes and
+    longitudes have the seven decimals that the protocol's integers have, and one more.
+    """
+    rows = [mission.home, *mission.items] if home_row else list(mission.items)
+    lines = [HEADER, *(_row(index, item) for index, item in enumerate(rows))]
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def _row(index: int, item: MissionItem) -> str:
+    fields = [
+        str(index),
+        "1" if index == 0 else "0",
+        str(int(item.frame)),
+        str(int(item.command)),
+        *(_number(value) for value in item.parameters),
+        _degrees(item.latitude),
+        _degrees(item.longitude),
+        f"{item.height:.3f}",
+        "1",
+    ]
+    return "\t".join(fields)
+
+
+def _number(value: float) -> str:
+    """Shortest text of up to four decimals."""
+    text = f"{value:.4f}".rstrip("0").rstrip(".")
+    return "0" if text in {"", "-0"} else text
+
+
+def _degrees(value: int) -> str:
+    """Exact decimal text of whole 1e-7 degrees, with eight decimals."""
+    sign = "-" if value < 0 else ""
+    whole, part = divmod(abs(value), 10_000_000)
+    return f"{sign}{whole}.{part:07d}0"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc._version import __version__
-from showc.mission.geodesy import SiteFrame
+from showc.geodesy import SiteFrame
 from showc.mission.items import Frame
 
 if TYPE_CHECKING:

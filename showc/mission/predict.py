@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.mission.crew import side_by_side
-from showc.mission.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
-from showc.mission.takeoff import takeoff_times
-from showc.mission.timing import CLOCK_LAG, LEAST_SPREAD, LIFT_OFF
-from showc.mission.tracking import INSTANT
+from showc.autopilot.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
+from showc.autopilot.takeoff import takeoff_times
+from showc.autopilot.timing import CLOCK_LAG, LEAST_SPREAD, LIFT_OFF
+from showc.autopilot.tracking import INSTANT
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import ArrayLike, NDArray
 
+    from showc.autopilot.parameters import Parameters
+    from showc.autopilot.stage import Stage
     from showc.flight import Flight, LegFlight
     from showc.mission.clock import MissionClock
-    from showc.mission.parameters import Parameters
-    from showc.mission.separation import Closest
-    from showc.mission.stage import Stage
-    from showc.mission.timeline import ScheduledLeg, Timeline
+    from showc.schedule.separation import Closest
+    from showc.schedule.timeline import ScheduledLeg, Timeline
 
     FloatArray = NDArray[np.float64]
     _Move = tuple[
@@ -172,7 +172,7 @@ def prediction_summary(
     Legs are looked at in ``jobs`` processes (None: one for each core), which changes
     nothing.
     """
-    from showc.mission.parameters import FIRMWARE  # noqa: PLC0415
+    from showc.autopilot.parameters import FIRMWARE  # noqa: PLC0415
 
     solved = {item.leg.index: item for item in flight.legs}
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import UsageError
+from showc.geodesy import SiteFrame
 from showc.log.reader import read_log
-from showc.mission.geodesy import SiteFrame
 from showc.vehicle_link.autopilot_log import ENDINGS, AutopilotTrack, read_autopilot_log
 from showc.vehicle_link.course import Course, Kind, course_of
 from showc.vehicle_link.flown import Track, read_flown

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.mission.geodesy import SiteFrame
+    from showc.geodesy import SiteFrame
     from showc.vehicle_link.network import Address
 
     FloatArray = NDArray[np.float64]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.autopilot.parameters import GRAVITY
 from showc.errors import UsageError
-from showc.mission.geodesy import SiteFrame
-from showc.mission.parameters import GRAVITY
+from showc.geodesy import SiteFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

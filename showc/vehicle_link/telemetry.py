@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.mission.geodesy import SiteFrame
+    from showc.geodesy import SiteFrame
 
     FloatArray = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from synthetic import gliding_flight
 
 from showc.errors import ExportError, UsageError
 from showc.flight import Flight
+from showc.geodesy import SiteFrame
 from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
-from showc.mission.geodesy import SiteFrame
 from showc.plan.itinerary import Itinerary
 from showc.script.show import Effect, MissionOptions
 

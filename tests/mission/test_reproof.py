@@ -10,8 +10,8 @@ from mission.flights import START, shift_flight, swap_flight
 from mission.planted import Case
 from synthetic import gliding_flight
 
-from showc.mission import law as ours
-from showc.mission.parameters import Parameters
+from showc.autopilot import s_curve as ours
+from showc.autopilot.parameters import Parameters
 from showc.verify.missions.law import Law, profiles
 
 FLIGHTS = {"shift": shift_flight, "swap": swap_flight, "crossing": gliding_flight}

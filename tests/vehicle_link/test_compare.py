@@ -8,10 +8,10 @@ from mission.flights import START, hop_flight, shift_flight
 from vehicle_link.flight_logs import card_log, telemetry_log
 
 from showc.errors import DamagedFileError, UsageError
+from showc.geodesy import SiteFrame
 from showc.log.reader import read_log
 from showc.log.writer import write_log
 from showc.mission import mission_files
-from showc.mission.geodesy import SiteFrame
 from showc.vehicle_link.autopilot_log import read_autopilot_log
 from showc.vehicle_link.compare import compare_flown, compared, load_flown
 from showc.vehicle_link.comparison_page import render_comparison

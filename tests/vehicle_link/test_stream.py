@@ -23,9 +23,9 @@ from vehicle_link.vehicle import (
 )
 
 from showc.errors import UsageError
+from showc.geodesy import SiteFrame
 from showc.log.reader import read_log
 from showc.log.writer import write_log
-from showc.mission.geodesy import SiteFrame
 from showc.progress import Silent
 from showc.vehicle_link.compare import compare_flown
 from showc.vehicle_link.flown import FlownLog, read_flown

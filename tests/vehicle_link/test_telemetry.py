@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from showc.mission.geodesy import SiteFrame
+from showc.geodesy import SiteFrame
 from showc.vehicle_link.telemetry import Telemetry
 
 SITE = SiteFrame(48.1374, 11.5755, 520.0, 30.0)

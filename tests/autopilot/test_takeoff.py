@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mission.flights import shift_flight
 
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.takeoff import takeoff_times
+from showc.autopilot.timing import LIFT_OFF
 from showc.mission import mission_files
-from showc.mission.parameters import Parameters
 from showc.mission.predict import LAND_LEG, descent
-from showc.mission.takeoff import takeoff_times
-from showc.mission.timing import LIFT_OFF
 
 FLOWN = [
     (5.0, 2.5, 250, 2.547),

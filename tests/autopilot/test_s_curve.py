@@ -5,9 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.mission.law import leg_limits, profile, ramp_time
-from showc.mission.parameters import Parameters
-from showc.mission.speeds import fitting_speed, speed_for
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.s_curve import (
+    fitting_speed,
+    leg_limits,
+    profile,
+    ramp_time,
+    speed_for,
+)
 
 TUNED = Parameters(speed=10.0)
 STOCK = Parameters(

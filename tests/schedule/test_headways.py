@@ -13,21 +13,26 @@ from hypothesis import strategies as st
 from mission.flights import START, mixed_flight
 from synthetic import gliding_flight
 
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.s_curve import (
+    fitting_speed,
+    leg_limits,
+    profile,
+    ramp_time,
+    speed_for,
+)
+from showc.autopilot.stage import Stage
+from showc.autopilot.timing import Timing
 from showc.errors import ExportError
 from showc.flight import Flight
+from showc.geodesy import GlobalPoints
 from showc.mission import mission_files
-from showc.mission.crew import side_by_side
-from showc.mission.gaps import Gaps, release_gaps
-from showc.mission.geodesy import GlobalPoints
-from showc.mission.law import leg_limits, profile, ramp_time
-from showc.mission.parameters import Parameters
-from showc.mission.separation import TOLERANCE, closest_encounter
-from showc.mission.speeds import fitting_speed, speed_for
-from showc.mission.stage import Stage
-from showc.mission.stagger import STEP, staggered
-from showc.mission.surroundings import stage_motion
-from showc.mission.timing import Timing
 from showc.plan.itinerary import Itinerary
+from showc.processes import side_by_side
+from showc.schedule.headways import Gaps, release_gaps
+from showc.schedule.releases import STEP, staggered
+from showc.schedule.separation import TOLERANCE, closest_encounter
+from showc.schedule.surroundings import stage_motion
 from showc.vehicle import Separation
 
 PARAMETERS = Parameters()
@@ -200,7 +205,7 @@ def test_work_that_died_with_its_copy_is_done_here():
 
 SLEEPERS = """
 import time
-from showc.mission.crew import side_by_side
+from showc.processes import side_by_side
 
 def work(number):
     if number == 0:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from showc.mission.gaps import Gaps
+    from showc.schedule.headways import Gaps
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.autopilot.parameters import parameters_for
+from showc.autopilot.stage import StageBuilder
+from showc.autopilot.timing import Timing, tube
 from showc.errors import ExportError
-from showc.mission.boards import item_budget
+from showc.geodesy import SiteFrame
 from showc.mission.clock import MissionClock
-from showc.mission.encoding import choose_encoding
-from showc.mission.geodesy import SiteFrame
-from showc.mission.lights import lights_left_out
-from showc.mission.parameters import parameters_for
-from showc.mission.stage import StageBuilder
-from showc.mission.surroundings import Surroundings
-from showc.mission.timing import Timing, tube
+from showc.mission.encode import lights_left_out
+from showc.mission.items import item_budget
+from showc.schedule.encodings import choose_encoding
+from showc.schedule.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary, Leg

@@ -11,12 +11,12 @@ from mission.flights import START, mixed_flight
 from mission.planted import Case
 from synthetic import LIMITS
 
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.stage import StageBuilder, flown
 from showc.errors import ExportError
+from showc.geodesy import SiteFrame
 from showc.mission import mission_files
-from showc.mission.geodesy import SiteFrame
-from showc.mission.parameters import Parameters
-from showc.mission.stage import StageBuilder, flown
-from showc.mission.stagger import LONGEST_WAIT, ordered
+from showc.schedule.releases import LONGEST_WAIT, ordered
 
 pairs = st.integers(1, 12).flatmap(
     lambda count: st.tuples(

@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.mission import tracking
-from showc.mission.following import SETTLING, law_time, leg_overshoot
-from showc.mission.law import leg_limits, profile
-from showc.mission.loops import STEP
-from showc.mission.parameters import Parameters
-from showc.mission.speeds import fitting_speed, speed_for
-from showc.mission.stage import Stage
-from showc.mission.tracking import TAIL, tracks
+from showc.autopilot import tracking
+from showc.autopilot.controller import STEP
+from showc.autopilot.following import SETTLING, law_time, leg_overshoot
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.s_curve import fitting_speed, leg_limits, profile, speed_for
+from showc.autopilot.stage import Stage
+from showc.autopilot.tracking import TAIL, tracks
 
 TUNED = Parameters()
 STOCK = replace(TUNED, acceleration=2.5, jerk=1.0)

@@ -1,6 +1,6 @@
 """How ArduCopter follows the leg that it has planned: late, and a little too far.
 
-The bound that slots and proofs are worked out with; :mod:`showc.mission.tracking` has
+The bound that slots and proofs are worked out with; :mod:`showc.autopilot.tracking` has
 the flights themselves. While a drone gains speed it lags, and the autopilot holds back
 the time of its own leg until the drone catches up; against drag the lag grows on, and
 what the controller has summed up against it carries the drone beyond the end. Upright

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.distances import dot, near_pairs, nearest_pair, part_distance
-from showc.mission.following import SETTLING, SLOWEST, law_time
+from showc.autopilot.following import SETTLING, SLOWEST, law_time
+from showc.schedule.distances import dot, near_pairs, nearest_pair, part_distance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.mission.law import LegProfile
+    from showc.autopilot.s_curve import LegProfile
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]

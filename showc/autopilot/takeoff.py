@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.loops import HOVER
-from showc.mission.parameters import GRAVITY
+from showc.autopilot.controller import HOVER
+from showc.autopilot.parameters import GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from showc.mission.parameters import Parameters
+    from showc.autopilot.parameters import Parameters
 
     FloatArray = NDArray[np.float64]
 

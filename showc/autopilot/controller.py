@@ -33,12 +33,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.parameters import GRAVITY
+from showc.autopilot.parameters import GRAVITY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.mission.law import LegProfile
+    from showc.autopilot.s_curve import LegProfile
 
     FloatArray = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from showc.mission.distances import near_pairs, nearest_pair, segment_distance
-from showc.mission.following import law_time, time_followed
-from showc.mission.law import leg_limits, profile
-from showc.mission.parameters import Parameters
-from showc.mission.separation import (
+from showc.autopilot.following import law_time, time_followed
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.s_curve import leg_limits, profile
+from showc.schedule.distances import near_pairs, nearest_pair, segment_distance
+from showc.schedule.separation import (
     TOLERANCE,
     Motion,
     closest_encounter,

@@ -7,12 +7,12 @@ import pytest
 from mission.flights import shift_flight
 from mission.planted import Case
 
+from showc.autopilot.timing import TUBES, Timing, tube
 from showc.errors import ExportError
 from showc.flight import Flight
 from showc.mission import mission_files
-from showc.mission.boards import ARDUPILOT_ITEMS
-from showc.mission.outlook import mission_outlook
-from showc.mission.timing import TUBES, Timing, tube
+from showc.mission.feasibility import mission_outlook
+from showc.mission.items import ARDUPILOT_ITEMS
 from showc.plan.itinerary import Itinerary
 from showc.script.fields import BOARDS
 from showc.verify.missions import law

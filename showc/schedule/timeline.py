@@ -13,13 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.errors import ExportError
-from showc.mission.crew import side_by_side
-from showc.mission.encoding import Encoding, Surroundings, choose_encoding, stage_motion
-from showc.mission.following import SETTLING
-from showc.mission.separation import Closest, Motion, closest_encounter
-from showc.mission.stagger import STEP
-from showc.mission.timing import (
+from showc.autopilot.following import SETTLING
+from showc.autopilot.timing import (
     ANYTIME,
     ARMED,
     CLOCK_LAG,
@@ -27,14 +22,20 @@ from showc.mission.timing import (
     LIFT_OFF,
     Timing,
 )
-from showc.mission.tracking import tracks
+from showc.autopilot.tracking import tracks
+from showc.errors import ExportError
+from showc.processes import side_by_side
+from showc.schedule.encodings import Encoding, choose_encoding
+from showc.schedule.releases import STEP
+from showc.schedule.separation import Closest, Motion, closest_encounter
+from showc.schedule.surroundings import Surroundings, stage_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.autopilot.stage import Stage, StageBuilder
+    from showc.autopilot.tracking import Tracks
     from showc.flight import Flight, LegFlight
-    from showc.mission.stage import Stage, StageBuilder
-    from showc.mission.tracking import Tracks
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
 

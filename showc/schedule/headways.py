@@ -21,15 +21,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission.conflicts import crossing_pairs
-from showc.mission.distances import dot, point_distance
-from showc.mission.following import SETTLING, time_followed
+from showc.autopilot.following import SETTLING, time_followed
+from showc.schedule.distances import crossing_pairs, dot, point_distance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.mission.stage import Stage
-    from showc.mission.timing import Timing
+    from showc.autopilot.stage import Stage
+    from showc.autopilot.timing import Timing
     from showc.vehicle import Separation
 
     FloatArray = NDArray[np.float64]

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.mission import law
-from showc.mission.following import law_time, leg_overshoot, time_followed
-from showc.mission.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
-from showc.mission.speeds import fitting_speed, speed_for
+from showc.autopilot import s_curve as law
+from showc.autopilot.following import law_time, leg_overshoot, time_followed
+from showc.autopilot.s_curve import fitting_speed, speed_for
+from showc.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from showc.mission.law import LegLimits, LegProfile
-    from showc.mission.parameters import Parameters
+    from showc.autopilot.parameters import Parameters
+    from showc.autopilot.s_curve import LegLimits, LegProfile
     from showc.vehicle import Limits
 
     FloatArray = NDArray[np.float64]

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from showc.mission.following import (
+from showc.autopilot.following import (
     SLOWEST,
     law_time,
     leg_overshoot,
     time_followed,
 )
-from showc.mission.law import leg_limits, profile
-from showc.mission.parameters import Parameters
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.s_curve import leg_limits, profile
 from showc.verify.missions.law import Law, profiles
 
 PARAMETERS = Parameters()

@@ -1,8 +1,8 @@
 """The flights that the autopilot's loops make of legs: late, and a little too far.
 
-:mod:`showc.mission.loops` says how a drone follows its leg. What it is off its end is
-followed for 10 s after the law's own end, and fades out over the last of them. A drone
-whose next leg is released before begins it as it is then.
+:mod:`showc.autopilot.controller` says how a drone follows its leg. What it is off its
+end is followed for 10 s after the law's own end, and fades out over the last of them.
+A drone whose next leg is released before begins it as it is then.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.mission.crew import side_by_side
-from showc.mission.loops import (
+from showc.autopilot.controller import (
     PLACE,
     RATE,
     STEP,
@@ -23,14 +22,15 @@ from showc.mission.loops import (
     Loops,
     states_at_rest,
 )
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from showc.mission.parameters import Parameters
-    from showc.mission.stage import Stage
+    from showc.autopilot.parameters import Parameters
+    from showc.autopilot.stage import Stage
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]

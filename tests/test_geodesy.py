@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from showc.mission.geodesy import (
+from showc.geodesy import (
     SiteFrame,
     autopilot_displacement,
     stored_height,
