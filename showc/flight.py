@@ -12,11 +12,8 @@ from showc.trajectory import PiecewisePolynomial, concatenate
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.plan.itinerary import Itinerary, Leg
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,12 +17,11 @@ import pymap3d
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.show import Site
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 METRES_PER_DEGREE = 111318.845
 """Length of a degree of latitude in ArduPilot's flat earth [m]."""
@@ -48,7 +47,7 @@ class GlobalPoints:
     def __len__(self) -> int:
         return int(self.latitude.size)
 
-    def select(self, chosen: NDArray[np.bool_] | IntArray) -> GlobalPoints:
+    def select(self, chosen: BoolArray | IntArray) -> GlobalPoints:
         """Return the ``chosen`` ones: a mask (n,), or indices."""
         return GlobalPoints(
             self.latitude[chosen], self.longitude[chosen], self.height[chosen]

@@ -13,6 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "showc"
 FOUNDATION = {"errors", "_version", "files", "processes", "progress", "trajectory"}
 MAY_IMPORT = {
     "_version": set(),
+    "arrays": set(),
     "errors": set(),
     "files": {"errors"},
     "processes": set(),
@@ -85,8 +86,11 @@ def imports(path):
             names = [f"{module}.{alias.name}" for alias in node.names]
         else:
             continue
+        # Names of arrays are vocabulary, open to every room.
         yield from (
-            name.removeprefix("showc.") for name in names if name.startswith("showc.")
+            name.removeprefix("showc.")
+            for name in names
+            if name.startswith("showc.") and not name.startswith("showc.arrays.")
         )
 
 

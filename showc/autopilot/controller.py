@@ -36,11 +36,9 @@ import numpy as np
 from showc.autopilot.parameters import GRAVITY
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.autopilot.s_curve import LegProfile
 
-    FloatArray = NDArray[np.float64]
 
 STEP = 0.02
 """Step of the table and of the integration [s]."""

@@ -15,16 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from showc.arrays import FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
-
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
 BISECTIONS = 60
 """Halvings when a speed is sought: below 1e-15 of the bracket."""
@@ -63,7 +59,7 @@ class LegProfile:
     def __len__(self) -> int:
         return int(self.length.size)
 
-    def select(self, index: NDArray[np.int64]) -> LegProfile:
+    def select(self, index: IntArray) -> LegProfile:
         """Return the legs at ``index`` (any number of them, repetition allowed)."""
         return LegProfile(
             *(getattr(self, name)[index] for name in self.__dataclass_fields__)
@@ -198,7 +194,7 @@ class LegLimits:
     acceleration: FloatArray
     """Greatest acceleration, shape (n,) [m/s²]."""
 
-    def select(self, index: NDArray[np.int64]) -> LegLimits:
+    def select(self, index: IntArray) -> LegLimits:
         """Return the legs at ``index``."""
         return LegLimits(
             *(getattr(self, name)[index] for name in self.__dataclass_fields__)

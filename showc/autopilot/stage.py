@@ -16,14 +16,11 @@ from showc.geodesy import GlobalPoints, SiteFrame, autopilot_displacement
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
     from showc.autopilot.s_curve import LegLimits, LegProfile
     from showc.vehicle import Limits
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 SLOWEST_COMMAND = 0.15
 """Speeds that are commanded stay above this [m/s]: ArduPilot ignores any below 0.1."""
@@ -54,7 +51,7 @@ class Stage:
     """Horizontal part of the direction, 0 to 1, shape (n,)."""
     climb: FloatArray
     """Vertical part of the direction, -1 to 1, shape (n,)."""
-    by_climb: NDArray[np.bool_]
+    by_climb: BoolArray
     """Drones steered by the vertical instead of the horizontal speed, shape (n,)."""
     command: FloatArray
     """Commanded horizontal or vertical speed, shape (n,) [m/s]."""

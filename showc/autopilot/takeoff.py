@@ -22,11 +22,9 @@ from showc.autopilot.parameters import GRAVITY
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.autopilot.parameters import Parameters
 
-    FloatArray = NDArray[np.float64]
 
 SLEW_TIME = 2.0
 """TKOFF_SLEW_TIME [s]."""

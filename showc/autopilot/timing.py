@@ -10,9 +10,7 @@ import numpy as np
 from showc.errors import ExportError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,11 +29,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
     from showc.autopilot.stage import Stage
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TAIL = 10.0
 """How long after the law's end a drone is followed on [s]."""
@@ -294,7 +293,7 @@ class _Flight:
         level = np.where(np.any(scale[:2] != 0.0, axis=0), scale[:2].max(axis=0), 1.0)
         return np.vstack([level, level, np.where(scale[2] != 0.0, scale[2], 1.0)])
 
-    def _hand_over(self, ends: NDArray[np.bool_], carried: FloatArray) -> None:
+    def _hand_over(self, ends: BoolArray, carried: FloatArray) -> None:
         """Put the states of those whose next legs begin now into ``carried``."""
         state = self.loops.state[:, ends]
         rest = self._left(self.step)[ends] * state

@@ -33,12 +33,9 @@ from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.tracks import Tracks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.export.solved import SolvedShow
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 STEPS = (250, 125, 100, 50, 40, 20)
 """Lengths of a piece that are tried, longest first [ms]: Skybrush's server, which loses

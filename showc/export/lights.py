@@ -30,11 +30,8 @@ from showc.foreign.lights import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    ByteArray = NDArray[np.uint8]
 
 TOLERANCE = 4.0
 """Greatest difference of a channel, of 255, that a fade may have from the samples: no

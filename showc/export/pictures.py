@@ -19,12 +19,10 @@ from showc.export.tables import sampled, uniform
 from showc.foreign.gltf import FLOAT, MAGIC
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
 
-    FloatArray = NDArray[np.float64]
 
 RATE = 10
 """Places and colours a second of a visualisation [Hz]."""

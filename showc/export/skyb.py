@@ -25,11 +25,9 @@ from showc.foreign.skyb import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import IntArray
     from showc.export.fit import FittedFleet
 
-    IntArray = NDArray[np.int64]
 
 LONGEST_BLOCK = 65_535
 """A block's length is 16 bits [bytes]."""

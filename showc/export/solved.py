@@ -13,12 +13,9 @@ from showc.light.colour import drive_bytes, linear_light
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import ByteArray, FloatArray
     from showc.log.reader import LoggedShow
     from showc.log.showc_pb2 import Limits, Rules
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +56,7 @@ class SolvedShow:
     """x, y, z [m] and yaw [rad] of each drone over the whole show."""
     light_times: FloatArray
     """When lights were sampled, shape (T,) [s]."""
-    lights: NDArray[np.uint8]
+    lights: ByteArray
     """Linear light, 0 to 255, shape (T, drones, 3)."""
     stages: tuple[Stage, ...]
     """Legs in order of their start."""

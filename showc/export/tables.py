@@ -20,13 +20,10 @@ from showc.verify.kernel.tracks import Tracks
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import ByteArray, FloatArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
 
 CSV_STEP = 0.05
 """Time between two rows of a table [s]: straight lines are 3 mm off at 10 m/s²."""

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.plan.itinerary import Itinerary, Leg
@@ -221,7 +220,7 @@ def _side_by_side(
     return found
 
 
-def _starts(flights: Sequence[LegFlight]) -> NDArray[np.float64]:
+def _starts(flights: Sequence[LegFlight]) -> FloatArray:
     """Return when each leg starts: when all that it waits for have ended [s]."""
     starts = np.zeros(len(flights))
     for index, flight in enumerate(flights):

@@ -32,8 +32,6 @@ from showc.plan.metric import measure
 from showc.script.fence import Fence
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.fleet.shared_profile.profile import Profile
@@ -42,7 +40,6 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""

@@ -26,12 +26,10 @@ from showc.plan.metric import measure
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.flight import LegFlight, Trajectory
     from showc.script.show import Show
 
-    FloatArray = NDArray[np.float64]
 
 JOINED = 1e-6
 """Greatest jump of a state between two intervals, and greatest distance from the ends

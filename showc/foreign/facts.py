@@ -29,13 +29,10 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from showc.foreign.show import FencePolygon, ForeignShow
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.tracks import Tracks
 
-    FloatArray = NDArray[np.float64]
 
 GROUP = "what the file says"
 """Heading of these checks."""

@@ -18,12 +18,10 @@ from showc.verify.kernel.bernstein import halves
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.foreign.show import FencePolygon
     from showc.verify.kernel.tracks import Tracks
 
-    FloatArray = NDArray[np.float64]
 
 RESOLUTION = 1e-4
 """Width of the enclosure [m]."""

@@ -30,12 +30,9 @@ from showc.verify.kernel.tracks import Tracks
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.foreign.show import ForeignShow
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 GROUP = "what the firmware makes of it"
 """Heading of these checks."""
@@ -198,7 +195,7 @@ def _first_touch(
     height: FloatArray,
     starts: FloatArray,
     ends: FloatArray,
-    solved: NDArray[np.bool_],
+    solved: BoolArray,
     firmware: Firmware,
 ) -> float:
     """When a height (rows, degree + 1) [m] first is at the take-off height [s]."""
@@ -236,7 +233,7 @@ def _landing(
     body: FloatArray,
     starts: FloatArray,
     ends: FloatArray,
-    solved: NDArray[np.bool_],
+    solved: BoolArray,
     firmware: Firmware,
 ) -> tuple[float, float]:
     """When LAND is commanded [s], and how high above the last point [m]."""

@@ -23,9 +23,8 @@ from showc.foreign.show import Course, ForeignShow, fleet, polyline
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 MAGIC = b"glTF"
 FLOAT = 5126

@@ -17,10 +17,8 @@ from showc.verify.kernel.tracks import Tracks
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 ROWS_AT_ONCE = 40_000
 """Polynomials that are looked at together; bounds the memory."""

@@ -10,9 +10,7 @@ from showc.errors import DamagedFileError
 from showc.foreign.show import LARGEST_COORDINATE, LONGEST
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray
 
 
 def number(value: Any, what: str) -> float:  # noqa: ANN401 - anything may come

@@ -22,13 +22,10 @@ from showc.light.colour import srgb_bytes
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import ByteArray, FloatArray
     from showc.foreign.show import ForeignShow
     from showc.verify.kernel.tracks import Tracks
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
 
 STILL = 0.05
 """Speed below which a drone stands [m/s]: rounded files creep."""

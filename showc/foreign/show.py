@@ -18,10 +18,8 @@ from showc.verify.kernel.tracks import Tracks
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 LARGEST_COORDINATE = 1e5
 """Greatest coordinate that is read [m]: a hundred kilometres is no show."""

@@ -21,9 +21,8 @@ from showc.foreign.show import Course, Stored
 from showc.verify.kernel.bernstein import elevate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
 
 MAGIC = b"skyb"
 TRAJECTORY, LIGHTS, COMMENT, RETURN, YAW, EVENTS = 1, 2, 3, 4, 5, 6
@@ -196,9 +195,9 @@ def _trajectory(body: bytes, offset: int, name: str) -> tuple[Course, Stored]:
 
 
 def _control_points(
-    data: NDArray[np.uint8],
-    at: NDArray[np.int64],
-    degrees: NDArray[np.int64],
+    data: ByteArray,
+    at: IntArray,
+    degrees: IntArray,
     first: FloatArray,
 ) -> FloatArray:
     """Control points of all segments in one common degree, (segments, n + 1, 4)."""

@@ -26,9 +26,8 @@ from showc.verify.kernel.bernstein import elevate
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 MOST_DRONES = 5000
 """Drones that Skybrush's loader reads."""

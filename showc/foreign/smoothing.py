@@ -32,9 +32,8 @@ from showc.verify.kernel.tracks import Tracks
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s²]."""

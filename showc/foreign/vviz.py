@@ -19,11 +19,8 @@ from showc.foreign.show import ForeignShow, LightTrack, fleet, polyline
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from showc.foreign.show import Course
 
-    FloatArray = NDArray[np.float64]
 
 MOST_DRONES, MOST_SAMPLES = 5000, 50_000
 """Performances that are read, and samples of one."""

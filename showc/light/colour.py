@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import ByteArray, FloatArray
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
 
 GREATEST = 255
 """Greatest value of a colour byte."""

@@ -17,14 +17,13 @@ import numpy as np
 from showc.light.colour import drive_bytes, full_hue, srgb_bytes
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from showc.arrays import ByteArray, FloatArray, IntArray
     from showc.flight import Flight
     from showc.plan.itinerary import Leg
     from showc.script.show import Effect, Show
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
 
 EASE = 0.5
 """Greatest time over which an effect sets in [s]; a quarter of the hold if shorter."""
@@ -38,7 +37,7 @@ class LightSpan:
     """Show time at which it begins [s]."""
     duration: float
     """How long it lasts [s]."""
-    drones: NDArray[np.int64]
+    drones: IntArray
     """Which drones, counting from 0, shape (n,)."""
     begin: FloatArray
     """Their linear colours at the start, shape (n, 3)."""

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray, IntArray
+
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -83,7 +84,7 @@ class LoggedSegment:
         return str(pb.Segment.Kind.Name(self.message.kind)).lower()
 
     @cached_property
-    def drones(self) -> NDArray[np.int64]:
+    def drones(self) -> IntArray:
         """Drones that take part, counting from 0, increasing."""
         return np.array(self.message.drones, dtype=np.int64)
 

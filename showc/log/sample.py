@@ -9,8 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
+    from showc.arrays import ByteArray, FloatArray
+
 
 POINT = np.dtype(
     [

@@ -12,13 +12,10 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.flight import Flight
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 NANOSECONDS = 1_000_000_000
 """Per second."""

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray
     from showc.script.show import Show, Site
 
-    FloatArray = NDArray[np.float64]
 
 GRID_SPACING = 10.0
 """Distance between the lines on the ground [m]."""

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray, IntArray
     from showc.flight import Flight
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 SAMPLES = 100_000
 """Samples (times x drones) that are evaluated and held at a time."""

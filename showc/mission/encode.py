@@ -24,21 +24,16 @@ from showc.mission.items import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Sequence
 
+    from showc.arrays import FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
     from showc.autopilot.stage import Stage
     from showc.autopilot.tracking import Tracks
     from showc.mission.clock import MissionClock
     from showc.plan.itinerary import Leg
     from showc.schedule.timeline import ScheduledLeg, Timeline
-    from showc.script.show import Show
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    from collections.abc import Sequence
-
-    from showc.script.show import MissionOptions
+    from showc.script.show import MissionOptions, Show
 
 SPEED_MARGIN = 1.02
 """A speed limit that does not steer the leg stays above its need by this factor."""

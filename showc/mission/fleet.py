@@ -24,15 +24,12 @@ from showc.schedule.timeline import MANY, build_timeline
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from numpy.typing import NDArray
-
     from showc.flight import Flight
     from showc.mission.items import Mission
     from showc.progress import Progress
     from showc.schedule.timeline import Timeline
     from showc.script.show import Show
 
-    FloatArray = NDArray[np.float64]
 
 Autopilot = Literal["ardupilot", "px4"]
 

@@ -13,12 +13,9 @@ from showc.geodesy import SiteFrame
 from showc.mission.items import Frame
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.mission.items import Mission, MissionItem
     from showc.script.show import Site
 
-    FloatArray = NDArray[np.float64]
 
 FIRMWARE_TYPES = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT values."""

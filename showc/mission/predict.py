@@ -18,8 +18,9 @@ from showc.processes import side_by_side
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from showc.arrays import FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
     from showc.autopilot.stage import Stage
     from showc.flight import Flight, LegFlight
@@ -27,9 +28,8 @@ if TYPE_CHECKING:
     from showc.schedule.separation import Closest
     from showc.schedule.timeline import ScheduledLeg, Timeline
 
-    FloatArray = NDArray[np.float64]
     _Move = tuple[
-        NDArray[np.int64],
+        IntArray,
         FloatArray,
         FloatArray | float,
         Callable[[FloatArray], FloatArray],

@@ -19,12 +19,10 @@ from showc.ocp.nodes import collocation, fitting_points
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.mesh import PhaseMesh
     from showc.ocp.nodes import Scheme
 
-    FloatArray = NDArray[np.float64]
 
 GREATEST_DEGREE = 4
 """Greatest degree of a coupling as a polynomial in the states."""

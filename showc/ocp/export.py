@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.solution import Solution
 
-    FloatArray = NDArray[np.float64]
 
 ROWS = 201
 """Instants of a phase by default."""

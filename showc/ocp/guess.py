@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from showc.arrays import FloatArray
 from showc.ocp.fault import StatementError, check_known
 
 if TYPE_CHECKING:
     from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

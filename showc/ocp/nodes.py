@@ -22,7 +22,8 @@ from showc.trajectory import bernstein_basis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray
+
 
 Scheme = Literal["gauss", "radau", "lobatto"]
 

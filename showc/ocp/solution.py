@@ -11,15 +11,12 @@ import numpy as np
 from showc.ocp.export import ROWS, Drawing, arrays, drawing, frame, table
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.outcome import ErrorEstimate, Result
     from showc.trajectory import PiecewisePolynomial
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

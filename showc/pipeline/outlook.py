@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.options import SolveOptions
     from showc.plan.itinerary import Itinerary, Leg
     from showc.script.show import Show
     from showc.vehicle import Limits
 
-    FloatArray = NDArray[np.float64]
 
 _STILL = 1e-9
 

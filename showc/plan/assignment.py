@@ -19,12 +19,9 @@ import numpy as np
 from showc.plan.metric import line_separation, scaled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 WORTHWHILE = 0.97
 """A shorter longest move must be at most this fraction of the present one."""
@@ -173,7 +170,7 @@ def _bottleneck(length: FloatArray, limit: float) -> float | None:
     return high
 
 
-def _can_match(allowed: NDArray[np.bool_]) -> bool:
+def _can_match(allowed: BoolArray) -> bool:
     """Whether every row can have a column of its own among those ``allowed``."""
     places = _least_sum(np.where(allowed, 0.0, 1.0))
     return bool(allowed[np.arange(places.size), places].all())

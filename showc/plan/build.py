@@ -22,13 +22,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray, IntArray
     from showc.plan.itinerary import LegKind
     from showc.progress import Progress
     from showc.script.show import Mark, Show, Transition
     from showc.vehicle import Limits
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 PARKED = -1
 """Place of a drone that has none in the formation."""

@@ -10,14 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.script.show import Mark, Show
     from showc.vehicle import Limits
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 LegKind = Literal["launch", "transition", "approach", "land", "hold"]
 

@@ -7,11 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.vehicle import Separation
-
-    FloatArray = NDArray[np.float64]
 
 
 def scaled(points: FloatArray, separation: Separation) -> FloatArray:

@@ -11,21 +11,15 @@ from showc.schedule.distances import conflict_colours, point_distance
 from showc.schedule.releases import ordered
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.autopilot.stage import Lines, Stage, StageBuilder
     from showc.flight import LegFlight
     from showc.plan.itinerary import Leg
+    from showc.schedule.headways import Gaps
     from showc.schedule.surroundings import Surroundings
 
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Mapping
-
-    from showc.schedule.headways import Gaps
-
-    IntArray = NDArray[np.int64]
 
 BENDS = (1.0, 1.15, 1.3, 1.6, 2.0, 2.5, 3.2, 4.0)
 """Factors on the sideways part of the solved flight's bend."""

@@ -9,13 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
-    from showc.vehicle import Separation
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.stage import Stage
+    from showc.vehicle import Separation
 
     Pairs = tuple[IntArray, IntArray]
 
@@ -64,7 +60,7 @@ def point_distance(
 
 
 def nearest_pair(
-    points: FloatArray, separation: Separation, moving: NDArray[np.bool_]
+    points: FloatArray, separation: Separation, moving: BoolArray
 ) -> tuple[int, int, float]:
     """Return the nearest two of ``points`` (n, 3) with a mover, and their distance.
 
@@ -89,7 +85,7 @@ def near_pairs(
     parts: tuple[FloatArray, FloatArray],
     separation: Separation,
     distance: float,
-    moving: NDArray[np.bool_],
+    moving: BoolArray,
 ) -> tuple[IntArray, IntArray]:
     """Return the pairs with a mover whose straight parts may be within ``distance``.
 
@@ -117,7 +113,7 @@ class _Boxes:
         one: FloatArray,
         other: FloatArray,
         separation: Separation,
-        moving: NDArray[np.bool_],
+        moving: BoolArray,
     ) -> None:
         scale = np.array(separation.metric_scale)
         self.low = np.ascontiguousarray((np.minimum(one, other) * scale).T)

@@ -27,14 +27,12 @@ from showc.schedule.surroundings import Surroundings, leaves, stage_motion
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.autopilot.stage import Lines, Stage, StageBuilder
     from showc.flight import LegFlight
     from showc.plan.itinerary import Leg
     from showc.schedule.headways import Gaps
 
-    FloatArray = NDArray[np.float64]
     Choice = tuple[float, str, "list[Stage] | Callable[[], Iterable[Choice]]"]
 
 

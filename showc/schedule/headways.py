@@ -25,15 +25,11 @@ from showc.autopilot.following import SETTLING, time_followed
 from showc.schedule.distances import crossing_pairs, dot, point_distance
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.stage import Stage
     from showc.autopilot.timing import Timing
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 NODES = 65
 """Instants of a leg between which progress is taken for even."""

@@ -19,12 +19,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.schedule.headways import Gaps
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
     Near = list[list[tuple[int, int, int]]]
     Number = TypeVar("Number", int, float)
 

@@ -22,13 +22,10 @@ from showc.autopilot.following import SETTLING, SLOWEST, law_time
 from showc.schedule.distances import dot, near_pairs, nearest_pair, part_distance
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.s_curve import LegProfile
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TOLERANCE = 2e-3
 """How far below the true least distance the proved one may lie [m]."""
@@ -217,7 +214,7 @@ class _Reach:
     """Rearmost place at its middle."""
     front: FloatArray
     """Foremost place at its middle."""
-    settles: NDArray[np.bool_]
+    settles: BoolArray
     """Whether the drone settles in the first half of the piece, (m,)."""
     direction: FloatArray
     """Of the leg, show metres for each of the autopilot's."""
@@ -280,7 +277,7 @@ def _relative_speed(
 
 
 def _nearest_at_rest(
-    motion: Motion, separation: Separation, moving: NDArray[np.bool_]
+    motion: Motion, separation: Separation, moving: BoolArray
 ) -> Closest:
     """Nearest pair before the window's legs begin or after they end."""
     before, after = (

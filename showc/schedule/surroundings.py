@@ -13,14 +13,11 @@ from showc.schedule.distances import segment_distance
 from showc.schedule.separation import TOLERANCE, Motion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.autopilot.stage import Stage
     from showc.autopilot.timing import Timing
     from showc.script.show import Site
     from showc.vehicle import Separation
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +89,7 @@ TOUCHES = 1e-9
 """Lines that are so near an edge touch it [m]."""
 
 
-def leaves(stage: Stage, site: Site) -> NDArray[np.bool_]:
+def leaves(stage: Stage, site: Site) -> BoolArray:
     """Return which drones of a stage leave the volume, or the fence, shape (n,).
 
     Lines keep the margin that the site asks for, to the resolution of missions; what
@@ -134,7 +131,7 @@ def _flat(places: FloatArray) -> FloatArray:
     return flat
 
 
-def _within(places: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
+def _within(places: FloatArray, corners: FloatArray) -> BoolArray:
     """Whether places (n, 3) are inside: a ray from them crosses edges oddly often."""
     x, y = places[:, 0], places[:, 1]
     inside = np.zeros(len(places), dtype=np.bool_)

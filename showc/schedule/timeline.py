@@ -31,15 +31,13 @@ from showc.schedule.separation import Closest, Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.autopilot.stage import Stage, StageBuilder
     from showc.autopilot.tracking import Tracks
     from showc.flight import Flight, LegFlight
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
 
-    FloatArray = NDArray[np.float64]
 
 MANY = 200
 """Fleets of this size are worth several processes."""

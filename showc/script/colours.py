@@ -15,9 +15,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 Colour = tuple[float, float, float]
 

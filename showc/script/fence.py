@@ -18,12 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.script.show import Site
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 TOLERANCE = 1e-6
 """How much nearer than the margin rounding may bring a drone [m]."""

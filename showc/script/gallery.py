@@ -20,12 +20,9 @@ from showc.script.wording import number_text
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.reader import Reader
     from showc.vehicle import Separation
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

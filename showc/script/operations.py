@@ -17,12 +17,9 @@ from showc.vehicle import Separation
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from showc.script.build import Sketch
     from showc.script.show import Mark
 
-    FloatArray = NDArray[np.float64]
 
 CEILING = 120.0
 """Greatest height above ground without a special authorisation in most places [m]

@@ -11,9 +11,8 @@ from showc.script.formations.shape import FormationError
 from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 

@@ -21,12 +21,10 @@ from showc.script.wording import number_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.build import Sketch
     from showc.script.show import Formation
 
-    FloatArray = NDArray[np.float64]
 
 _SLACK = 1e-9
 

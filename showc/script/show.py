@@ -15,12 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.vehicle import Limits, Quadrotor, Separation, Vector
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

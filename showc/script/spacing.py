@@ -10,12 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _TOLERANCE = 1e-9
 _BLOCK = 200_000

@@ -9,11 +9,9 @@ import numpy as np
 from showc.script.spacing import close_pairs, closest
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
 
 _MOST_ROUNDS = 400
 _EFFORT = 60_000

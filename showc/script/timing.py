@@ -14,13 +14,10 @@ from showc.script.wording import number_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.build import Sketch
     from showc.script.show import Mark, Show
     from showc.vehicle import Limits, Quadrotor
-
-    FloatArray = NDArray[np.float64]
 
 
 ENVELOPE_UNITS = {

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from showc.arrays import FloatArray
     from showc.vehicle.quadrotor import Quadrotor
-
-    FloatArray = NDArray[np.float64]
 
 
 def attitude_and_thrust(

@@ -20,11 +20,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.vehicle.quadrotor import Quadrotor
 
-    FloatArray = NDArray[np.float64]
     Scalar = Any
     """A float, a numpy array or a CasADi scalar."""
 

@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s²] (CGPM 1901)."""

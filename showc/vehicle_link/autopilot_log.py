@@ -16,9 +16,8 @@ from showc.errors import DamagedFileError, UsageError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 ENDINGS = {".bin", ".tlog"}
 """Of the files that are read here, in small letters."""

@@ -15,11 +15,8 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from showc.vehicle_link.setpoints import Authority, Instant, StreamPlan
 
-    FloatArray = NDArray[np.float64]
 
 RATE_CHANGE = 1.0
 """Fastest change of the shared clock's rate [1/s]: to rest in a second and a half."""

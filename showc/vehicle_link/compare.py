@@ -18,12 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.vehicle_link.course import CourseLeg
 
-    FloatArray = NDArray[np.float64]
 
 ARRIVED = 0.3
 """A drone has arrived when it is this near its goal [m]."""

@@ -11,11 +11,9 @@ from showc.view.document import document, row, table, text
 from showc.view.plot import Curve, line_plot
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.vehicle_link.compare import Comparison, Flown, LegComparison
 
-    FloatArray = NDArray[np.float64]
 
 STEPS = 800
 """Points of a curve."""

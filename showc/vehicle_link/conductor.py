@@ -16,14 +16,11 @@ from showc.vehicle_link.setpoints import Authority, authority_of
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from showc.progress import Progress
     from showc.vehicle_link.flown import FlownLog
     from showc.vehicle_link.network import Network
     from showc.vehicle_link.setpoints import StreamPlan
 
-    FloatArray = NDArray[np.float64]
 
 AfterStop = Literal["hold", "land", "return"]
 

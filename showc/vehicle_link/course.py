@@ -11,12 +11,10 @@ import numpy as np
 from showc.errors import UsageError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.reader import LoggedSegment, LoggedShow
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
 
 Kind = Literal["trajectories", "missions"]
 

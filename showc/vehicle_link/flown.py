@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
 

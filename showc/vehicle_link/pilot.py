@@ -26,12 +26,10 @@ from showc.vehicle_link.wire import single
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.geodesy import SiteFrame
     from showc.vehicle_link.network import Address
 
-    FloatArray = NDArray[np.float64]
 
 POSITION_VELOCITY_ACCELERATION = 0x0C00
 """Type mask of a setpoint: everything but yaw and yaw rate."""

@@ -15,12 +15,10 @@ from showc.geodesy import SiteFrame
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
 
 GRID = 0.02
 """Step of the times at which the plan's greatest values are looked for [s]."""

@@ -9,11 +9,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.geodesy import SiteFrame
 
-    FloatArray = NDArray[np.float64]
 
 HEARTBEATS = 2.5
 """How much longer than a position a heartbeat may be missing [s]: vehicles send one a

@@ -12,11 +12,9 @@ from showc.verify.kernel.bound import refuted
 from showc.verify.kernel.statement import Statement
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.verify.kernel.show import LoggedShow, Segment
 
-    FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """How far a claimed bound may lie above the time of its witness [s]."""

@@ -18,12 +18,9 @@ from showc.log import showc_pb2 as pb
 from showc.verify.kernel.statement import Statement
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow, Segment
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 REACHED = 1e-3
 """Distance from its place at which a drone has reached it [m]."""

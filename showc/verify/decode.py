@@ -14,11 +14,9 @@ from showc.verify.kernel.show import LARGEST, LoggedShow
 from showc.verify.trajectories import read_segments
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.verify.logfile import LogFile
 
-    FloatArray = NDArray[np.float64]
 
 Parsed = TypeVar("Parsed", bound=Message)
 

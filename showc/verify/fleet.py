@@ -9,12 +9,9 @@ import numpy as np
 from showc.verify.kernel.bernstein import basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow, PieceTable
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _TIMES = 32
 """Instants evaluated together; bounds the memory."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import BoolArray, IntArray
     from showc.verify.records import Attachment, Channel, Schema
 
 LARGEST_CHUNK = 1 << 26
@@ -36,7 +37,7 @@ class Messages:
 
     channel: NDArray[np.uint16]
     """Channel number of each, shape (n,)."""
-    log_time: NDArray[np.int64]
+    log_time: IntArray
     """Time stamp of each, shape (n,) [ns]."""
     record: NDArray[np.uint32]
     """Offset of each record in the uncompressed chunk, shape (n,)."""
@@ -44,11 +45,11 @@ class Messages:
     """Number of each message's bytes, shape (n,)."""
 
     @property
-    def payload(self) -> NDArray[np.int64]:
+    def payload(self) -> IntArray:
         """Offset of each message's bytes in the uncompressed chunk, shape (n,)."""
         return self.record.astype(np.int64) + HEAD.size + MESSAGE_HEAD
 
-    def only(self, keep: NDArray[np.bool_]) -> Messages:
+    def only(self, keep: BoolArray) -> Messages:
         """Return those that are marked."""
         return Messages(
             self.channel[keep], self.log_time[keep], self.record[keep], self.size[keep]
@@ -106,7 +107,7 @@ class LogFile:
         ]
         return (times[-1][1] - times[0][0]) * 1e-9 if times else None
 
-    def times(self, channel: int) -> NDArray[np.int64]:
+    def times(self, channel: int) -> IntArray:
         """Time stamps of a channel's messages in order, shape (n,) [ns]."""
         parts = [
             chunk.messages.log_time[chunk.messages.channel == channel]

@@ -37,13 +37,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray, IntArray
     from showc.light.program import LightProgram
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile, Messages
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 FLEET, PREDICTED, TRANSFORMS = "/fleet/state", "/fleet/predicted", "/tf"
 SCENE, RULES, SEGMENTS = "/show/scene", "/show/rules", "/show/segments"

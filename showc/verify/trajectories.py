@@ -20,11 +20,9 @@ from showc.verify.kernel.show import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.verify.logfile import LogFile
 
-    FloatArray = NDArray[np.float64]
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
 

@@ -14,13 +14,11 @@ from showc.vehicle.motion import state_derivative
 from showc.view.digest import metric_scale
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.flight import Trajectory
     from showc.log import showc_pb2 as pb
     from showc.log.reader import LoggedSegment, LoggedShow
 
-    FloatArray = NDArray[np.float64]
 
 POINTS = 400
 """Points of a curve, about; at least a dozen on each interval."""
@@ -42,7 +40,7 @@ class Course:
     """Least distance between two drones, in the separation's metric [m]."""
     times: FloatArray
     """Since the start of the leg, shape (n,) [s]; both ends of every interval."""
-    interval: NDArray[np.int64]
+    interval: IntArray
     """Interval of each time, shape (n,)."""
     state: FloatArray
     """Shape (n, 12)."""
@@ -135,7 +133,7 @@ def course_of(logged: LoggedShow, segment: int, drone: int) -> Course:
 
 
 def _evaluate(
-    part: PiecewisePolynomial, times: FloatArray, interval: NDArray[np.int64]
+    part: PiecewisePolynomial, times: FloatArray, interval: IntArray
 ) -> FloatArray:
     """Values (n, components), each by the polynomial of its own interval."""
     values = np.empty((times.size, part.components))

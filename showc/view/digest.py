@@ -12,9 +12,9 @@ from showc.log import showc_pb2 as pb
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray
     from showc.log.reader import LoggedSegment, LoggedShow
 
-    FloatArray = NDArray[np.float64]
 
 SEARCH_RATE = 5.0
 """How often the samples are searched for the nearest pair [Hz]."""

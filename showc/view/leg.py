@@ -12,12 +12,10 @@ from showc.view.document import document, row, table, text
 from showc.view.plot import Curve, bar_plot, line_plot
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log import showc_pb2 as pb
     from showc.log.reader import LoggedShow
 
-    FloatArray = NDArray[np.float64]
 
 HIGHEST_MARGIN = 60.0
 """Separation far beyond the rule is drawn no higher than this [%]."""

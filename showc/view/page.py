@@ -21,11 +21,10 @@ from showc.view.digest import digest, metric_scale, speeds, tightest, tilt_angle
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.arrays import FloatArray, IntArray
     from showc.log.reader import LoggedShow
     from showc.view.digest import Digest
 
-    FloatArray = NDArray[np.float64]
-    ByteArray = NDArray[np.uint8]
 
 SCRIPTS = ("data.js", "camera.js", "stage.js", "timeline.js", "plots.js", "player.js")
 """The page's code, in the order in which it is joined."""
@@ -98,7 +97,7 @@ def _stride(logged: LoggedShow, budget: int) -> int:
     return max(1, -(-logged.samples.size // budget))
 
 
-def _steps(logged: LoggedShow, stride: int) -> NDArray[np.int64]:
+def _steps(logged: LoggedShow, stride: int) -> IntArray:
     """Every ``stride``-th step of the log's grid, and the last step of all."""
     steps = np.arange(0, logged.times.size, stride)
     last = logged.times.size - 1
@@ -127,7 +126,7 @@ def _pack_colours(samples: NDArray[np.void]) -> bytes:
 
 
 def _signals(
-    logged: LoggedShow, frames: NDArray[np.int64]
+    logged: LoggedShow, frames: IntArray
 ) -> tuple[list[dict[str, Any]], list[bytes]]:
     """Describe the plotted quantities, and give the bytes of their differences."""
     samples = logged.samples[frames]
@@ -168,7 +167,7 @@ def _signals(
     return signals, series
 
 
-def _meshes(logged: LoggedShow) -> tuple[list[list[float]], NDArray[np.int64]]:
+def _meshes(logged: LoggedShow) -> tuple[list[list[float]], IntArray]:
     """Different meshes as fractions of their leg, and which each drone has on each."""
     known: dict[tuple[float, ...], int] = {(): 0}
     index = np.zeros((len(logged.segments), logged.drones), dtype=np.int64)

@@ -11,11 +11,9 @@ import numpy as np
 from showc.view.document import text
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
 
-    FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT, MARGIN = 440.0, 340.0, 34.0
 DOTS = 1500

@@ -11,12 +11,9 @@ from showc.view.mesh import mesh_plot
 from showc.view.plot import Curve, line_plot
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.ocp import Margin, MeshRecord, Overrides, PhaseSolution, Problem
     from showc.ocp import Solution as OcpSolution
 
-    FloatArray = NDArray[np.float64]
 
 MOST_MARGINS = 4
 """Margins drawn in one plot; more would not be told apart."""

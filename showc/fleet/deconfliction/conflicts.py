@@ -20,13 +20,9 @@ from showc.plan.metric import measure
 from showc.trajectory import bernstein_basis, restrict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 RESOLUTION = 1e-6
 """To what the least distance of a pair is found [m]."""

@@ -15,14 +15,11 @@ from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.model import Aircraft
     from showc.script.fence import Fence
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _REACH = 4.0
 """Distance from a flight beyond which the fence lays no walls [m]."""

@@ -39,8 +39,7 @@ from showc.trajectory import PiecewisePolynomial
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.walls import PairWalls
     from showc.fleet.execution.pool import Workers
@@ -52,8 +51,6 @@ if TYPE_CHECKING:
     from showc.script.fence import Fence
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TOLERANCE = 1e-7
 """How much nearer than the separation a pair may come by rounding [m]."""

@@ -18,8 +18,7 @@ from showc.fleet.deconfliction.ways import find_ways
 from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.shared_profile.flat import FlatFlights
     from showc.fleet.shared_profile.profile import Profile
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from showc.flight import Trajectory
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
 
 _SLOWEST = 8.0
 """Time over that of the straight lines beyond which no pace is looked for."""

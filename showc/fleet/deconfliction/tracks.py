@@ -12,12 +12,9 @@ from showc.trajectory import PiecewisePolynomial, restrict
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.flight import Trajectory
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _SLOTS_LEAST = 8
 _SLOTS_MOST = 240

@@ -20,12 +20,9 @@ from showc.fleet.single_drone.convex_program import WALL_DEGREE, Walls
 from showc.trajectory import bernstein_basis_inverse
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 NODES: FloatArray = 0.5 * (
     1.0 - np.cos(np.pi * np.arange(WALL_DEGREE + 1) / WALL_DEGREE)

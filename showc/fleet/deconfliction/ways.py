@@ -23,12 +23,9 @@ from showc.plan.metric import measure
 from showc.trajectory import PiecewisePolynomial, restrict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.vehicle import Limits, Separation
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 RISES = (0.5, 0.35)
 """Shares of the time in which a bump rises, and falls. The first is one hump, the
@@ -142,7 +139,7 @@ def find_ways(  # noqa: PLR0917 - geometry of one leg
     profile: Profile,
     separation: Separation,
     limits: Limits,
-    pressed: NDArray[np.bool_],
+    pressed: BoolArray,
 ) -> Ways | None:
     """Find ways that keep all drones apart, or the most of them.
 

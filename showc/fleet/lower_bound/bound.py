@@ -23,11 +23,9 @@ import numpy as np
 from showc.flight import DualWitness
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.lower_bound.relaxation import Relaxation
 
-    FloatArray = NDArray[np.float64]
 
 _SUBDIVISIONS = 32
 _MARGIN = 1e-9

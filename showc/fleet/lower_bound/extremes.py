@@ -16,10 +16,8 @@ import highspy
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _ROUNDING = 1e-10
 """The least tolerance that HiGHS takes."""

@@ -14,14 +14,11 @@ from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
 from showc.fleet.single_drone.symmetry import images, kinds
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.execution.pool import Workers
     from showc.flight import DualWitness
     from showc.progress import Progress
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _CANDIDATES = 12
 _STRAIGHT_ERROR = 1.01

@@ -19,11 +19,8 @@ import highspy
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.lower_bound.relaxation import Relaxation
-
-    FloatArray = NDArray[np.float64]
 
 
 class RelaxedMove:

@@ -20,12 +20,9 @@ from showc.trajectory import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.vehicle import Limits, Quadrotor
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 STATE_DEGREE = 7
 CONTROL_DEGREE = 12

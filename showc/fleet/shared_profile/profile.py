@@ -17,9 +17,8 @@ import numpy as np
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 BLEND = 0.15
 """Share of a ramp that each of its two parabolic blends takes."""

@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING
 from showc.fleet.shared_profile.flat import FlatFlights, fly
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.shared_profile.profile import Profile
     from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Quadrotor
-
-    FloatArray = NDArray[np.float64]
 
 
 def fly_straight(

@@ -18,13 +18,9 @@ from showc.fleet.shared_profile.profile import BLEND, Profile
 from showc.fleet.shared_profile.straight import fly_straight
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.vehicle import Limits, Quadrotor
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
-    IntArray = NDArray[np.int64]
 
 _PHASES = np.concatenate([np.geomspace(0.004, 0.3, 22), np.linspace(0.32, 0.5, 10)])
 _RAMPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])

@@ -24,13 +24,11 @@ from showc.vehicle.motion import torques_for
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import HalfSpace
     from showc.ocp.transcription.staged.transcription import StagedSolution
 
-    FloatArray = NDArray[np.float64]
 
 CONTROL_DEGREE = 4
 """Rates have degree 2, so gyroscopic torques 4."""

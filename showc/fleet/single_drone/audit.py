@@ -14,14 +14,12 @@ from showc.vehicle.motion import thrust_direction
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import HalfSpace
     from showc.flight import Trajectory
     from showc.vehicle import Quadrotor
 
-    FloatArray = NDArray[np.float64]
 
 FLOWN_DEGREE = 7
 """Of velocities as the controls fly them. On the intervals of a solution the thrust's

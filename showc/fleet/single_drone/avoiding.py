@@ -30,8 +30,7 @@ from showc.fleet.single_drone.programs import Programs
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.convex_program import Walls
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from showc.ocp.transcription.staged.transcription import StagedTranscription
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
 
 SLOTS = 4
 """Walls that count at any one instant: the nearest ones."""

@@ -15,10 +15,8 @@ import numpy as np
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
     Entries = tuple[FloatArray, tuple[IntArray, IntArray]]
 
 DEGREE = 5
@@ -97,7 +95,7 @@ def _bernstein(intervals: int) -> FloatArray:
     return result
 
 
-def free_coefficients(count: int) -> NDArray[np.bool_]:
+def free_coefficients(count: int) -> BoolArray:
     """Which of the coefficients x, y, z after each other are not given, (3 n,)."""
     # Hover at both ends: tilt and body rates vanish, so horizontally velocity,
     # acceleration and jerk do; vertically only the velocity, thrust may jump.

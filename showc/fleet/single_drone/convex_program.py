@@ -25,15 +25,11 @@ from showc.fleet.single_drone.columns import Columns
 from showc.fleet.single_drone.rows import Rows, System
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.fleet.shared_profile.flat import Use
     from showc.fleet.single_drone.single import Aircraft
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 WALL_DEGREE = DEGREE + 1
 _MARGIN = 0.995

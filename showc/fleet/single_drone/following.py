@@ -38,8 +38,7 @@ from showc.trajectory import PiecewisePolynomial
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import HalfSpace, Result
     from showc.ocp.transcription.staged.transcription import (
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
         StagedSolver,
     )
 
-    FloatArray = NDArray[np.float64]
 
 EFFORT = 1e-3
 """Weight of effort beside the squared distance to the reference."""

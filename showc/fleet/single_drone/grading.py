@@ -15,15 +15,13 @@ from showc.fleet.single_drone.intervals import END_GRADING, graded_widths
 from showc.fleet.single_drone.model import single_problem, state_names
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
     from showc.ocp.guess import Curve, Guess
     from showc.ocp.solution import Solution
     from showc.ocp.transcription.staged.transcription import StagedSolution
 
-    FloatArray = NDArray[np.float64]
 
 FIRST = 24
 """Intervals of the first mesh."""

@@ -10,14 +10,12 @@ from showc.fleet.single_drone.model import POSITION, input_names, state_names
 from showc.vehicle.flatness import attitude_and_thrust
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.ocp.transcription.staged.transcription import StagedGuess
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
 
 INSIDE = 0.9
 """Share of a limit at which the guess is cut off."""

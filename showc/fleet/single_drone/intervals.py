@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 END_TIME = 1.6
 """Length of the stretch at either end that gets most intervals [s]: about the time of

@@ -15,14 +15,12 @@ from showc.fleet.single_drone.result import Result
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
     from showc.fleet.single_drone.result import HalfSpace, Status
     from showc.flight import Trajectory
 
-    FloatArray = NDArray[np.float64]
 
 POSITION_ACCURACY = 4e-4
 """Default of the greatest replay error [m]; a proof allows 5e-4."""

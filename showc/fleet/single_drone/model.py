@@ -17,11 +17,8 @@ import numpy as np
 from showc.vehicle import Limits, Quadrotor, Vector
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.ocp.problem import Phase, Problem
 
-    FloatArray = NDArray[np.float64]
 
 Yaw = Literal["held", "free"]
 Bounds = dict[tuple[str, str], tuple[float, float]]

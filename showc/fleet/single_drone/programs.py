@@ -14,9 +14,7 @@ from showc.fleet.single_drone.model import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.ocp.transcription.staged.stages import TimeKind
     from showc.ocp.transcription.staged.transcription import (
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
         StagedTranscription,
     )
 
-    FloatArray = NDArray[np.float64]
 
 FINE, ROUGH = 1e-6, 1e-5
 """Tolerance of a solve at a given time, and of the search for the least: there it

@@ -20,12 +20,10 @@ from showc.vehicle.motion import angular_acceleration, thrust_direction
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.flight import Trajectory
     from showc.vehicle import Quadrotor
 
-    FloatArray = NDArray[np.float64]
 
 POINTS = 10
 PARTS = 2

@@ -15,11 +15,8 @@ from showc.fleet.single_drone.basis import LOCAL
 from showc.fleet.single_drone.columns import Columns
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 _NOTHING = 1e-9
 """Rows shorter than this have no coefficient that is not given."""

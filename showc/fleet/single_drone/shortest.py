@@ -29,13 +29,11 @@ from showc.fleet.single_drone.programs import Programs
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import Result
     from showc.ocp.transcription.staged.transcription import StagedGuess, StagedSolution
 
-    FloatArray = NDArray[np.float64]
 
 EFFORT = 1e-4
 """Weight of effort beside the time [s]."""

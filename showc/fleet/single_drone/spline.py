@@ -20,12 +20,10 @@ from showc.fleet.single_drone.convex_program import NO_WALLS, Aim, Program, Wall
 from showc.trajectory import restrict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.single import Aircraft
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
 
 _ITERATIONS = 6
 

@@ -20,12 +20,10 @@ from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.convex_program import Walls
     from showc.fleet.single_drone.single import Aircraft
 
-    FloatArray = NDArray[np.float64]
 
 _MOMENT = 1.5e-3
 """Time left over after a flight in which nothing but hovering is worth it [s]: what

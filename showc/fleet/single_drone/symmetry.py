@@ -17,11 +17,9 @@ from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
 
-    FloatArray = NDArray[np.float64]
 
 _ALIGNED = 1e-12
 _STATE_AHEAD, _STATE_LEFT = (7, 10), (6, 9)

@@ -17,11 +17,8 @@ from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

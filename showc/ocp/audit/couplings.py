@@ -20,13 +20,11 @@ from showc.ocp.nodes import fitting_points
 from showc.trajectory import bernstein_basis, bernstein_basis_inverse, restrict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
 
 KEPT = 1e-9
 """Violation over the scale of a coupling that counts as rounding."""

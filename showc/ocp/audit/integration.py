@@ -28,9 +28,9 @@ from showc.trajectory import bernstein_basis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.solution import PhaseSolution
 
-    FloatArray = NDArray[np.float64]
 
 _MORE = 3
 """Stages beyond the points of the polynomial that is judged."""
@@ -305,7 +305,7 @@ class _Batch:
             f = self.owner.f.map(here.size * stages)(*arguments(here))
             return np.asarray(f).T.reshape(here.size, stages, size)
 
-        def settled(here: NDArray[np.intp], change: FloatArray) -> NDArray[np.bool_]:
+        def settled(here: NDArray[np.intp], change: FloatArray) -> BoolArray:
             moved = (np.abs(change) / self.scale).max(axis=(1, 2))
             far = (np.abs(x[here] - reference[here]) / self.scale).max(axis=(1, 2))
             return np.asarray(moved <= np.maximum(_SETTLED * far, _ROUNDING))

@@ -11,12 +11,9 @@ from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.transcription.collocation.limits import Overrides, Statement
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Problem
     from showc.ocp.solution import Solution
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

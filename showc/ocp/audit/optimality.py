@@ -25,14 +25,12 @@ from showc.ocp.nodes import bernstein_values, collocation
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.audit.residuals import PhaseAuditor
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
 
 _MOST_CORNERS = 6
 """Controls in path constraints up to which all corners of their box are looked at."""
@@ -137,7 +135,7 @@ class MinimumPrinciple:
         parameters = np.repeat(p[:, None], t.size, axis=1)
         lower, upper = self.auditor.control_bounds(table)
         vertices = self._vertices(lower, upper)
-        pinned: NDArray[np.bool_] = np.zeros(t.size, dtype=bool)
+        pinned: BoolArray = np.zeros(t.size, dtype=bool)
         if vertices:
             # Where every control of a path constraint is held at its bound, the
             # multiplier of that constraint is not determined.
@@ -191,7 +189,7 @@ class MinimumPrinciple:
         most = np.where(np.isinf(high), 0.0, np.inf)
         return np.asarray(np.clip(pressures, least, most))
 
-    def _settled(self, phase: PhaseSolution, along: NDArray[np.bool_]) -> FloatArray:
+    def _settled(self, phase: PhaseSolution, along: BoolArray) -> FloatArray:
         """Costates at the points, shape (points, states), without their oscillation.
 
         ``along``: on which intervals a state is at its bound, shape (K,). Free

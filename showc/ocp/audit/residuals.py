@@ -27,13 +27,11 @@ from showc.ocp.audit.optimality import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
 
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(97) / 96.0)
 _SAMPLES = tuple(float(s) for s in _PLACES)

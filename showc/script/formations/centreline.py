@@ -14,11 +14,9 @@ from showc.script.formations.wire import Wire, string
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.formations.contours import Contour
 
-    FloatArray = NDArray[np.float64]
 
 _PIXELS_ACROSS = 8
 """Pixels across a stroke of mean width."""

@@ -13,10 +13,7 @@ from showc.script.formations.shape import FormationError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from showc.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +151,7 @@ def fill(contours: Sequence[Contour], count: int) -> tuple[FloatArray, IntArray]
     return points, owner
 
 
-def _inside(contour: Contour, points: FloatArray) -> NDArray[np.bool_]:
+def _inside(contour: Contour, points: FloatArray) -> BoolArray:
     """Tell which points, shape (n, 2), a contour encloses (even-odd rule), (n,)."""
     start, stop = contour.points[:-1], contour.points[1:]
     x, y = points[:, 0, None], points[:, 1, None]

@@ -14,11 +14,9 @@ from showc.script.formations.wire import Wire, string
 from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.settings import Settings
 
-    FloatArray = NDArray[np.float64]
 
 _SIDE = Quantity("m", minimum=0.0, maximum=1000.0, positive=True)
 

@@ -21,11 +21,9 @@ from showc.script.kinds import Either, Field, Integer, Items, Quantity, Section
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.settings import Settings
 
-    FloatArray = NDArray[np.float64]
 
 _STEP = Quantity("m", minimum=0.01, maximum=1000.0)
 

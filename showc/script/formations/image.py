@@ -22,12 +22,11 @@ from showc.script.formations.shape import (
 from showc.script.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from PIL.Image import Image
 
+    from showc.arrays import BoolArray, FloatArray
     from showc.script.settings import Settings
 
-    FloatArray = NDArray[np.float64]
 
 MAX_PIXELS = 16_000_000
 """Largest picture that is decoded [pixels]: four bytes each, and a copy at times.
@@ -165,7 +164,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     return Drawing(stand(flat[chosen], settings.text("plane")), colours)
 
 
-def _mask(pixels: FloatArray, settings: Settings) -> NDArray[np.bool_]:
+def _mask(pixels: FloatArray, settings: Settings) -> BoolArray:
     """Return which pixels count, (h, w)."""
     opaque = pixels[..., 3] >= 0.5
     brightness = pixels[..., :3] @ np.array([0.2126, 0.7152, 0.0722])

@@ -26,11 +26,9 @@ from showc.script.formations.shape import (
 from showc.script.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.settings import Settings
 
-    FloatArray = NDArray[np.float64]
 
 MAX_TRIANGLES = 400_000
 """Triangles or corners of a model, copies written out: what fits into its file."""

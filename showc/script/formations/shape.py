@@ -12,12 +12,10 @@ from showc.script.kinds import Choice, Field
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.kinds import Section
     from showc.script.settings import Settings
 
-    FloatArray = NDArray[np.float64]
 
 Plane = Literal["horizontal", "front", "side"]
 

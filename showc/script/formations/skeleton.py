@@ -9,7 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    BoolArray = NDArray[np.bool_]
+    from showc.arrays import BoolArray
+
 
 Pixel = tuple[int, int]
 """Row and column."""

@@ -20,8 +20,7 @@ from showc.script.formations.shape import (
 from showc.script.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.script.settings import Settings
 
 _CURVE_PIECES = 24
@@ -244,7 +243,7 @@ class _Outline:
 _LINK = "{http://www.w3.org/1999/xlink}href"
 
 
-def _flatten(path: object) -> NDArray[np.float64]:
+def _flatten(path: object) -> FloatArray:
     """Return a curve as a chain of points, (corners, 2)."""
     import svgelements  # noqa: PLC0415 - takes time
 

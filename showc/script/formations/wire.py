@@ -12,9 +12,7 @@ from showc.script.formations.evenly import spread_evenly
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

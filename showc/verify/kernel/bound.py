@@ -44,11 +44,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Limits, Rules, Segment, Vector3
 
-    FloatArray = NDArray[np.float64]
 
 CELLS = 4096
 """Cells on each stretch between two knots."""

@@ -70,14 +70,10 @@ from showc.verify.kernel.statement import Statement
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Vehicle
     from showc.verify.kernel.show import LoggedShow, Segment
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
-    IntArray = NDArray[np.int64]
 
 GAMMA = 1000 * 2.0**-53 / (1.0 - 1000 * 2.0**-53)
 """gamma_1000: relative rounding of anything worked out here, before gains."""

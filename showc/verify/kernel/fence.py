@@ -34,14 +34,11 @@ from showc.verify.kernel.statement import Statement
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.log.showc_pb2 import Site
     from showc.verify.kernel.dynamics import Tube
     from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 RESOLUTION = 1e-6
 """Width of the enclosure of the least distance [m]."""

@@ -35,13 +35,11 @@ from showc.verify.kernel.statement import Statement
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Limits, Rules, Vector3
     from showc.verify.kernel.dynamics import Tube
     from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 
-    FloatArray = NDArray[np.float64]
 
 RESOLUTION = 1e-9
 """Width of the enclosure at which halving stops, as a fraction of the limit's range."""

@@ -38,14 +38,11 @@ from showc.verify.kernel.tracks import MOMENT, Stretch, Tracks, cut
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
     from showc.verify.kernel.dynamics import Tube
     from showc.verify.kernel.show import LoggedShow
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 RESOLUTION = 5e-7
 """Width of the enclosure of the closest encounter [m]."""
@@ -203,7 +200,7 @@ class _Pairs(NamedTuple):
     high: FloatArray
     """Show time [s]."""
 
-    def some(self, chosen: NDArray[np.bool_]) -> _Pairs:
+    def some(self, chosen: BoolArray) -> _Pairs:
         """Return those that are chosen."""
         first, second, low, high = self
         return _Pairs(first[chosen], second[chosen], low[chosen], high[chosen])
@@ -316,7 +313,7 @@ class _Search:
         # Rounding is coarser than what is wanted: nothing is proved.
         self.error = np.inf
 
-    def _could_be_nearer(self, difference: FloatArray) -> NDArray[np.bool_]:
+    def _could_be_nearer(self, difference: FloatArray) -> BoolArray:
         """Whether a plane between the pair fails to settle it; (n,)."""
         limit = self.best - RESOLUTION / 2
         if self.measure.largest:

@@ -14,13 +14,10 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Rules
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 STATE_COMPONENTS = 12
 CONTROL_COMPONENTS = 4

@@ -28,12 +28,8 @@ from showc.log import showc_pb2 as pb
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.tracks import Tracks
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

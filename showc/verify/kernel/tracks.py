@@ -11,12 +11,8 @@ import numpy as np
 from showc.verify.kernel.bernstein import elevate, part
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow, Segment
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 MOMENT = 1e-8

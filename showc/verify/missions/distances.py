@@ -9,12 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log import showc_pb2 as pb
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 ROWS = 128
 """Drones whose distances from all others are looked at together."""
@@ -23,7 +20,7 @@ ROWS = 128
 def nearest_places(
     places: FloatArray,
     rules: pb.Separation,
-    moving: NDArray[np.bool_],
+    moving: BoolArray,
     limit: float = np.inf,
 ) -> tuple[int, int, float] | None:
     """Return the nearest two of ``places`` (n, 3), one of them a mover's at least.
@@ -53,7 +50,7 @@ def near_pairs(
     other: FloatArray,
     rules: pb.Separation,
     limit: float,
-    moving: NDArray[np.bool_],
+    moving: BoolArray,
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Pairs with a mover whose parts may come within ``limit``, block by block.
 
@@ -71,7 +68,7 @@ def _gaps(
     low: FloatArray,
     high: FloatArray,
     rules: pb.Separation,
-    moving: NDArray[np.bool_],
+    moving: BoolArray,
     limit: float,
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
     """Distances between boxes from ``low`` to ``high`` (n, 3), block by block.

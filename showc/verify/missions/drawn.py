@@ -22,14 +22,11 @@ from showc.verify.sample import point_layout, points_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
     from showc.verify.missions.legs import MissionLegs
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TOPIC = "/fleet/predicted"
 

@@ -25,12 +25,10 @@ from showc.verify.report import Check, Place, Verdict
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import MissionLegs
 
-    FloatArray = NDArray[np.float64]
 
 GROUP = "missions"
 
@@ -147,7 +145,7 @@ def check_flight(
 class _Stops:
     """Where one drone ends its moves."""
 
-    rows: NDArray[np.int64]
+    rows: IntArray
     """Place of the mission that is the end of each move, shape (n,)."""
     holds: FloatArray
     """For how long the log holds it there, shape (n,) [s]."""

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Site
 
-    FloatArray = NDArray[np.float64]
 
 EQUATORIAL_RADIUS = 6378137.0
 """Semi-major axis of WGS 84 [m]."""

@@ -18,9 +18,10 @@ from showc.verify.missions.language import MissionFormatError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    FloatArray = NDArray[np.float64]
+    from showc.arrays import FloatArray, IntArray
+
 
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
@@ -121,7 +122,7 @@ class Profiles:
         names = self.__dataclass_fields__
         return Profiles(*(getattr(self, name)[begin:end] for name in names))
 
-    def law_time(self, leg: NDArray[np.int64], since: ArrayLike) -> FloatArray:
+    def law_time(self, leg: IntArray, since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
 
         ``since`` (m,) the release [s]: late by 0.16 s if upright, by up to 0.44 s if
@@ -150,9 +151,7 @@ class Profiles:
         length = np.where(self.length > 0.0, self.length, np.inf)
         return np.asarray(1.0 + self.overshoot / length)
 
-    def fraction(
-        self, leg: NDArray[np.int64], time: ArrayLike
-    ) -> tuple[FloatArray, FloatArray]:
+    def fraction(self, leg: IntArray, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Part (m,) of legs ``leg`` (m,) covered at ``time`` (m,) [s], 0 to 1.
 
         And its rate of change [1/s].
@@ -162,7 +161,7 @@ class Profiles:
         part = np.clip(distance / whole, 0.0, 1.0)
         return part, np.maximum(speed / whole, 0.0)
 
-    def motion(self, leg: NDArray[np.int64], time: ArrayLike) -> FloatArray:
+    def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
         """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).
 
         In SI; at rest before and after the leg.

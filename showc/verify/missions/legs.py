@@ -15,14 +15,11 @@ from showc.verify.missions.law import METRES_PER_DEGREE, Law, Profiles, profiles
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.language import Item, Mission
     from showc.verify.missions.terms import Terms
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 DAY, HOUR = 86400.0, 3600.0
 """After these the clock shows the same, with and without the hour named [s]."""

@@ -16,13 +16,11 @@ from showc.verify.missions.terms import CRUISE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.language import Item, Mission
     from showc.verify.missions.terms import Terms
 
-    FloatArray = NDArray[np.float64]
 
 FIRMWARE = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT values."""

@@ -10,13 +10,9 @@ import numpy as np
 from showc.verify.missions.law import SETTLING
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.verify.missions.law import Profiles
     from showc.verify.missions.stretches import Stretch
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +43,7 @@ class Reach:
 
     def rates(
         self, drone: IntArray, part: FloatArray, width: float
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Least and greatest rates (m,) [1/s] at which they cover their legs.
 
         Of drones ``drone`` (m,) during ``width`` [s] from ``part`` (m,) times that

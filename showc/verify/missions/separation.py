@@ -28,15 +28,12 @@ from showc.verify.missions.stretches import stretches
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.log import showc_pb2 as pb
     from showc.verify.missions.law import Profiles
     from showc.verify.missions.legs import MissionLegs
     from showc.verify.missions.stretches import Stretch
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""

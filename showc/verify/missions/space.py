@@ -18,12 +18,10 @@ from showc.verify.missions.plan import fence_corners
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.legs import MissionLegs
 
-    FloatArray = NDArray[np.float64]
 
 TOUCHES = 1e-9
 """Lines that are so near an edge touch it [m]."""
@@ -101,7 +99,7 @@ def inside_fence(missions: Sequence[MissionLegs], site: Site) -> Inside | None:
     return _least(spare, drone, line)
 
 
-def contains(corners: FloatArray, points: FloatArray) -> NDArray[np.bool_]:
+def contains(corners: FloatArray, points: FloatArray) -> BoolArray:
     """Whether points (n, 2) are within corners (m, 2): a ray crosses oddly often."""
     x, y = points.T
     inside = np.zeros(len(points), dtype=np.bool_)
@@ -121,7 +119,7 @@ def _flat(points: FloatArray) -> FloatArray:
 
 def _lines(
     missions: Sequence[MissionLegs],
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
     """Begin, end and foremost place (n, 3) of all lines; whose, and of which row."""
     begin = np.concatenate([one.places[:-1] for one in missions])
     end = np.concatenate([one.places[1:] for one in missions])
@@ -134,8 +132,6 @@ def _lines(
     return begin, end, begin + excess[:, None] * (end - begin), drone, line
 
 
-def _least(
-    spare: FloatArray, drone: NDArray[np.int64], line: NDArray[np.int64]
-) -> Inside:
+def _least(spare: FloatArray, drone: IntArray, line: IntArray) -> Inside:
     row = int(spare.argmin())
     return Inside(float(spare[row]), int(drone[row]), int(line[row]))

@@ -11,13 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.missions.law import Profiles
     from showc.verify.missions.legs import MissionLegs
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 TOGETHER = 0.5
 """Legs that begin within this time of each other are looked at together [s]."""

@@ -21,14 +21,11 @@ from showc.verify.specification.compare import differences, same
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.show import Effect, Formation, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 GROUP = "script"
 
@@ -332,7 +329,7 @@ class _Walk:
             self._wrong(segment, "drones change places without a move")
 
     def _reach(
-        self, segment: Segment, wanted: FloatArray, who: NDArray[np.bool_] | None = None
+        self, segment: Segment, wanted: FloatArray, who: BoolArray | None = None
     ) -> None:
         """Goals of drones (all, or those marked) are the places wanted."""
         chosen = slice(None) if who is None else who

@@ -17,16 +17,13 @@ from showc.ocp.transcription.collocation.transcription import Transcription
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.adaptive.switches import Structure
     from showc.ocp.transcription.collocation.limits import Overrides
     from showc.ocp.transcription.collocation.solver import SolverOptions
-
-    FloatArray = NDArray[np.float64]
 
 
 class Attempts:

@@ -14,15 +14,13 @@ from showc.ocp.refinement.adaptive.options import BOUNDARY_SHARE, CAUTION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.adaptive.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
 
 HUGE = 1e200
 """Errors beyond this are not told apart."""
@@ -39,7 +37,7 @@ class Judgement:
     """Error over tolerance of each interval, phase by phase."""
     shares: tuple[FloatArray, ...]
     """Share of each interval in the objective's relative error, phase by phase."""
-    must_cut: tuple[NDArray[np.bool_], ...]
+    must_cut: tuple[BoolArray, ...]
     """Intervals whose error is that of a control of given degree, phase by phase."""
     structures: tuple[Structure | None, ...]
     """The arcs the mesh was made for, phase by phase."""
@@ -165,7 +163,7 @@ def _limited(
     index: int,
     audit: PhaseAudit,
     tolerance: float,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Intervals whose error is the control's, where its degree is given."""
     part, phase = solution.phases[index], problem.phases[index]
     chosen = part.mesh.control_degrees

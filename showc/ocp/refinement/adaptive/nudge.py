@@ -19,14 +19,12 @@ from showc.ocp.guess import Curve, Guess, curves_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.audit.couplings import Violation
     from showc.ocp.problem import Problem
     from showc.ocp.quantity import Quantity
     from showc.ocp.solution import Solution
 
-    FloatArray = NDArray[np.float64]
 
 _HEAD_ON = 0.3
 """Share of what is lacking that the gradient gains on the way that the curvature

@@ -27,8 +27,7 @@ from showc.ocp.refinement.adaptive.switches import border_reasons, detect
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.adaptive.judgement import Judgement
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from showc.ocp.refinement.adaptive.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

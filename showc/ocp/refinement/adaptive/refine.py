@@ -32,13 +32,11 @@ from showc.trajectory import bernstein_basis
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.refinement.adaptive.options import Rule
     from showc.ocp.refinement.adaptive.switches import Structure
     from showc.ocp.solution import PhaseSolution
 
-    FloatArray = NDArray[np.float64]
 
 LEAST_POINTS = 3
 MOST_POINTS = 12
@@ -172,7 +170,7 @@ def refine(
     *,
     rule: Rule = "decay",
     scale: FloatArray,
-    must_cut: NDArray[np.bool_],
+    must_cut: BoolArray,
     most: float = np.inf,
 ) -> tuple[PhaseMesh, tuple[Decision, ...]]:
     """Change the intervals by their ``indicator`` (error over tolerance).
@@ -270,7 +268,7 @@ def _pieces(indicator: float) -> int:
     return 2 if indicator < 30.0 else 3 if indicator < 1e4 else 4
 
 
-def _waiting(mesh: PhaseMesh, indicator: FloatArray, most: float) -> NDArray[np.bool_]:
+def _waiting(mesh: PhaseMesh, indicator: FloatArray, most: float) -> BoolArray:
     """Mark flagged intervals that wait because others err more."""
     waiting = np.zeros(mesh.intervals, dtype=bool)
     points = float(mesh.point_count)
@@ -309,9 +307,7 @@ def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
     return bool((np.abs(continued - actual) / scale).max() < 1e-4)
 
 
-def _solvable(
-    held: NDArray[np.int64], free: NDArray[np.bool_], entries: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _solvable(held: IntArray, free: BoolArray, entries: BoolArray) -> IntArray:
     """Return ``held`` where enough free controls are left to keep it, else nothing.
 
     An equation needs a control off its bounds to be solved for: one that enters it if
@@ -330,7 +326,7 @@ def arc_mesh(
     structure: Structure,
     free_controls: list[tuple[int, str, int]],
     constraints: Sequence[str] = (),
-    entries: NDArray[np.bool_] | None = None,
+    entries: BoolArray | None = None,
 ) -> tuple[PhaseMesh, FloatArray]:
     """Mesh whose arcs are those of ``structure``, and the arcs' durations.
 

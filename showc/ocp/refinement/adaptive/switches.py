@@ -16,18 +16,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from showc.arrays import FloatArray
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
+    from showc.arrays import IntArray
     from showc.ocp.solution import PhaseSolution
     from showc.trajectory import PiecewisePolynomial
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
-PathValues = tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], Any]
+PathValues = tuple[Callable[[FloatArray], FloatArray], Any]
 
 _SAMPLES = 16
 _CONTROL_CLOSE = 0.02

@@ -16,14 +16,11 @@ import numpy as np
 from showc.ocp.scaling import GOLDEN
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from showc.ocp.guess import Guess
     from showc.ocp.problem import Problem
     from showc.ocp.solution import Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
 
 _STILL = 1e-6
 """Share of its range by which a control has moved that counts as moved."""

@@ -23,12 +23,9 @@ import numpy as np
 from showc.ocp.mesh import PhaseMesh
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.ocp.solution import PhaseSolution
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 FLOOR = 0.2
 """Share of the intervals that is spread evenly."""

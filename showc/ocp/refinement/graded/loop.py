@@ -34,8 +34,7 @@ from showc.ocp.transcription.collocation.transcription import SHARE, Transcripti
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAudit
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import PhaseMesh
@@ -43,8 +42,6 @@ if TYPE_CHECKING:
     from showc.ocp.solution import Solution
     from showc.ocp.transcription.collocation.limits import Table
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _STARTS: tuple[tuple[int, dict[str, object]], ...] = (
     (0, {}),

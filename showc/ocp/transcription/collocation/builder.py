@@ -17,17 +17,13 @@ from showc.ocp.transcription.collocation.triplets import Triplets
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.problem import Problem
     from showc.ocp.quantity import Quantity
     from showc.ocp.transcription.collocation.nlp import Program
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import IntArray
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.problem import Phase, Problem
-
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

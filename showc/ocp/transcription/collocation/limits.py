@@ -16,15 +16,12 @@ from showc.ocp.transcription.collocation.builder import Scales
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.quantity import Control, Quantity, State
     from showc.ocp.transcription.collocation.builder import Discretisation
     from showc.ocp.transcription.collocation.layout import PhaseLayout
-
-    FloatArray = NDArray[np.float64]
 
 
 SHORTEST = 1e-6

@@ -25,16 +25,13 @@ from showc.ocp.transcription.collocation.nlp import Kernel
 from showc.ocp.transcription.collocation.triplets import Triplets
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.mesh import PhaseMesh
     from showc.ocp.problem import Phase
     from showc.ocp.quantity import HalfSpaces
     from showc.ocp.transcription.collocation.builder import Builder
     from showc.ocp.transcription.collocation.layout import PhaseLayout
-
-    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,13 +11,10 @@ from showc.ocp.solution import PhaseSolution
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.solution import Multipliers
     from showc.ocp.transcription.collocation.limits import Box
     from showc.ocp.transcription.collocation.transcription import Transcription
-
-    FloatArray = NDArray[np.float64]
 
 
 def worst_violation(

@@ -14,13 +14,10 @@ from showc.trajectory import bernstein_basis_inverse
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Phase
     from showc.ocp.transcription.collocation.limits import Box, Overrides, Table
     from showc.ocp.transcription.collocation.transcription import Transcription
-
-    FloatArray = NDArray[np.float64]
 
 
 def starting_point(

@@ -33,16 +33,13 @@ from showc.ocp.transcription.collocation.warmstart import transfer
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import Mesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.problem import Problem
     from showc.ocp.transcription.collocation.limits import Box
-
-    FloatArray = NDArray[np.float64]
 
 
 def _slack(given: Mapping[str, FloatArray], answer: Mapping[str, Any]) -> float:

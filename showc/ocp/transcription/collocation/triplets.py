@@ -9,10 +9,7 @@ import numpy as np
 from scipy import sparse
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from showc.arrays import FloatArray, IntArray
 
 
 @dataclass(slots=True)

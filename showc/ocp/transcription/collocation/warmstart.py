@@ -17,12 +17,9 @@ from showc.ocp.solution import Multipliers
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray, IntArray
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.transcription import Transcription
-
-    FloatArray = NDArray[np.float64]
 
 
 def _nodal_at(phase: PhaseSolution, nodal: FloatArray, times: FloatArray) -> FloatArray:
@@ -46,8 +43,8 @@ def _nodal_at(phase: PhaseSolution, nodal: FloatArray, times: FloatArray) -> Flo
 
 
 def _shares(
-    breaks: FloatArray, row: list[NDArray[np.int64]]
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    breaks: FloatArray, row: list[IntArray]
+) -> tuple[IntArray, FloatArray, FloatArray]:
     """Unknown, start and end of the share of time of every coefficient of a row."""
     unknowns, left, right = [], [], []
     for k, table in enumerate(row):

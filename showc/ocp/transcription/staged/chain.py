@@ -29,12 +29,10 @@ from showc.ocp.transcription.staged.stages import Row
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import IntArray
     from showc.ocp.transcription.staged.solution import StagedSolver
     from showc.ocp.transcription.staged.stages import Stage, TimeKind
 
-    IntArray = NDArray[np.int64]
 
 Symbol = Any
 

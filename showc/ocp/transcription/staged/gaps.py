@@ -12,9 +12,8 @@ import casadi
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from showc.arrays import BoolArray, FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 CLOSED = 1e-11
 """Greatest gap that counts as rounding."""
@@ -34,7 +33,7 @@ class Gaps:
         Which rows of g are equations.
     """
 
-    def __init__(self, slopes: Any, equal: NDArray[np.bool_]) -> None:  # noqa: ANN401
+    def __init__(self, slopes: Any, equal: BoolArray) -> None:  # noqa: ANN401
         self._slopes, self._equal = slopes, equal
         rows = np.flatnonzero(equal).tolist()
         self._chosen = casadi.DM.triplet(

@@ -22,9 +22,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 AVAILABLE = sys.platform == "linux" and hasattr(os, "fork")
 """Whether this platform can fork a process with native libraries loaded."""

@@ -12,9 +12,8 @@ from showc.ocp.outcome import Result
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 StagedSolver = Literal["fatrop", "ipopt"]
 

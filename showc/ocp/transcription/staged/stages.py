@@ -25,12 +25,10 @@ from showc.ocp.transcription.staged.cascade import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.quantity import HalfSpaces, Quantity
 
-    FloatArray = NDArray[np.float64]
 
 Symbol = Any
 TimeKind = Literal["given", "free", "movable"]

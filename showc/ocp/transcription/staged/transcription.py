@@ -37,11 +37,9 @@ from showc.ocp.transcription.staged.stages import Row, Stage, TimeKind, build_st
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.problem import Problem
 
-    FloatArray = NDArray[np.float64]
 
 __all__ = [
     "StagedGuess",
@@ -174,7 +172,7 @@ class StagedTranscription:
             for r in range(group.rows)
         }
 
-    def _touching(self, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    def _touching(self, low: FloatArray, high: FloatArray) -> BoolArray:
         """Find limits of states that stand on them at that end of the phase.
 
         Nothing in the interval beside could keep the inset from them: how far the state
