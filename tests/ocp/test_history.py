@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.ocp_further import rayleigh, two_phase_waypoint
+from benchmarks.ocp_further import alp_rider, two_phase_waypoint
 from benchmarks.ocp_problems import goddard
 from benchmarks.ocp_textbook import long_hypersensitive
 
@@ -18,7 +18,7 @@ def flown() -> ocp.Solution:
 
 @pytest.fixture(scope="module")
 def constrained() -> ocp.Solution:
-    return ocp.solve(rayleigh())
+    return ocp.solve(alp_rider())
 
 
 def test_records_are_the_meshes_that_were_solved(flown):
@@ -98,7 +98,7 @@ def test_a_violated_path_constraint_is_named(constrained):
         for interval in record.phases[0].intervals
         if interval.decision.step is ocp.Step.CONSTRAINED
     }
-    assert named == {"mixed"}
+    assert named == {"terrain"}
 
 
 def test_every_phase_has_its_mesh():
