@@ -7,12 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Lock, current_thread, main_thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
+    from concurrent.futures import Future, ProcessPoolExecutor
 
     Result = TypeVar("Result")
 
@@ -178,85 +179,117 @@ def join_group(group: int) -> None:
         os._exit(1)
 
 
-_work: list[Callable[[int], Any]] = []
-"""What copies are to do: they inherit it."""
+def guarded_executor(jobs: int, method: str) -> ProcessPoolExecutor:
+    """Make an executor whose processes end when this one ends, however it ends.
 
-
-def _ignore() -> None:
-    """Take no notice."""
-
-
-def side_by_side(
-    work: Callable[[int], Result],
-    count: int,
-    jobs: int | None,
-    done: Callable[[], None] = _ignore,
-) -> list[Result]:
-    """Return what ``work`` gives for 0, 1, ... ``count`` - 1.
+    Work is to be submitted under :func:`undisturbed`: the first of it starts processes.
 
     Parameters
     ----------
-    work
-        Depends on nothing that changes; what it gives, or raises, can be pickled.
-    count
-        How many pieces there are.
     jobs
-        Processes; None: one for each core. Where the system cannot copy a process
-        safely (elsewhere than on Linux), and for one piece, this one does all.
+        Number of processes.
+    method
+        How :mod:`multiprocessing` is to start them.
+    """
+    # Not needed for small shows, which are the most.
+    from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415
+    from multiprocessing import get_context  # noqa: PLC0415
+
+    return ProcessPoolExecutor(
+        jobs, get_context(method), initializer=join_group, initargs=(guarded_group(),)
+    )
+
+
+_at_work: list[Sequence[Callable[[], Any]]] = []
+"""Parts that copies made now will know; the last entry counts."""
+
+
+def side_by_side(
+    parts: Sequence[Callable[[], Result]],
+    jobs: int | None = None,
+    done: Callable[[], None] = lambda: None,
+    *,
+    begin: Sequence[int] | None = None,
+) -> list[Result]:
+    """Call every part, in copies of this process; return what they return, in order.
+
+    A copy made by the system's ``fork`` has everything that was read already, without
+    any of it being sent; what it finds comes back pickled. The number of copies changes
+    nothing in what is found, and what one that died left undone is done here.
+
+    Parameters
+    ----------
+    parts
+        Functions without arguments that depend on nothing that changes.
+    jobs
+        Copies to share the work; None: one for each core. Where the system cannot copy
+        a process safely (elsewhere than on Linux), and for one part, the work is done
+        in this one.
     done
-        Told of each piece that is finished, in their order.
+        Called as each part is finished.
+    begin
+        Numbers of all parts in the order in which copies are to begin them: with what
+        takes long first, no copy works alone at the end. None: as they are.
 
     Raises
     ------
     Exception
-        What the first piece that failed, in their order, has raised.
+        What the first part (in their order) that failed has raised.
     """
-    wanted = min(usable_cores() if jobs is None else jobs, count)
-    found: list[Result] = []
-    if wanted > 1 and sys.platform == "linux":
-        _in_copies(work, count, wanted, found, done)
-    # What copies that died left undone is done here.
-    for number in range(len(found), count):
-        found.append(work(number))
-        done()
+    count = min(usable_cores() if jobs is None else jobs, len(parts))
+    if count < 2 or sys.platform != "linux":
+        return [_counted(part, done) for part in parts]
+    from concurrent.futures import BrokenExecutor  # noqa: PLC0415 - see above
+
+    futures = _in_copies(parts, begin or range(len(parts)), count, done)
+    results = []
+    for number, part in enumerate(parts):
+        future = futures.get(number)
+        if future is None or isinstance(future.exception(), BrokenExecutor):
+            results.append(_counted(part, done))
+        else:
+            results.append(future.result())
+    return results
+
+
+def _counted(part: Callable[[], Result], done: Callable[[], None]) -> Result:
+    found = part()
+    done()
     return found
 
 
 def _in_copies(
-    work: Callable[[int], Result],
+    parts: Sequence[Callable[[], Result]],
+    begin: Sequence[int],
     count: int,
-    jobs: int,
-    found: list[Result],
     done: Callable[[], None],
-) -> None:
-    """Add what copies find to ``found``, in order, up to the first that died."""
-    # Not needed for small shows, which are the most.
-    from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415
-    from concurrent.futures.process import BrokenProcessPool  # noqa: PLC0415
-    from multiprocessing import active_children, get_context  # noqa: PLC0415
+) -> dict[int, Future[Result]]:
+    """Let copies do the parts; return what each came to."""
+    from concurrent.futures import BrokenExecutor, as_completed  # noqa: PLC0415
+    from multiprocessing import active_children  # noqa: PLC0415
 
     before = set(active_children())
-    _work.append(work)
-    crew = ProcessPoolExecutor(
-        jobs, get_context("fork"), initializer=join_group, initargs=(guarded_group(),)
-    )
+    executor = guarded_executor(count, "fork")
+    futures: dict[int, Future[Result]] = {}
+    _at_work.append(parts)
     try:
-        # From their first instruction on: the process that was copied ends them.
-        with undisturbed():
-            futures = [crew.submit(_do, number) for number in range(count)]
-        for future in futures:
-            found.append(future.result())
-            done()
-    except BrokenProcessPool:
-        pass
+        # A copy may die while work is still being given out.
+        with undisturbed(), suppress(BrokenExecutor):
+            for number in begin:
+                futures[number] = executor.submit(_do, number)
+        for future in as_completed(futures.values()):
+            if not isinstance(future.exception(), BrokenExecutor):
+                done()
     except BaseException:
         for process in set(active_children()) - before:
-            process.terminate()
+            process.kill()
         raise
     finally:
-        crew.shutdown(cancel_futures=True)
-        _work.pop()
+        _at_work.pop()
+        executor.shutdown(cancel_futures=True)
+    return futures
 
 
-def _do(number: int) -> Any:  # noqa: ANN401 - whatever the work gives
-    return _work[-1](number)
+def _do(number: int) -> Any:  # noqa: ANN401 - whatever the part returns
+    """Do one part, in a copy."""
+    return _at_work[-1][number]()

@@ -5,10 +5,16 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from repository import ROOT
+
+from showc.processes import side_by_side
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/environ").exists(), reason="processes are found by /proc"
@@ -25,19 +31,14 @@ with workers(2, None) as crew:
 """
 COPIES = """
 import time
-from showc.verify.crew import run_all
-run_all([lambda: time.sleep(60.0)] * 4, 2)
-"""
-CREW = """
-import time
 from showc.processes import side_by_side
-side_by_side(lambda number: time.sleep(60.0), 4, 2)
+side_by_side([lambda: time.sleep(60.0)] * 4, 2)
 """
 BUSY = """
 import math
 from showc.processes import side_by_side
 # One call that never lets another thread of the worker run.
-side_by_side(lambda number: math.factorial(10_000_000), 4, 2)
+side_by_side([lambda: math.factorial(10_000_000)] * 4, 2)
 """
 
 
@@ -70,7 +71,7 @@ def group_of(process):
 
 
 @pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("code", [POOL, COPIES, CREW, BUSY])
+@pytest.mark.parametrize("code", [POOL, COPIES, BUSY])
 def test_nothing_is_left_of_a_process_that_is_ended(code, ending, tmp_path):
     word = f"SHOWC_MARK={tmp_path}".encode()
     begun = subprocess.Popen(
@@ -119,3 +120,131 @@ def test_a_worker_whose_parent_is_dead_does_not_begin():
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (1, "")
+
+
+def square(number):
+    return number * number
+
+
+def fail(number):
+    raise ArithmeticError(number, f"part {number}")
+
+
+def own_children():
+    """Processes whose parent this one is, zombies included."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == os.getpid():
+            found.append(int(folder.name))
+    return set(found)
+
+
+@given(st.lists(st.integers(), max_size=12), st.integers(1, 4))
+@settings(deadline=None, max_examples=15)
+def test_results_come_in_the_order_of_the_parts(numbers, jobs):
+    told = []
+    parts = [partial(square, number) for number in numbers]
+    found = side_by_side(parts, jobs, lambda: told.append(1))
+    assert found == [number * number for number in numbers]
+    assert len(told) == len(numbers)
+
+
+def test_parts_are_begun_as_asked_and_told_in_their_order(tmp_path):
+    log = tmp_path / "begun"
+
+    def work(number):
+        with log.open("a") as stream:
+            stream.write(f"{number}\n")
+        time.sleep(0.05)
+        return number
+
+    begin = [4, 2, 5, 0, 1, 3]
+    found = side_by_side([partial(work, number) for number in range(6)], 2, begin=begin)
+    assert found == list(range(6))
+    begun = [int(line) for line in log.read_text().split()]
+    assert sorted(begun) == sorted(begin)
+    assert set(begun[:2]) == set(begin[:2])
+
+
+def test_the_work_is_done_by_others():
+    before = own_children()
+    parts = [os.getpid] * 8
+    assert os.getpid() not in side_by_side(parts, 2)
+    assert side_by_side(parts, 1) == [os.getpid()] * 8
+    assert own_children() == before
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_the_first_part_that_fails_says_why(jobs):
+    parts = [partial(square, 2), partial(fail, 7), partial(fail, 8)]
+    with pytest.raises(ArithmeticError, match="part 7") as caught:
+        side_by_side(parts, jobs)
+    assert caught.value.args[0] == 7
+
+
+def test_what_a_dead_copy_left_undone_is_done():
+    here = os.getpid()
+
+    def die(number):
+        if os.getpid() != here and number % 3 == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number
+
+    assert side_by_side([partial(die, number) for number in range(7)], 2) == list(
+        range(7)
+    )
+
+
+def test_large_results_come_whole():
+    def large(seed):
+        return np.random.default_rng(seed).normal(size=300_000)
+
+    found = side_by_side([partial(large, seed) for seed in range(4)], 2)
+    for seed, values in enumerate(found):
+        np.testing.assert_array_equal(values, large(seed))
+
+
+def test_an_interrupt_leaves_no_copy_behind():
+    before = own_children()
+
+    def interrupted():
+        raise KeyboardInterrupt
+
+    begun = time.monotonic()
+    slow = [lambda: 1, partial(time.sleep, 60.0), partial(time.sleep, 60.0)]
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(slow, 2, interrupted)
+    assert time.monotonic() - begun < 30.0
+    assert own_children() == before
+
+
+SLEEPERS = """
+import time
+from showc.processes import side_by_side
+
+
+parts = [lambda: 0] + [lambda: time.sleep(60.0)] * 3
+side_by_side(parts, 2, lambda: print("begun", flush=True))
+"""
+
+
+def test_an_interrupt_ends_the_copies_at_once_and_in_silence():
+    with subprocess.Popen(
+        [sys.executable, "-c", SLEEPERS],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "begun\n"
+        # As a keyboard does: to the process and all of its copies.
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+        assert process.returncode != 0
+        assert said.count("Traceback") == 1
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)

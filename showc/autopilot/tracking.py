@@ -8,7 +8,7 @@ A drone whose next leg is released before begins it as it is then.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from mmap import mmap
 from typing import TYPE_CHECKING, Any
 
@@ -155,7 +155,7 @@ def tracks(
                 carried[:, own[some]] = flight.draw(track)
 
     # Drones do not know of each other, and what they fly is put where all see it.
-    side_by_side(fly, len(blocks), jobs)
+    side_by_side([partial(fly, number) for number in range(len(blocks))], jobs)
     return found
 
 

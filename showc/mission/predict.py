@@ -176,11 +176,13 @@ def prediction_summary(
 
     solved = {item.leg.index: item for item in flight.legs}
 
-    def entry_of(number: int) -> dict[str, Any]:
-        scheduled = timeline.legs[number]
-        return _leg_entry(scheduled, solved[scheduled.leg.index], clock)
-
-    legs = side_by_side(entry_of, len(timeline.legs), jobs)
+    legs = side_by_side(
+        [
+            partial(_leg_entry, scheduled, solved[scheduled.leg.index], clock)
+            for scheduled in timeline.legs
+        ],
+        jobs,
+    )
     return {
         "firmware": FIRMWARE,
         "clock": clock.kind,

@@ -8,6 +8,7 @@ of the missions: take-off.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -290,7 +291,8 @@ class _Layout:
 
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
-        found = side_by_side(encode, len(moves), jobs, self.progress.advance)
+        parts = [partial(encode, number) for number in range(len(moves))]
+        found = side_by_side(parts, jobs, self.progress.advance)
         return found, places
 
     def _timed(

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from showc.verify.crew import run_all
+from showc.processes import side_by_side
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
 from showc.verify.missions import parts_of_script
@@ -132,7 +132,7 @@ def _done(
         "physics, limits, separation, choreography, samples, missions", len(parts)
     )
     begin = sorted(range(len(named)), key=lambda number: BEGUN.index(named[number][0]))
-    results = iter(run_all(parts, jobs, watch.advance, begin=begin))
+    results = iter(side_by_side(parts, jobs, watch.advance, begin=begin))
     return {name: list(islice(results, len(some))) for name, some in work.items()}
 
 

@@ -1,9 +1,5 @@
 """Gaps between releases: pairs that keep them are apart, pairs that do not are not."""
 
-import os
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -23,12 +19,10 @@ from showc.autopilot.s_curve import (
 )
 from showc.autopilot.stage import Stage
 from showc.autopilot.timing import Timing
-from showc.errors import ExportError
 from showc.flight import Flight
 from showc.geodesy import GlobalPoints
 from showc.mission import mission_files
 from showc.plan.itinerary import Itinerary
-from showc.processes import side_by_side
 from showc.schedule.headways import Gaps, release_gaps
 from showc.schedule.releases import STEP, staggered
 from showc.schedule.separation import TOLERANCE, closest_encounter
@@ -188,61 +182,6 @@ def test_who_works_changes_nothing():
     alone, shared = (mission_files(flight, start=START, jobs=jobs) for jobs in (1, 3))
     assert alone.files == shared.files
     assert alone.prediction == shared.prediction
-
-
-def test_work_that_died_with_its_copy_is_done_here():
-    mother = os.getpid()
-
-    def work(number):
-        if number == 2 and os.getpid() != mother:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return number**2
-
-    told = []
-    assert side_by_side(work, 5, 2, lambda: told.append(1)) == [0, 1, 4, 9, 16]
-    assert len(told) == 5
-
-
-SLEEPERS = """
-import time
-from showc.processes import side_by_side
-
-def work(number):
-    if number == 0:
-        return number
-    time.sleep(60.0)
-
-side_by_side(work, 4, 2, lambda: print("begun", flush=True))
-"""
-
-
-def test_an_interrupt_ends_the_copies_at_once_and_in_silence():
-    with subprocess.Popen(
-        [sys.executable, "-c", SLEEPERS],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        text=True,
-    ) as process:
-        assert process.stdout.readline() == "begun\n"
-        # As a keyboard does: to the process and all of its copies.
-        os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=30.0)
-        assert process.returncode != 0
-        assert said.count("Traceback") == 1
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
-
-
-def test_the_first_failure_is_told_whoever_met_it():
-    def work(number):
-        if number in {1, 3}:
-            raise ExportError(f"leg {number}")
-        return number
-
-    for jobs in (1, 2):
-        with pytest.raises(ExportError, match="leg 1"):
-            side_by_side(work, 5, jobs)
 
 
 @pytest.mark.parametrize("shape", ["ellipsoid", "any-axis"])

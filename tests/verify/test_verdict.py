@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from showc.verify import Check, Place, Verification, render_text
+from showc.verify import Check, Place, Verification, render_text, verify_log
 from showc.verify.report import printable
 
 GOOD = Check("VRF321", "separation", "apart", "pass", 1.5, 1.0, "m")
@@ -80,3 +80,10 @@ def test_names_cannot_move_the_cursor_or_begin_a_line(text):
 
 def test_what_is_printable_stays_as_it_is():
     assert printable("Grüße – “Ring” 東京") == "Grüße – “Ring” 東京"
+
+
+def test_a_proof_does_not_depend_on_the_number_of_processes(log_path):
+    alone = verify_log(log_path, missions=False, jobs=1)
+    shared = verify_log(log_path, missions=False, jobs=3)
+    assert alone.passed
+    assert shared.to_json() == alone.to_json()

@@ -17,7 +17,7 @@ from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, Protocol
 
 from showc.errors import UsageError
-from showc.processes import guarded_group, join_group, undisturbed, usable_cores
+from showc.processes import guarded_executor, undisturbed, usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -209,18 +209,12 @@ class Processes:
 def _started(jobs: int) -> ProcessPoolExecutor:
     """Start ``jobs`` processes, each with one thread."""
     method = "forkserver" if os.name == "posix" else "spawn"
-    context = get_context(method)
     if method == "forkserver":
-        context.set_forkserver_preload(list(_PRELOAD))
+        get_context(method).set_forkserver_preload(list(_PRELOAD))
         # Starting it later would let interrupts through again.
         resource_tracker.ensure_running()
     with _single_threaded(), undisturbed():
-        executor = ProcessPoolExecutor(
-            jobs,
-            mp_context=context,
-            initializer=join_group,
-            initargs=(guarded_group(),),
-        )
+        executor = guarded_executor(jobs, method)
         # The server and its workers inherit the environment of this moment; that they
         # import what they need is not waited for.
         for _ in range(jobs):

@@ -8,9 +8,8 @@ on a first mesh. Those that end in different optima are then refined, best first
 
 from __future__ import annotations
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Optimum, Solution
 from showc.ocp.transcription.collocation.limits import Statement
 from showc.ocp.transcription.collocation.start import middle
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -39,13 +39,6 @@ _POINTS = 25
 """Values of a guessed curve."""
 _STRETCH = 3.0
 """Greatest ratio of a guessed duration to that of the first start."""
-
-_task: list[Callable[[int], Solution]] = []
-"""What a process does with the number of a start; set before processes are forked."""
-
-
-def _run(number: int) -> Solution:
-    return _task[0](number)
 
 
 def solve_from_many(
@@ -119,17 +112,8 @@ def _grouped(found: Sequence[Optimum], same: float) -> list[Optimum]:
 
 def _each(task: Callable[[int], Solution], count: int, jobs: int) -> list[Solution]:
     """Do ``task`` for 0, 1, ..., in processes if there are several ``jobs``."""
-    if min(jobs, count) <= 1:
-        return [task(number) for number in range(count)]
-    # Expressions cannot be sent to another process, but a forked one has them.
-    _task[:] = [task]
-    try:
-        with ProcessPoolExecutor(
-            min(jobs, count), mp_context=multiprocessing.get_context("fork")
-        ) as pool:
-            return list(pool.map(_run, range(count)))
-    finally:
-        _task.clear()
+    # Expressions cannot be sent to another process, but a copy of this one has them.
+    return side_by_side([partial(task, number) for number in range(count)], jobs)
 
 
 def varied(
