@@ -35,8 +35,9 @@ def command(
     """Say what compile would solve and why, and bounds on each transition's time.
 
     Gives out the places and bounds every leg's time from below (a proof) and from
-    above (a straight flight that always exists), without solving anything. Says what
-    missions cannot carry.
+    above (a straight flight that always exists), without solving anything. Shows when
+    each begins, moves not solved yet taken as straight flights. Says what missions
+    cannot carry.
 
     \b
       showc plan my-show.yaml
@@ -69,9 +70,10 @@ def command(
     else:
         width = max(len(leg.name) for leg in legs)
         for leg in legs:
+            asked = "" if leg.asked is None else f"  asked to end at {leg.asked:.3f} s"
             click.echo(
-                f"{leg.name:<{width}}  {leg.lower:8.3f} s to {leg.upper:8.3f} s  "
-                f"{leg.reason}"
+                f"{leg.start:9.3f} s  {leg.name:<{width}}  {leg.lower:8.3f} s to "
+                f"{leg.upper:8.3f} s  {leg.reason}{asked}"
             )
         click.echo(f"compile would solve {pending} of {len(legs)} legs")
         for reason in missions.refused:

@@ -13,6 +13,7 @@ from showc.fleet.execution.pool import InProcess, workers
 from showc.fleet.execution.remembering import Remembering
 from showc.fleet.leg import place, solve_leg
 from showc.fleet.proof import flaw
+from showc.fleet.timetable import timetable
 from showc.flight import Flight, LegFlight
 from showc.progress import Silent
 
@@ -56,9 +57,6 @@ def solve_itinerary(
     UsageError
         If the number of jobs or the address of the cluster is wrong.
     """
-    show = itinerary.show
-    cache = Cache.of(options)
-    keys = [leg_key(leg, show, options) for leg in itinerary.legs]
     if options.cluster is not None and not options.cluster.startswith("tls://"):
         progress.note(
             f"the cluster {options.cluster} is used without TLS: anything that "
@@ -66,30 +64,51 @@ def solve_itinerary(
             "see security.md"
         )
     with workers(options.jobs, options.cluster) as crew:
-        found, missing = _look_up(itinerary, keys, cache, crew, progress)
-        tasks = {
-            key: _Task(leg, show, options, key, cache.parts(key))
-            for key, leg in missing.items()
-        }
-        few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
-        if len(few) > 1:
-            together = [tasks.pop(key) for key in few]
-            if options.cluster is not None:
-                # Another machine has no business in this one's cache.
-                together = [replace(task, parts=None) for task in together]
-            found |= _side_by_side(together, cache, crew, progress)
-        lone = len(missing) == 1 and options.cluster is None
-        for key, task in tasks.items():
-            here = lone and task.leg.drones.size <= LONE
-            found[key] = _proved(
-                task.solve(InProcess() if here else crew, progress), show
+        found: dict[str, LegFlight] = {}
+        if any(leg.timed for leg in itinerary.legs):
+            # When a cue's move may begin is known once those before it are solved.
+            free = replace(
+                itinerary, legs=tuple(leg for leg in itinerary.legs if leg.open)
             )
-            cache.keep(key, found[key])
+            known, found = _solved(free, options, crew, progress, found)
+            itinerary = timetable(itinerary, {leg.leg.index: leg for leg in known})
+        flights, _ = _solved(itinerary, options, crew, progress, found)
+    return Flight(itinerary, flights, _starts(flights))
+
+
+def _solved(
+    itinerary: Itinerary,
+    options: SolveOptions,
+    crew: Workers,
+    progress: Progress,
+    known: dict[str, LegFlight],
+) -> tuple[tuple[LegFlight, ...], dict[str, LegFlight]]:
+    """Solve the legs of ``itinerary`` that are not ``known``; by leg, and by key."""
+    show = itinerary.show
+    cache = Cache.of(options)
+    keys = [leg_key(leg, show, options) for leg in itinerary.legs]
+    found, missing = _look_up(itinerary, keys, cache, crew, progress, known=known)
+    tasks = {
+        key: _Task(leg, show, options, key, cache.parts(key))
+        for key, leg in missing.items()
+    }
+    few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
+    if len(few) > 1:
+        together = [tasks.pop(key) for key in few]
+        if options.cluster is not None:
+            # Another machine has no business in this one's cache.
+            together = [replace(task, parts=None) for task in together]
+        found |= _side_by_side(together, cache, crew, progress)
+    lone = len(missing) == 1 and options.cluster is None
+    for key, task in tasks.items():
+        here = lone and task.leg.drones.size <= LONE
+        found[key] = _proved(task.solve(InProcess() if here else crew, progress), show)
+        cache.keep(key, found[key])
     flights = tuple(
         replace(found[key], leg=leg)
         for key, leg in zip(keys, itinerary.legs, strict=True)
     )
-    return Flight(itinerary, flights, _starts(flights))
+    return flights, found
 
 
 def _look_up(
@@ -98,9 +117,14 @@ def _look_up(
     cache: Cache,
     crew: Workers,
     progress: Progress,
+    *,
+    known: dict[str, LegFlight],
 ) -> tuple[dict[str, LegFlight], dict[str, Leg]]:
-    """Return the legs that the cache has, each proved, and those that it has not."""
-    found: dict[str, LegFlight] = {}
+    """Return the legs that the cache has, each proved, and those that it has not.
+
+    Those that are ``known`` already are among the former.
+    """
+    found = dict(known)
     missing: dict[str, Leg] = {}
     flawed = ""
     progress.stage("look for solved legs", len(keys))
@@ -124,9 +148,9 @@ def _look_up(
             f"what the cache holds is not a flight of its leg ({flawed}); it is "
             "solved again, and the cache may not be trusted"
         )
-    if found:
-        known = sum(key in found for key in keys)
-        progress.note(f"{known} of {len(keys)} legs taken from the cache")
+    kept = sum(key in found and key not in known for key in keys)
+    if kept:
+        progress.note(f"{kept} of {len(keys)} legs taken from the cache")
     return found, missing
 
 

@@ -277,20 +277,31 @@ class _Solver:
         limiting = self._limiting(solve=False)
         if time < limiting.time:
             drone = int(self.leg.drones[limiting.drone])
-            raise SolveError(
-                f"{self.where}: needs >= {limiting.time:.3f} s, script gives "
-                f"{time:.3f} s: it is proved that drone {drone + 1} cannot make its "
-                f"way of {limiting.distance:.2f} m in less under its limits; give it "
-                "more time or leave 'duration' out"
+            raise self._too_short(
+                time,
+                limiting.time,
+                f"it is proved that drone {drone + 1} cannot make its way of "
+                f"{limiting.distance:.2f} m in less under its limits",
             )
         repair = self._repair(time, shared)
         if repair.run():
             return self._finish(repair, limiting)
         trouble = repair.trouble
         least = self._shortest(self._limiting(solve=True), shared)
-        raise SolveError(
-            f"{self.where}: needs >= {least.duration:.3f} s, script gives "
-            f"{time:.3f} s: {trouble}; give it more time or leave 'duration' out"
+        raise self._too_short(time, least.duration, trouble)
+
+    def _too_short(self, time: float, least: float, why: str) -> SolveError:
+        """Say by how much the time that the script leaves is too short."""
+        if self.leg.arrive is None:
+            return SolveError(
+                f"{self.where}: needs >= {least:.3f} s, script gives {time:.3f} s: "
+                f"{why}; give it more time or leave 'duration' out"
+            )
+        return SolveError(
+            f"{self.where}: cannot arrive at {self.leg.arrive:.3f} s of the show, "
+            f"{least - time:.3f} s too early: needs >= {least:.3f} s, the script "
+            f"leaves {time:.3f} s: {why}; the earliest time is "
+            f"{self.leg.arrive + least - time:.3f} s, or shorten what comes before"
         )
 
     def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:

@@ -207,6 +207,7 @@ def _warnings(
                 f"slack is {show.mission.slack:g} s; drones were measured to need "
                 f"{LEAST_SLACK:g} s before a slot, 3 s in wind"
             )
+    found += _late_cues(timeline)
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
     if changed:
         longest = max(changed, key=lambda leg: leg["duration"])
@@ -216,6 +217,25 @@ def _warnings(
         )
     found.extend(lights_left_out(show))
     return tuple(found)
+
+
+def _late_cues(timeline: Timeline) -> list[str]:
+    """Say by how much missions miss the times that the script asks for."""
+    off = {
+        item.leg.name: item.finish - item.leg.arrive
+        for item in timeline.legs
+        if item.leg.arrive is not None
+    }
+    if not off:
+        return []
+    worst = max(off, key=lambda name: abs(off[name]))
+    when = f"{abs(off[worst]):.1f} s {'late' if off[worst] > 0.0 else 'early'}"
+    return [
+        (
+            f"the missions keep slots of their own: “{worst}” arrives {when}, the most "
+            f"of {len(off)} given times; `showc stream` keeps them"
+        )
+    ]
 
 
 __all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.options import SolveOptions
+    from showc.flight import LegFlight
     from showc.plan.itinerary import Itinerary, Leg
     from showc.script.show import Show
     from showc.vehicle import Limits
@@ -32,6 +33,10 @@ class LegOutlook:
     """The leg cannot take less (a bound on the slowest drone's axes) [s]."""
     upper: float
     """A straight flight of all drones side by side takes this long [s]."""
+    start: float = 0.0
+    """Show time of its start, moves not solved yet as straight flights [s]."""
+    asked: float | None = None
+    """Show time at which the script wants it to end [s]."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as plain data."""
@@ -41,34 +46,57 @@ class LegOutlook:
 def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     """Look at every leg of a show: bounds on its time, and whether it is cached."""
     from showc.fleet.execution.cache import Cache, leg_key  # noqa: PLC0415
+    from showc.fleet.timetable import scheduled, straight_time  # noqa: PLC0415
 
-    cache = Cache.of(options)
-    return [
-        _look(
-            leg,
-            itinerary.show,
-            cache.find(leg_key(leg, itinerary.show, options), leg) is not None,
-        )
-        for leg in itinerary.legs
-    ]
+    cache, show = Cache.of(options), itinerary.show
+
+    def cached(leg: Leg) -> LegFlight | None:
+        return cache.find(leg_key(leg, show, options), leg)
+
+    # What is not solved yet counts with its straight flight, which takes longer.
+    solved = {leg.index: cached(leg) for leg in itinerary.legs if leg.open}
+    times = {
+        index: flight.duration
+        if flight is not None
+        else straight_time(itinerary.legs[index], show)
+        for index, flight in solved.items()
+    }
+    legs = scheduled(itinerary, times).legs
+    open_times = iter(times.values())
+    found, clock = [], 0.0
+    for leg in legs:
+        time = next(open_times) if leg.open else leg.duration or 0.0
+        found.append(_look(leg, show, clock, cached(leg) is not None))
+        clock = round(clock + time, 3)
+    return found
 
 
-def _look(leg: Leg, show: Show, cached: bool) -> LegOutlook:  # noqa: FBT001
+def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # noqa: FBT001
+    from showc.fleet.timetable import straight_time  # noqa: PLC0415 - heavy
+
     way = np.linalg.norm(leg.goal - leg.start, axis=1)
     if not (way > _STILL).any():
         duration = leg.duration or 0.0
         return LegOutlook(
-            leg.index, leg.name, False, "hold: nothing to solve", duration, duration
+            leg.index,
+            leg.name,
+            False,
+            "hold: nothing to solve",
+            duration,
+            duration,
+            start,
         )
     lower = _axis_bound(leg.goal - leg.start, leg.limits)
-    upper = _straight_time(leg, show)
+    upper = max(straight_time(leg, show), leg.duration or 0.0)
     reason = (
         "solved before, under the same rules"
         if cached
         else f"not in the cache: {int((way > _STILL).sum())} drones move, "
         f"{way.max():.1f} m at most"
     )
-    return LegOutlook(leg.index, leg.name, not cached, reason, lower, upper)
+    return LegOutlook(
+        leg.index, leg.name, not cached, reason, lower, upper, start, leg.arrive
+    )
 
 
 def _axis_bound(displacement: FloatArray, limits: Limits) -> float:
@@ -77,21 +105,3 @@ def _axis_bound(displacement: FloatArray, limits: Limits) -> float:
         displacement > 0.0, limits.velocity_max, np.abs(limits.velocity_min)
     )
     return float((np.abs(displacement) / velocity).max())
-
-
-def _straight_time(leg: Leg, show: Show) -> float:
-    from showc.fleet.leg import aircraft_of  # noqa: PLC0415 - heavy
-    from showc.fleet.shared_profile.synchronise import (  # noqa: PLC0415 - same
-        shared_profile,
-    )
-    from showc.fleet.single_drone.vertical import (  # noqa: PLC0415 - same
-        quickest_ascent,
-    )
-
-    if leg.kind in {"launch", "land"}:
-        heights = (leg.goal - leg.start)[:, 2]
-        return quickest_ascent(aircraft_of(show, leg), heights).duration
-    profile = shared_profile(
-        show.vehicle, leg.limits, show.heading, leg.start, leg.goal
-    )
-    return max(profile.duration, leg.duration or 0.0)

@@ -6,7 +6,7 @@ are flown together, as one leg with one common time; drones of no group hover.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
 from showc.progress import Silent
-from showc.script.show import Formation
+from showc.script.show import Formation, chapters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,27 +58,13 @@ def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
     return Itinerary(replace(show, formations=formations), tuple(builder.legs))
 
 
-def chapters(show: Show) -> list[list[int]]:
-    """Transitions (by index) that are flown together, in order.
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """When the script wants a move to be flown, see :class:`Leg`."""
 
-    A transition of the whole fleet is a chapter of its own; consecutive transitions of
-    groups share a chapter while no drone is in two of them.
-    """
-    result: list[list[int]] = []
-    busy: set[int] = set()
-    for index, transition in enumerate(show.transitions):
-        if transition.group is None:
-            result.append([index])
-            busy = set(range(show.drones))
-            continue
-        members = set(show.groups[transition.group])
-        if not result or busy & members:
-            result.append([index])
-            busy = set(members)
-        else:
-            result[-1].append(index)
-            busy |= members
-    return result
+    arrive: float | None = None
+    depart: float | None = None
+    pace: float = 1.0
 
 
 class _Builder:
@@ -123,6 +109,11 @@ class _Builder:
             duration=max(durations) if durations else None,
             mark=mark,
             transition=index,
+            asked=_Asked(
+                next((t.at for t in transitions if t.at is not None), None),
+                next((t.start for t in transitions if t.start is not None), None),
+                max(t.pace for t in transitions),
+            ),
         )
         hold = max(transition.hold for transition in transitions)
         self._hold(name, hold, mark, index)
@@ -242,6 +233,7 @@ class _Builder:
         duration: float | None = None,
         mark: Mark | None = None,
         transition: int | None = None,
+        asked: _Asked | None = None,
     ) -> None:
         places = _frozen(given.places.copy())
         goal = self._goals(formation, places, self.fleet)
@@ -261,6 +253,7 @@ class _Builder:
             mark=mark,
             transition=transition,
             assignment=given.reason,
+            asked=asked,
         )
         self.formation, self.places, self.position = formation.name, places, goal
         self.colours = np.where(
@@ -301,8 +294,10 @@ class _Builder:
         mark: Mark | None,
         transition: int | None,
         assignment: str,
+        asked: _Asked | None = None,
     ) -> None:
         index = len(self.legs)
+        wanted = asked or _Asked()
         self.legs.append(
             Leg(
                 index=index,
@@ -320,6 +315,9 @@ class _Builder:
                 mark=mark,
                 transition=transition,
                 assignment=assignment,
+                arrive=wanted.arrive,
+                depart=wanted.depart,
+                pace=wanted.pace,
             )
         )
 

@@ -54,6 +54,22 @@ class Leg:
     """Positions (m, 3) [m] of drones that stand still meanwhile and take no part."""
     assignment: str = ""
     """How the places were given out, in words."""
+    arrive: float | None = None
+    """Show time at which the script wants it to end [s]."""
+    depart: float | None = None
+    """Show time at which the script wants it to start [s]."""
+    pace: float = 1.0
+    """How many times its straight flight's time it takes, if there is so much."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether the script says when it is flown."""
+        return self.arrive is not None or self.depart is not None
+
+    @property
+    def open(self) -> bool:
+        """Whether its time is known only when it is solved."""
+        return self.duration is None and self.arrive is None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

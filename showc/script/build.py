@@ -11,9 +11,11 @@ import numpy as np
 
 from showc.script.aircraft import envelope_of, limits_of, vehicle_of
 from showc.script.colours import linear_light
+from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.formations import FormationError
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
 from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
@@ -24,6 +26,7 @@ from showc.script.show import (
     Launch,
     Mark,
     MissionOptions,
+    Music,
     Show,
     Site,
     Source,
@@ -120,6 +123,7 @@ class Builder:
         self.table: dict[str, Setting] = {}
         if "formations" in settings:
             self.table = dict(settings.section("formations").values)
+        self.music: Music | None = None
         self.pads = self._ground("pads", "pads")
         self.parking = self._ground("parking", "parking")
 
@@ -274,6 +278,7 @@ class Builder:
             key = "colour" if "effect" not in settings else "effect"
             self.reader.say(fault.code, str(fault), settings.mark_of(key))
             return None
+        at, start, duration = self._times(settings)
         fade = settings.text("fade")
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
         return Transition(
@@ -282,12 +287,42 @@ class Builder:
             hold=settings.number("hold"),
             assignment=_assignment(settings),
             mark=settings.mark_of("to"),
-            duration=settings.optional("duration"),
+            duration=duration,
             group=settings.text("group") if "group" in settings else None,
             colours=colours,
             fade="start" if fade == "start" else "end" if fade == "end" else "linear",
             effect=effect,
+            at=at,
+            start=start,
+            pace=settings.number("pace"),
         )
+
+    def _times(
+        self, settings: Settings
+    ) -> tuple[float | None, float | None, float | None]:
+        """Show times of arrival and departure, and the duration between them [s]."""
+        at = asked_time(settings, "at", self.music, self.reader)
+        start = asked_time(settings, "start", self.music, self.reader)
+        duration = settings.optional("duration")
+        if at is not None and start is not None and duration is not None:
+            self.reader.say(
+                "SHW111",
+                "`at`, `start` and `duration` exclude each other",
+                settings.values["duration"].key_mark,
+                help_text="give two of them; the third follows",
+            )
+        elif at is not None and start is not None:
+            duration = round(at - start, 3)
+            if duration <= 0.0:
+                self.reader.say(
+                    "SHW213",
+                    "the move arrives before it starts",
+                    settings.mark_of("at"),
+                    secondary=(Label(settings.mark_of("start"), "the start"),),
+                    help_text="let `at` be later than `start`",
+                )
+                return at, None, None
+        return at, start, duration
 
     def _show(self, sketch: Sketch, source: Source) -> Show | None:
         settings = self.settings
@@ -303,7 +338,9 @@ class Builder:
                     sketch.site,
                     self.reader,
                 )
+        self.music = music_of(settings, self.files, self.reader)
         transitions = []
+        loose = []
         last: dict[str | None, str] = {}
         for item in self._transitions():
             if item.broken:
@@ -313,6 +350,7 @@ class Builder:
             made = self._transition(item, before, sketch)
             if made is not None:
                 transitions.append(made)
+                loose.append(not item.written("hold"))
             if group is None:
                 last.clear()
             last[group] = item.text("to")
@@ -349,7 +387,7 @@ class Builder:
                 launch.number("hold"),
             ),
             airframe_limits=None if envelope is None else limits,
-            transitions=tuple(transitions),
+            transitions=_with_free_holds(transitions, loose),
             landing=Landing(
                 landing.number("altitude"),
                 landing.number("descent_speed"),
@@ -361,7 +399,24 @@ class Builder:
             log_rate=settings.number("log_rate"),
             seed=settings.integer("seed"),
             parking=sketch.parking,
+            music=self.music,
         )
+
+
+def _with_free_holds(
+    transitions: list[Transition], loose: list[bool]
+) -> tuple[Transition, ...]:
+    """Let holds that are not written (``loose``) shrink before timed transitions."""
+    result = list(transitions)
+    free = False
+    for index in range(len(result) - 2, -1, -1):
+        after = result[index + 1]
+        # Groups side by side share the hold after them.
+        both = result[index].group is not None and after.group is not None
+        free = after.timed or (both and free)
+        if free and loose[index]:
+            result[index] = replace(result[index], hold=0.0)
+    return tuple(result)
 
 
 def _exports(settings: Settings) -> tuple[Export, ...]:

@@ -234,12 +234,15 @@ class _Builder:
                 start = Mark(self.path, line, column, line, column + 1)
                 labels = (Label(start, str(fault.context)),)
         problem = str(fault.problem or fault.context or "it cannot be read")
+        advice = "check the indentation, the colons and the brackets up to here"
+        if "cannot start any token" in problem:
+            advice = 'a text that begins with @ or ` needs quotes: `"@chorus"`'
         self._say(
             "SHW001",
             f"not valid YAML: {problem}",
             span,
             secondary=labels,
-            help="check the indentation, the colons and the brackets up to here",
+            help=advice,
         )
 
     def _mark(self, event: yaml.Event) -> Mark:

@@ -12,6 +12,7 @@ from showc.script.kinds import (
     Choice,
     Either,
     Field,
+    File,
     Integer,
     Items,
     Moment,
@@ -20,6 +21,7 @@ from showc.script.kinds import (
     Section,
     Table,
     Text,
+    Time,
 )
 from showc.script.vehicle_fields import LIMITS, VEHICLE
 
@@ -182,7 +184,20 @@ TRANSITION = Section(
     "One move of the fleet, or of a group, and the hold after it.",
     (
         Field("to", Reference("formation"), "Formation to reach.", required=True),
-        Field("hold", _HOLD, "Time to hover in it afterwards.", default=5.0),
+        Field(
+            "hold",
+            _HOLD,
+            "Time to hover in it afterwards. Where the next transition has a time of "
+            "its own, this is the least time, and none if it is not written.",
+            default=5.0,
+        ),
+        Field(
+            "at",
+            Time(),
+            "When the formation stands. The hold before grows so that it does.",
+            examples=(24.5, "bar 12", "@chorus"),
+        ),
+        Field("start", Time(), "When the move begins."),
         Field(
             "assignment",
             _ASSIGNMENT,
@@ -194,7 +209,14 @@ TRANSITION = Section(
             "duration",
             Quantity("s", minimum=0.1, maximum=600.0),
             "Time the move takes.",
-            default_text="as short as can be",
+            default_text="as short as can be, or by `at`, `start` and `pace`",
+        ),
+        Field(
+            "pace",
+            Quantity(minimum=1.0, maximum=10.0),
+            "With `at` alone: how many times the time of its quickest straight flight "
+            "the move takes, if there is so much. More is calmer.",
+            default=1.5,
         ),
         Field(
             "group",
@@ -213,6 +235,47 @@ TRANSITION = Section(
         Field("name", Text(80), "Name for people.", default_text="`from -> to`"),
     ),
     short="to",
+)
+
+MUSIC = Section(
+    "music",
+    "What the times of the script count in. They count from the beginning of the "
+    "music; without music, from take-off.",
+    (
+        Field(
+            "file",
+            File((".mp3", ".wav", ".ogg", ".flac", ".m4a")),
+            "The recording, for viewers; nothing is heard in it.",
+        ),
+        Field(
+            "offset",
+            Quantity("s", minimum=-3600.0, maximum=3600.0),
+            "Time from take-off to the beginning of the music.",
+            default=0.0,
+        ),
+        Field(
+            "bpm",
+            Quantity(minimum=10.0, maximum=1000.0),
+            "Tempo in beats per minute.",
+            default_text="none: bars and beats cannot be used",
+        ),
+        Field("beats_per_bar", Integer(1, 64), "Beats in a bar.", default=4),
+        Field(
+            "first_beat",
+            Quantity("s", minimum=0.0, maximum=3600.0),
+            "Time of beat 1, which begins bar 1, from the beginning of the music.",
+            default=0.0,
+        ),
+        Field(
+            "cues",
+            Either((File((".txt", ".csv", ".tsv")), Table(Time(), "cue"))),
+            "Names for times: a mapping, or a file with Audacity's labels, Reaper's "
+            "markers, or a name and a time in each line.",
+            default={},
+            default_text="none",
+            examples=({"chorus": 24.5, "drop": "bar 33"},),
+        ),
+    ),
 )
 
 BOARDS = (
@@ -373,6 +436,7 @@ SHOW = Section(
             "What happens, in order: where to, how long to stay.",
             required=True,
         ),
+        Field("music", MUSIC, MUSIC.description),
         Field("landing", LANDING, LANDING.description, default={}),
         Field(
             "parking",

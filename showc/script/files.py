@@ -26,6 +26,11 @@ MOST_BYTES = {
     ".bmp": 32 * _MEGABYTE,
     ".ttf": 32 * _MEGABYTE,
     ".otf": 32 * _MEGABYTE,
+    ".mp3": 32 * _MEGABYTE,
+    ".ogg": 32 * _MEGABYTE,
+    ".m4a": 32 * _MEGABYTE,
+    ".flac": 48 * _MEGABYTE,
+    ".wav": 48 * _MEGABYTE,
 }
 """Largest file that is read, by its ending [bytes]: what the largest fleet can use, and
 what can be decoded in 300 MB of memory."""

@@ -69,6 +69,11 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
+class Time:
+    """A time in the show or its music: seconds, time code, bar, beat or cue."""
+
+
+@dataclass(frozen=True, slots=True)
 class Paint:
     """A colour: a CSS name or hexadecimal."""
 
@@ -154,6 +159,7 @@ Kind = (
     | Choice
     | Flag
     | Moment
+    | Time
     | Paint
     | File
     | Reference

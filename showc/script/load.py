@@ -238,12 +238,17 @@ def _build(
     from showc.script.build import Builder  # noqa: PLC0415
     from showc.script.operations import operation_findings  # noqa: PLC0415
     from showc.script.rules import geometry_findings  # noqa: PLC0415
-    from showc.script.timing import limit_findings, timing_findings  # noqa: PLC0415
+    from showc.script.timing import (  # noqa: PLC0415
+        limit_findings,
+        time_findings,
+        timing_findings,
+    )
 
     sketch = Builder(settings, files, reader).sketch(source)
     found = list(reader.found)
     found += geometry_findings(sketch)
     found += timing_findings(sketch)
+    found += time_findings(sketch)
     found += limit_findings(sketch)
     found += operation_findings(sketch)
     return sketch.show, found

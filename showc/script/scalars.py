@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from showc.script.colours import COLOUR_NAMES, parse_colour
+from showc.script.instants import Instant, InstantError, parse_instant
 from showc.script.kinds import (
     Choice,
     File,
@@ -18,6 +19,7 @@ from showc.script.kinds import (
     Quantity,
     Reference,
     Text,
+    Time,
 )
 from showc.script.quantity import QuantityError, parse_quantity
 from showc.script.wording import form_of, number_text, wanted_text
@@ -68,7 +70,7 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return lower[near[0]] if near else ""
 
 
-def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
+def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - one case a kind
     """Read a single value.
 
     Parameters
@@ -98,6 +100,8 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:
             value = _choice(kind, node, key)
         case Moment():
             value = _moment(kind, node, key)
+        case Time():
+            value = _time(node, key)
         case Paint():
             value = _paint(node)
         case Flag():
@@ -119,7 +123,7 @@ def _yes_or_no(kind: Kind, node: Scalar, key: str) -> None:
         return
     if isinstance(kind, Choice) and node.text in kind.options:
         return
-    if isinstance(kind, Quantity | Integer | Moment):
+    if isinstance(kind, Quantity | Integer | Moment | Time):
         raise ScalarError(
             "SHW103",
             f"`{key}` is `{node.text}`, {wanted_text(kind)} is wanted",
@@ -217,6 +221,13 @@ def _moment(kind: Moment, node: Scalar, key: str) -> datetime:
             f"{kind.earliest} to {kind.latest}",
         )
     return moment
+
+
+def _time(node: Scalar, key: str) -> Instant:
+    try:
+        return parse_instant(node.text)
+    except InstantError as fault:
+        raise ScalarError(fault.code, f"`{key}`: {fault}", fault.help) from None
 
 
 def _paint(node: Scalar) -> tuple[float, float, float]:

@@ -31,6 +31,7 @@ from showc.script.kinds import (
     Section,
     Table,
     Text,
+    Time,
 )
 from showc.script.quantity import NUMBER, units_of
 from showc.script.wording import range_text, wanted_text
@@ -207,7 +208,7 @@ def _any_of(options: Iterable[Schema]) -> Schema:
     return {"anyOf": flat}
 
 
-def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901 - one case a kind
+def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901, PLR0912 - one case a kind
     schema: Schema
     match kind:
         case Quantity():
@@ -231,6 +232,9 @@ def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901
             schema = {"type": "boolean"}
         case Moment():
             schema = {"type": "string", "pattern": r"^\d{4}-\d{2}-\d{2}"}
+        case Time():
+            definitions.setdefault("time", _time())
+            schema = {"$ref": "#/definitions/time"}
         case Paint():
             definitions.setdefault("colour_value", _paint())
             schema = {"$ref": "#/definitions/colour_value"}
@@ -263,6 +267,14 @@ def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
             "pattern": rf"^\s*{NUMBER}\s*({symbols})\s*$",
         }
     return {"anyOf": [number, {"$ref": f"#/definitions/{name}"}]}
+
+
+def _time() -> Schema:
+    return {
+        "title": "24.5, 01:20.5, 00:01:20:12@25, bar 12, beat 3.5 or @chorus in "
+        "quotes; a length may be added: bar 9 + 2 beats",
+        "anyOf": [{"type": "number"}, {"type": "string", "minLength": 1}],
+    }
 
 
 def _paint() -> Schema:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
 
+from showc.script.instants import Instant
+
 if TYPE_CHECKING:
     from showc.script.show import Mark
 
@@ -14,7 +16,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 Value = object
-"""Float, int, str, bool, datetime, list of settings, :class:`Settings`."""
+"""Float, int, str, bool, datetime, :class:`Instant`, list of settings,
+:class:`Settings`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +87,10 @@ class Settings:
     def moment(self, key: str) -> datetime:
         """Return a date and time."""
         return self._typed(key, datetime)
+
+    def instant(self, key: str) -> Instant:
+        """Return a time as written."""
+        return self._typed(key, Instant)
 
     def section(self, key: str) -> Settings:
         """Return the settings of a section within."""

@@ -120,7 +120,8 @@ class Transition:
     to: str
     """Name of the formation to reach."""
     hold: float
-    """Time to hover in the formation afterwards [s]."""
+    """Time to hover in the formation afterwards [s]; the least one where the next
+    transition has a time of its own."""
     assignment: Literal["optimal", "fixed"]
     """Whether places are given out optimally, or drone i takes place i."""
     mark: Mark
@@ -135,6 +136,34 @@ class Transition:
     """How the colour changes over the move: evenly, at its start, at its end."""
     effect: Effect | None = None
     """Colour effect over the hold, overriding the formation's."""
+    at: float | None = None
+    """Show time of the arrival [s]; None: when it comes."""
+    start: float | None = None
+    """Show time of the departure [s]; None: when it comes."""
+    pace: float = 1.5
+    """Share of the straight flight's time that the move may take, at least 1."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether the script says when it flies."""
+        return self.at is not None or self.start is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Music:
+    """What the times of a script count in."""
+
+    file: str | None
+    """Name of the recording among the script's files."""
+    offset: float
+    """Show time at which the music begins [s]."""
+    bpm: float | None
+    """Beats per minute."""
+    beats_per_bar: int
+    first_beat: float
+    """Time of beat 1 in the music [s]."""
+    cues: Mapping[str, float] = field(default_factory=dict)
+    """Times in the music by name [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,3 +274,28 @@ class Show:
     """Limits of the airframe alone where ``limits`` keep its autopilot's envelope."""
     parking: str | None = None
     """Formation where drones without a place in a picture wait; None: not allowed."""
+    music: Music | None = None
+    """What it is flown to."""
+
+
+def chapters(show: Show) -> list[list[int]]:
+    """Transitions (by index) that are flown together, in order.
+
+    A transition of the whole fleet is a chapter of its own; consecutive transitions of
+    groups share a chapter while no drone is in two of them.
+    """
+    result: list[list[int]] = []
+    busy: set[int] = set()
+    for index, transition in enumerate(show.transitions):
+        if transition.group is None:
+            result.append([index])
+            busy = set(range(show.drones))
+            continue
+        members = set(show.groups[transition.group])
+        if not result or busy & members:
+            result.append([index])
+            busy = set(members)
+        else:
+            result[-1].append(index)
+            busy |= members
+    return result

@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.rules import transitions_of
+from showc.script.show import chapters
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
     from showc.script.build import Sketch
-    from showc.script.show import Mark, Show
+    from showc.script.show import Mark, Show, Transition
     from showc.vehicle import Limits, Quadrotor
 
 
@@ -109,6 +110,90 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             notes=(f"{slowest} cannot be there sooner, by its speed and thrust alone",),
             help=f"give at least {number_text(_up(least))} s, or leave `duration` out",
         )
+
+
+def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield the times that cannot be met, by what comes before them (SHW213).
+
+    Everything that is not given counts with a lower bound: what is found here is
+    impossible, what is not found may be so all the same.
+    """
+    show = sketch.show
+    if show is None:
+        return
+    settings = transitions_of(sketch)
+    launch = show.launch
+    earliest = launch.altitude / launch.climb_speed + launch.hold
+    before = (
+        f"launch and its hold end at {_time(show, earliest, up=True)} at the soonest"
+    )
+    for members in chapters(show):
+        index, together = members[0], [show.transitions[at] for at in members]
+        if odd := _odd_times(together):
+            yield Diagnostic(
+                "SHW213",
+                Severity.ERROR,
+                f"`{odd[0].name}` and `{odd[1].name}` are flown together and ask for "
+                "different times",
+                settings[members[together.index(odd[1])]].mark,
+                help="give them the same `at` and `start`, or let only one have them",
+            )
+            return
+        at = next((one.at for one in together if one.at is not None), None)
+        start = next((one.start for one in together if one.start is not None), None)
+        least = max(
+            [least_duration(show, index)[0]]
+            + [one.duration for one in together if one.duration is not None]
+        )
+        for time, key, soonest in (
+            (start, "start", earliest),
+            (at, "at", max(earliest, start or 0.0) + least),
+        ):
+            if time is None or time >= soonest - _ON_TIME:
+                continue
+            member = next(row for row in members if settings[row].written(key))
+            verb = "stand" if key == "at" else "start"
+            move = f"the move takes {number_text(_up(least))} s at least"
+            yield Diagnostic(
+                "SHW213",
+                Severity.ERROR,
+                f"`{show.transitions[member].name}` cannot {verb} at "
+                f"{_time(show, time)}: {number_text(_up(soonest - time))} s too early",
+                settings[member].mark_of(key),
+                notes=(before, move) if key == "at" else (before,),
+                help=f"the earliest time is {_time(show, soonest, up=True)}, or later; "
+                "shorten what comes before, or move the time",
+            )
+            return
+        hold = max(one.hold for one in together)
+        arrived = at if at is not None else max(earliest, start or 0.0) + least
+        earliest = arrived + hold
+        name = show.transitions[members[0]].to
+        before = (
+            f"`{name}` stands at {_time(show, arrived, up=True)} at the soonest and is "
+            f"held for {number_text(hold)} s"
+        )
+
+
+_ON_TIME = 1e-6
+"""By how much a bound may be above a time by rounding alone [s]."""
+
+
+def _odd_times(together: list[Transition]) -> tuple[Transition, Transition] | None:
+    """Return two transitions, flown together, that ask for different times."""
+    for key in ("at", "start"):
+        asked = [one for one in together if getattr(one, key) is not None]
+        for one in asked[1:]:
+            if getattr(one, key) != getattr(asked[0], key):
+                return asked[0], one
+    return None
+
+
+def _time(show: Show, time: float, *, up: bool = False) -> str:
+    """Return a show time as the script counts it, rounded up where asked."""
+    counted = time - (show.music.offset if show.music is not None else 0.0)
+    shown = number_text(_up(counted) if up else round(counted, 3))
+    return f"{shown} s" + (" of the music" if show.music is not None else "")
 
 
 def limit_findings(sketch: Sketch) -> Iterator[Diagnostic]:

@@ -21,6 +21,7 @@ from showc.script.kinds import (
     Section,
     Table,
     Text,
+    Time,
 )
 
 if TYPE_CHECKING:
@@ -90,6 +91,8 @@ def wanted_text(kind: Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
             text = "`true` or `false`"
         case Moment():
             text = "a date and time"
+        case Time():
+            text = "a time"
         case Paint():
             text = "a colour"
         case File():

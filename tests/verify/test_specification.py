@@ -30,7 +30,7 @@ transitions:
   - {to: near, group: left, hold: 1, assignment: fixed}
   - {to: far, group: right, hold: 2}
   - {to: four, hold: 1, duration: 12}
-  - {to: four, hold: 1, assignment: fixed, colour: blue, fade: start}
+  - {to: four, hold: 1, assignment: fixed, colour: blue, fade: start, at: 70.125}
 landing: {altitude: 6}
 """
 LEGS = {"launch": 0, "groups": 2, "four": 4, "fixed": 6, "approach": 8, "land": 9}
@@ -107,3 +107,33 @@ def test_a_goal_off_its_place_by_a_micrometre_is_found(compiled, number):
 
     wrong = found(compiled, number, change)
     assert wrong.places or wrong.rules
+
+
+def test_arrivals_are_held_to_ten_milliseconds(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    show = load_show(compiled / "groups.yaml").show
+    move = logged.segments[LEGS["fixed"]]
+    assert abs(move.end - 70.125) < 1e-9
+
+    def times(asked):
+        changed = (*show.transitions[:-1], replace(show.transitions[-1], at=asked))
+        return hold_against(replace(show, transitions=changed), logged).times
+
+    assert times(70.134) == []
+    assert len(times(70.137)) == 1
+    assert len(times(70.11)) == 1
+
+
+def test_a_hold_before_a_given_time_may_grow_but_not_shrink(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    show = load_show(compiled / "groups.yaml").show
+    grown = logged.segments[LEGS["fixed"] - 1].duration
+    assert grown > 5.0
+
+    def legs(hold):
+        changed = list(show.transitions)
+        changed[-2] = replace(changed[-2], hold=hold)
+        return hold_against(replace(show, transitions=tuple(changed)), logged).legs
+
+    assert legs(grown) == []
+    assert any("or more" in text for text in legs(grown + 0.01))

@@ -108,4 +108,14 @@ CODES = (
         "Widen the passage between them, or ask for less `fence_margin`.",
         "site: {fence: [[0, 0], [9, 0], [9, 9], [5, 1], [0, 9]], fence_margin: 1}",
     ),
+    Code(
+        "SHW213",
+        "time that cannot be met",
+        "A transition is to arrive or to start before the drones can: what comes "
+        "before it lasts longer, by times the script gives and by what speed and "
+        "thrust need at least.",
+        "Give the time that the message names, or more; shorten the holds before it; "
+        "or begin the music later (`music: {offset: ...}`).",
+        "transitions: [{to: ring, at: 20, hold: 9}, {to: star, at: 25}]",
+    ),
 )

@@ -155,4 +155,11 @@ CODES = (
         "Swap the numbers.",
         "site: {volume: {min: [50, -50, 0], max: [-50, 50, 100]}}",
     ),
+    Code(
+        "SHW121",
+        "beats without a tempo",
+        "A time counts bars or beats, and nothing says how long they are.",
+        "Add `music: {bpm: 120}`, or give the time in seconds.",
+        "transitions:\n  - {to: ring, at: bar 12}",
+    ),
 )

@@ -32,8 +32,15 @@ GROUP = "script"
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
 
+MOMENT = 1e-6
+"""Rounding of times [s]."""
+
 PLACE_ERROR = 1e-9
 """How far a goal may be off its place: rounding, not flight [m]."""
+
+ON_TIME = 0.01
+"""How far an arrival or a departure may be off the time that the script asks for [s]:
+a quarter of a frame of film."""
 
 PARKED = -1
 """Place of a drone that waits in the parking formation."""
@@ -52,6 +59,8 @@ class Demands:
     """Legs that the script does not ask for so."""
     places: list[str] = field(default_factory=list)
     """Goals that are not admissible."""
+    times: list[str] = field(default_factory=list)
+    """Arrivals and departures at other times than the script asks for."""
     lights: LightProgram | None = None
     """Light of the fleet; None if the legs are not those of the script."""
 
@@ -61,6 +70,7 @@ class Demands:
             ("VRF203", "rules are those of the script", self.rules),
             ("VRF204", "legs are those that the script asks for", self.legs),
             ("VRF205", "places are given out as the script allows", self.places),
+            ("VRF206", "arrivals and departures when the script asks", self.times),
         )
         return [
             Check(
@@ -106,7 +116,7 @@ def hold_against(show: Show, logged: LoggedShow) -> Demands:
 
 
 class _StrayError(Exception):
-    """The legs of the log are not the script's; what follows cannot be told."""
+    """The legs of the log are not the script's; what follows cannot be known."""
 
 
 class _Walk:
@@ -138,9 +148,11 @@ class _Walk:
         segment = self._leg("launch", "launch", up, climb)
         self._own(segment, self.formations[up])
         self._arrive(segment, np.zeros((show.drones, 3)))
-        self._hold("launch", launch.hold)
-        for chapter in _chapters(show):
-            self._chapter(chapter)
+        parts = _chapters(show)
+        waits = [*(any(one.timed for one in chapter) for chapter in parts), False]
+        self._hold("launch", launch.hold, grows=waits[0])
+        for number, chapter in enumerate(parts, start=1):
+            self._chapter(chapter, grows=waits[number])
         over = self._raised(f"above {show.pads} to land", landing.altitude)
         self._approach(over)
         self._hold("reaching the pads", landing.hold)
@@ -182,7 +194,7 @@ class _Walk:
             self._reach(segment, points[places])
         self._arrive(segment, np.zeros((self.show.drones, 3)))
 
-    def _chapter(self, transitions: Sequence[Transition]) -> None:
+    def _chapter(self, transitions: Sequence[Transition], *, grows: bool) -> None:
         """One transition of the fleet, or several of groups at once, and the hold."""
         first = transitions[0]
         name = " + ".join(one.name for one in transitions)
@@ -200,8 +212,22 @@ class _Walk:
             self.formations[joined] = segment.goals
             self._own(segment, segment.goals)
         self._arrive(segment, self.colours, first.fade)
+        self._on_time(segment, transitions)
         hold = max(one.hold for one in transitions)
-        self._hold(name, hold, first.effect or formation.effect)
+        self._hold(name, hold, first.effect or formation.effect, grows=grows)
+
+    def _on_time(self, segment: Segment, transitions: Sequence[Transition]) -> None:
+        """Hold the times of a move against those that the script asks for."""
+        for one in transitions:
+            for asked, flown, what in (
+                (one.start, segment.start, "starts"),
+                (one.at, segment.end, "arrives"),
+            ):
+                if asked is not None and not abs(flown - asked) <= ON_TIME:
+                    self.demands.times.append(
+                        f"“{one.name}” {what} at {flown:.3f} s, the script asks for "
+                        f"{asked:.3f} s"
+                    )
 
     def _whole(
         self, segment: Segment, transition: Transition, formation: Formation
@@ -308,13 +334,32 @@ class _Walk:
         self.end = segment.end
         return segment
 
-    def _hold(self, name: str, duration: float, effect: Effect | None = None) -> None:
-        if duration <= 0.0:
+    def _hold(
+        self,
+        name: str,
+        duration: float,
+        effect: Effect | None = None,
+        *,
+        grows: bool = False,
+    ) -> None:
+        """Take a hold, which may last longer if it ``grows`` towards a given time."""
+        title = f"hold after {name}"
+        if duration <= 0.0 and not (grows and self._is_next(title)):
             return
-        segment = self._leg("hold", f"hold after {name}", self.at, None, duration)
+        segment = self._leg("hold", title, self.at, None, None if grows else duration)
+        if grows and segment.duration < round(duration, 3) - MOMENT:
+            self.demands.legs.append(
+                f"“{title}” lasts {segment.duration!r} s, the script asks for "
+                f"{duration!r} s or more"
+            )
         self._reach(segment, self.position)
         self._same_places(segment)
         self._shine(segment, self.lit, "linear", effect)
+
+    def _is_next(self, name: str) -> bool:
+        """Whether the next leg of the log is a hold of this name."""
+        rest = self.logged.segments[self.next : self.next + 1]
+        return any(one.message.name == name and one.holds for one in rest)
 
     def _own(self, segment: Segment, points: FloatArray) -> None:
         """Drone i takes place i."""

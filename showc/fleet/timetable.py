@@ -1,0 +1,150 @@
+"""The timetable: holds and durations, so that arrivals fall where the script asks.
+
+A move that is to arrive at a time takes its duration where the script gives one. Else
+it takes ``pace`` times its quickest straight flight's time, or what there is if that is
+less. The hold before it takes up what is left. Moves without a time of their own are
+flown as short as can be, so their times must be known first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from showc.errors import SolveError
+from showc.fleet.leg import aircraft_of, place, whole_milliseconds
+from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone.vertical import quickest_ascent
+from showc.plan.itinerary import Leg
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.flight import LegFlight
+    from showc.plan.itinerary import Itinerary
+    from showc.script.show import Show
+
+_ON_TIME = 5e-4
+"""By how much a wait may be negative by rounding to milliseconds [s]."""
+_SHORTEST = 0.1
+"""Least time that a move is tried in [s], as for `duration`."""
+
+
+def straight_time(leg: Leg, show: Show) -> float:
+    """Time of the quickest flight of all drones side by side on straight lines [s].
+
+    It keeps every limit; whether drones keep apart on it is another question.
+    """
+    if leg.kind in {"launch", "land"}:
+        heights = (leg.goal - leg.start)[:, 2]
+        return quickest_ascent(aircraft_of(show, leg), heights).duration
+    profile = shared_profile(
+        show.vehicle, leg.limits, show.heading, leg.start, leg.goal
+    )
+    return profile.duration
+
+
+def timetable(itinerary: Itinerary, known: Mapping[int, LegFlight]) -> Itinerary:
+    """Return the itinerary with the times that the script's times ask for.
+
+    Parameters
+    ----------
+    itinerary
+        Legs as planned.
+    known
+        Flights of the legs whose time is only known when they are solved, by index.
+
+    Raises
+    ------
+    SolveError
+        If a move is to start or to arrive before it can; the message says by how much,
+        what is in the way, and what the earliest time is.
+    """
+    return scheduled(
+        itinerary, {index: flight.duration for index, flight in known.items()}
+    )
+
+
+def scheduled(itinerary: Itinerary, times: Mapping[int, float]) -> Itinerary:
+    """Do the same from the ``times`` [s] of those legs, by index, or estimates."""
+    show, clock = itinerary.show, 0.0
+    legs: list[Leg] = []
+    for leg in itinerary.legs:
+        start, duration = _times(leg, show, clock, times, legs)
+        wait = round(start - clock, 3)
+        if wait > 0.0:
+            _lengthen(legs, wait, show)
+        index = len(legs)
+        fixed = None if leg.open else round(duration, 3)
+        after = (index - 1,) if index else ()
+        legs.append(replace(leg, index=index, duration=fixed, after=after))
+        clock = round(start + duration, 3)
+    return replace(itinerary, legs=tuple(legs))
+
+
+def _times(
+    leg: Leg, show: Show, clock: float, times: Mapping[int, float], legs: list[Leg]
+) -> tuple[float, float]:
+    """Show time at which a leg starts, and its time [s]."""
+    duration = times[leg.index] if leg.open else leg.duration
+    start = clock
+    if leg.depart is not None:
+        start = leg.depart
+    elif leg.arrive is not None and duration is not None:
+        start = round(leg.arrive - duration, 3)
+    elif leg.arrive is not None:
+        straight = whole_milliseconds(straight_time(leg, show))
+        room = round(leg.arrive - clock, 3)
+        if room < _SHORTEST:
+            raise _late(leg, leg.arrive, clock + straight, legs, straight)
+        duration = min(whole_milliseconds(leg.pace * straight), room)
+        start = round(leg.arrive - duration, 3)
+    if start < clock - _ON_TIME:
+        if leg.arrive is not None:
+            least = duration or 0.0
+            raise _late(leg, leg.arrive, clock + least, legs, least)
+        raise _late(leg, start, clock, legs, 0.0)
+    return max(start, clock), duration or 0.0
+
+
+def _late(
+    leg: Leg, asked: float, earliest: float, legs: list[Leg], takes: float
+) -> SolveError:
+    """Say that a time cannot be met."""
+    verb = "arrive" if leg.arrive is not None else "start"
+    why = f"“{legs[-1].name}” ends at {earliest - takes:.3f} s"
+    if takes:
+        why += f" and the move takes {takes:.3f} s"
+    return SolveError(
+        f"{place(leg)}: cannot {verb} at {asked:.3f} s of the show, "
+        f"{earliest - asked:.3f} s too early: {why}; the earliest time is "
+        f"{math.ceil(earliest * 1000.0 - 1e-6) / 1000.0:.3f} s, or shorten what comes "
+        "before"
+    )
+
+
+def _lengthen(legs: list[Leg], wait: float, show: Show) -> None:
+    """Let the drones stand longer where they are, by ``wait`` [s]."""
+    last = legs[-1]
+    if last.kind == "hold":
+        legs[-1] = replace(last, duration=round((last.duration or 0.0) + wait, 3))
+        return
+    legs.append(
+        Leg(
+            index=len(legs),
+            name=f"hold after {last.name}",
+            kind="hold",
+            drones=last.drones,
+            start=last.goal,
+            goal=last.goal,
+            from_formation=last.to_formation,
+            to_formation=last.to_formation,
+            places=last.places,
+            limits=show.limits,
+            duration=wait,
+            after=(len(legs) - 1,),
+            mark=last.mark,
+            transition=last.transition,
+        )
+    )

@@ -1,0 +1,322 @@
+"""Instants: times as choreographers write them, and the music they count from.
+
+A time is seconds (``24.5``, ``1 min``), minutes and seconds (``01:20.5``), a time code
+of SMPTE ST 12-1 (``00:01:20:12@25``, ``00:01:20;12@29.97``), a bar or a beat counted
+from 1 (``bar 12``, ``bar 12 beat 3``, ``beat 3.5``), or a cue (``@chorus``). A length
+may be added: ``@chorus + 2 beats``, ``bar 9 - 0.5 s``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from showc.script.quantity import NUMBER, QuantityError, parse_quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.script.show import Music
+
+Base = Literal["seconds", "bar", "beat", "cue"]
+
+FORMS = (
+    "write it like `24.5`, `01:20.5`, `00:01:20:12@25`, `bar 12`, `beat 3.5` or "
+    '`"@chorus"`'
+)
+"""Advice where a time cannot be read."""
+
+RATES = {"24": 24, "25": 25, "30": 30, "50": 50, "60": 60}
+"""Frames per second of time codes that count every frame."""
+DROP = "29.97"
+"""The rate of drop-frame time code, 30000/1001 frames per second."""
+
+_LONGEST = 120
+"""Longest text that is looked at [characters]."""
+_CLOCK = re.compile(r"(?:(\d{1,2}):)?(\d{1,3}):([0-5]?\d(?:\.\d+)?)")
+_CODE = re.compile(r"(\d\d):([0-5]\d):([0-5]\d)([:;])(\d\d)(?:@([\d.]+))?")
+_BAR = re.compile(rf"bar\s+({NUMBER})(?:\s+beat\s+({NUMBER}))?")
+_BEAT = re.compile(rf"beat\s+({NUMBER})")
+_CUE = re.compile(r"@\s*([^\W\d][\w-]*)")
+_SHIFTED = re.compile(r"(.*[\w\s])\s([+-])\s*(\S.*)")
+_LENGTH = re.compile(rf"({NUMBER})\s*(beats?|bars?)")
+
+
+class InstantError(ValueError):
+    """A text is no time, or one that cannot be worked out."""
+
+    def __init__(self, code: str, message: str, help_text: str = "") -> None:
+        super().__init__(message)
+        self.code = code
+        """Code of the diagnostic."""
+        self.help = help_text
+        """What to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """A time as written: what it counts from is known later."""
+
+    text: str
+    """As the script has it."""
+    base: Base
+    """What it counts."""
+    value: float = 0.0
+    """Seconds [s], or the number of the bar or beat from 1."""
+    beat: float = 1.0
+    """Beat of the bar, from 1."""
+    cue: str = ""
+    """Name of the cue."""
+    shift: float = 0.0
+    """What is added, in ``unit``."""
+    unit: Literal["s", "beats", "bars"] = "s"
+    """Unit of ``shift``."""
+
+    @property
+    def musical(self) -> bool:
+        """Whether the tempo of the music is needed."""
+        return self.base in {"bar", "beat"} or (self.unit != "s" and self.shift != 0.0)
+
+
+def parse_instant(text: str) -> Instant:
+    """Read a time.
+
+    Raises
+    ------
+    InstantError
+        If it is none; the message says why.
+    """
+    whole = text.strip()
+    if len(whole) > _LONGEST:
+        raise InstantError("SHW103", f"{len(whole)} characters are no time", FORMS)
+    head, shift, unit = whole, 0.0, "s"
+    match = _SHIFTED.fullmatch(whole)
+    if match is not None:
+        head = match.group(1).strip()
+        shift, unit = _length(match.group(3).strip())
+        shift = -shift if match.group(2) == "-" else shift
+    base, value, beat, cue = _term(head)
+    checked: Literal["s", "beats", "bars"] = (
+        "beats" if unit == "beats" else "bars" if unit == "bars" else "s"
+    )
+    return Instant(whole, base, value, beat, cue, shift, checked)
+
+
+def _length(text: str) -> tuple[float, str]:
+    match = _LENGTH.fullmatch(text)
+    if match is not None:
+        return float(match.group(1)), "bars" if "bar" in match.group(2) else "beats"
+    return _seconds(text), "s"
+
+
+def _seconds(text: str) -> float:
+    try:
+        return parse_quantity(text, "s", plain=False)
+    except QuantityError as fault:
+        if fault.code == "SHW105":
+            raise InstantError(fault.code, str(fault), fault.help) from None
+        raise InstantError("SHW103", f"`{text}` is no time", FORMS) from None
+
+
+def _term(text: str) -> tuple[Base, float, float, str]:
+    """Return base, value, beat and cue of a time without a shift."""
+    match = _CODE.fullmatch(text)
+    if match is not None:
+        return "seconds", _time_code(match), 1.0, ""
+    match = _CLOCK.fullmatch(text)
+    if match is not None:
+        hours, minutes, seconds = match.groups()
+        total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
+        return "seconds", total, 1.0, ""
+    match = _BAR.fullmatch(text)
+    if match is not None:
+        return "bar", float(match.group(1)), float(match.group(2) or 1.0), ""
+    match = _BEAT.fullmatch(text)
+    if match is not None:
+        return "beat", float(match.group(1)), 1.0, ""
+    match = _CUE.fullmatch(text)
+    if match is not None:
+        return "cue", 0.0, 1.0, match.group(1)
+    return "seconds", _seconds(text), 1.0, ""
+
+
+def _time_code(match: re.Match[str]) -> float:
+    """Seconds of a time code; drop-frame ones leave out two numbers a minute.
+
+    The numbers 0 and 1 are left out at the start of each minute that is no multiple of
+    ten (SMPTE ST 12-1), so that the count keeps up with 30000/1001 frames per second.
+    """
+    hours, minutes, seconds, frames = (int(match.group(at)) for at in (1, 2, 3, 5))
+    rate = match.group(6)
+    count = 3600 * hours + 60 * minutes + seconds
+    if match.group(4) == ";":
+        if rate not in {None, DROP}:
+            raise InstantError(
+                "SHW103",
+                f"`{match.group()}`: a `;` is drop-frame time code, which runs at "
+                f"{DROP} frames per second",
+                f"write `@{DROP}`, or `:` before the frames",
+            )
+        whole = 60 * hours + minutes
+        if frames >= 30 or (frames < 2 and seconds == 0 and minutes % 10):
+            raise InstantError(
+                "SHW103", f"`{match.group()}`: there is no such frame", FORMS
+            )
+        number = 30 * count + frames - 2 * (whole - whole // 10)
+        return number * 1001.0 / 30000.0
+    if rate not in RATES:
+        known = ", ".join(f"`@{one}`" for one in RATES)
+        raise InstantError(
+            "SHW103",
+            f"`{match.group()}`: the frames per second of a time code are wanted",
+            f"end it with one of {known}, or write `00:01:20;12@{DROP}`",
+        )
+    if frames >= RATES[rate]:
+        raise InstantError(
+            "SHW103", f"`{match.group()}`: a second has {rate} frames, from 0", FORMS
+        )
+    return count + frames / RATES[rate]
+
+
+def music_time(instant: Instant, music: Music | None) -> float:
+    """Return the time of the music that an instant stands for [s].
+
+    Parameters
+    ----------
+    instant
+        As written.
+    music
+        Its tempo and cues; None: there is none, and only seconds can be meant.
+
+    Raises
+    ------
+    InstantError
+        If it needs a tempo or a cue that is not there.
+    """
+    if instant.musical and (music is None or music.bpm is None):
+        raise InstantError(
+            "SHW121",
+            f"`{instant.text}` counts beats, and the music has no tempo",
+            "add `music: {bpm: 120}`",
+        )
+    beat = 60.0 / music.bpm if music is not None and music.bpm is not None else 0.0
+    bar = beat * (music.beats_per_bar if music is not None else 0)
+    first = music.first_beat if music is not None else 0.0
+    match instant.base:
+        case "bar":
+            time = first + (instant.value - 1.0) * bar + (instant.beat - 1.0) * beat
+        case "beat":
+            time = first + (instant.value - 1.0) * beat
+        case "cue":
+            time = _cue(instant.cue, {} if music is None else music.cues)
+        case _:
+            time = instant.value
+    return time + instant.shift * {"s": 1.0, "beats": beat, "bars": bar}[instant.unit]
+
+
+def _cue(name: str, cues: Mapping[str, float]) -> float:
+    if name in cues:
+        return cues[name]
+    alike = [known for known in cues if known.lower() == name.lower()]
+    if len(alike) == 1:
+        return cues[alike[0]]
+    from showc.script.scalars import suggestion  # noqa: PLC0415 - scalars read these
+
+    near = suggestion(name, cues)
+    shown = ", ".join(list(cues)[:12]) or "none"
+    raise InstantError(
+        "SHW107",
+        f"there is no cue `{name}`",
+        f"did you mean `@{near}`?" if near else f"cues: {shown}",
+    )
+
+
+def read_cues(content: bytes, name: str) -> list[tuple[str, Instant]]:
+    """Read names and times of cues from a file.
+
+    Audacity's labels (start, end and name, with tabs), Reaper's list of markers and
+    regions (a CSV with the columns Name and Start), and any CSV with a name and a time
+    in each line, in either order.
+
+    Raises
+    ------
+    InstantError
+        If a line has no name or no time; the message names it.
+    """
+    import csv  # noqa: PLC0415 - start-up counts
+
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InstantError("SHW110", f"`{name}` is not UTF-8 text") from None
+    lines = text.splitlines()
+    if any("\t" in line for line in lines[:1]):
+        rows = [line.split("\t") for line in lines]
+    else:
+        delimiter = ";" if lines and ";" in lines[0] else ","
+        rows = list(csv.reader(lines, delimiter=delimiter))
+    found: list[tuple[str, Instant]] = []
+    taken: dict[str, int] = {}
+    columns: tuple[int, int] | None = None
+    for number, row in enumerate(rows, start=1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("\\"):
+            continue  # Audacity's second line of a label holds its frequencies
+        if columns is None:
+            columns, header = _columns(cells)
+            if header:
+                continue
+        found.append(_row(cells, columns, taken, f"`{name}`, line {number}"))
+    if not found:
+        raise InstantError("SHW110", f"`{name}` has no cue")
+    return found
+
+
+def _columns(cells: list[str]) -> tuple[tuple[int, int], bool]:
+    """Return the columns of name and time, and whether the row is a header."""
+    heads = [cell.lower() for cell in cells]
+    names = [at for at, cell in enumerate(heads) if cell in {"name", "cue", "label"}]
+    times = [at for at, cell in enumerate(heads) if cell in {"start", "time", "at"}]
+    if names and times:
+        return (names[0], times[0]), True
+    if _timed(cells[0]):
+        return (2 if len(cells) > 2 and _timed(cells[1]) else 1, 0), False
+    return (0, 1), False
+
+
+def _timed(text: str) -> bool:
+    try:
+        _file_instant(text)
+    except InstantError:
+        return False
+    return True
+
+
+_MEASURE = re.compile(r"(\d+)\.(\d+)\.(\d\d)")
+"""Reaper's bars and beats: bar, beat and hundredths of a beat."""
+
+
+def _file_instant(text: str) -> Instant:
+    match = _MEASURE.fullmatch(text)
+    if match is not None:
+        beat = int(match.group(2)) + int(match.group(3)) / 100.0
+        return Instant(text, "bar", float(match.group(1)), beat)
+    return parse_instant(text)
+
+
+def _row(
+    cells: list[str], columns: tuple[int, int], taken: dict[str, int], where: str
+) -> tuple[str, Instant]:
+    if len(cells) <= max(columns):
+        raise InstantError("SHW110", f"{where}: a name and a time are wanted")
+    label, written = cells[columns[0]], cells[columns[1]]
+    name = re.sub(r"\W+", "_", label).strip("_") or "cue"
+    name = name if not name[0].isdigit() else f"cue_{name}"
+    taken[name] = taken.get(name, 0) + 1
+    if taken[name] > 1:
+        name = f"{name}_{taken[name]}"
+    try:
+        return name, _file_instant(written)
+    except InstantError as fault:
+        raise InstantError("SHW110", f"{where}: {fault}", fault.help) from None

@@ -1,0 +1,115 @@
+"""Music: the section of that name, and the times that transitions ask for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from showc.script.formations import FormationError
+from showc.script.instants import InstantError, music_time, read_cues
+from showc.script.settings import Settings
+from showc.script.show import Music
+
+if TYPE_CHECKING:
+    from showc.script.files import InputFiles
+    from showc.script.instants import Instant
+    from showc.script.reader import Reader
+    from showc.script.show import Mark
+
+
+def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | None:
+    """Return the music of a script; None if it names none, or not soundly.
+
+    Parameters
+    ----------
+    settings
+        The whole script.
+    files
+        Where the recording and the cues are read.
+    reader
+        Takes the findings.
+    """
+    if "music" not in settings or settings.section("music").broken:
+        return None
+    section = settings.section("music")
+    file = section.text("file") if "file" in section else None
+    cues: dict[str, float] = {}
+    music = Music(
+        file,
+        section.number("offset"),
+        section.optional("bpm"),
+        section.integer("beats_per_bar"),
+        section.number("first_beat"),
+        cues,
+    )
+    try:
+        if file is not None:
+            files.read(file, "file")
+    except FormationError as fault:
+        _refused(fault, section.mark_of("file"), reader)
+    for name, instant, mark in _cues(section, files, reader):
+        # A cue may count from one before it.
+        try:
+            cues[name] = music_time(instant, music)
+        except InstantError as fault:
+            cues[name] = math.nan  # said once, here
+            reader.say(fault.code, f"cue `{name}`: {fault}", mark, help_text=fault.help)
+    return music
+
+
+def _refused(fault: FormationError, mark: Mark, reader: Reader) -> None:
+    reader.say(fault.code, str(fault), mark, help_text=fault.help)
+
+
+def _cues(
+    section: Settings, files: InputFiles, reader: Reader
+) -> list[tuple[str, Instant, Mark]]:
+    """Names and times of cues, and where each is written."""
+    mark = section.mark_of("cues")
+    given = section.values["cues"].value
+    if isinstance(given, Settings):
+        return [
+            (name, given.instant(name), setting.mark)
+            for name, setting in given.values.items()
+            if setting.value is not None
+        ]
+    name = section.text("cues")
+    try:
+        found = read_cues(files.read(name, "cues"), name)
+    except FormationError as fault:
+        _refused(fault, mark, reader)
+        return []
+    except InstantError as fault:
+        reader.say(fault.code, str(fault), mark, help_text=fault.help)
+        return []
+    return [(cue, instant, mark) for cue, instant in found]
+
+
+def asked_time(
+    settings: Settings, key: str, music: Music | None, reader: Reader
+) -> float | None:
+    """Return the show time that a key of a transition asks for [s].
+
+    None where there is no such key, or it cannot be worked out, which ``reader`` hears.
+    Times are whole milliseconds: beats fall between them, by half of one at most.
+    """
+    if key not in settings:
+        return None
+    mark = settings.mark_of(key)
+    try:
+        time = music_time(settings.instant(key), music)
+    except InstantError as fault:
+        reader.say(fault.code, f"`{key}`: {fault}", mark, help_text=fault.help)
+        return None
+    if math.isnan(time):
+        return None
+    time = round(time + (music.offset if music is not None else 0.0), 3)
+    if time <= 0.0:
+        reader.say(
+            "SHW104",
+            f"`{key}` is {-time:g} s before take-off" if time else f"`{key}` is 0 s",
+            mark,
+            help_text="times count from take-off, or from `offset` of the music",
+        )
+        return None
+    return time

@@ -1,0 +1,80 @@
+"""Holds and durations follow from the times that the script asks for."""
+
+import pytest
+
+from showc.errors import SolveError
+from showc.fleet.timetable import scheduled, straight_time
+from showc.plan import build_itinerary
+from showc.script import read_show
+
+SCRIPT = """\
+showc: 1
+drones: 2
+launch: {hold: 1}
+formations:
+  row: {type: line, length: 6, centre: [0, 0, 20]}
+  up: {type: line, length: 6, centre: [0, 20, 30]}
+transitions:
+%s
+"""
+
+
+def legs(*transitions):
+    show = read_show((SCRIPT % "\n".join(f"  - {one}" for one in transitions)).encode())
+    assert show.show is not None, show.diagnostics
+    planned = build_itinerary(show.show)
+    times = {
+        leg.index: straight_time(leg, show.show) for leg in planned.legs if leg.open
+    }
+    found, clock = [], 0.0
+    for leg in scheduled(planned, times).legs:
+        time = leg.duration
+        if leg.open:
+            time = straight_time(leg, show.show)
+        found.append((leg.kind, round(clock, 3), round(clock + time, 3)))
+        clock += time
+    return found
+
+
+def moves(*transitions):
+    return [one for one in legs(*transitions) if one[0] == "transition"]
+
+
+def test_a_move_takes_its_pace_and_the_hold_before_it_the_rest():
+    fast, calm = (
+        moves("{to: row, at: 40, hold: 2}", f"{{to: up, at: 60, pace: {pace}}}")
+        for pace in (1, 3)
+    )
+    assert [end for _, _, end in fast] == [end for _, _, end in calm] == [40.0, 60.0]
+    least = 60.0 - fast[1][1]
+    assert 60.0 - calm[1][1] == pytest.approx(3.0 * least, abs=0.003)
+
+
+def test_a_move_with_less_room_takes_what_there_is():
+    found = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 48, pace: 5}")
+    assert found[1] == ("transition", 42.0, 48.0)
+
+
+def test_a_hold_that_is_not_written_may_vanish():
+    found = legs("{to: row, at: 40}", "{to: up, at: 46, pace: 10}")
+    assert ("transition", 40.0, 46.0) in found
+    assert ("hold", 40.0, 40.0) not in found
+
+
+def test_start_and_duration_are_kept():
+    found = moves("{to: row, start: 30, duration: 6}", "{to: up, at: 60, duration: 9}")
+    assert found == [("transition", 30.0, 36.0), ("transition", 51.0, 60.0)]
+
+
+def test_a_move_without_a_time_follows_at_once():
+    found = legs("{to: row, at: 40, hold: 3}", "{to: up, hold: 2}")
+    assert found[3:5][0] == ("hold", 40.0, 43.0)
+    assert found[4][:2] == ("transition", 43.0)
+
+
+def test_what_cannot_be_met_is_said_with_the_earliest_time():
+    with pytest.raises(SolveError) as refused:
+        legs("{to: row, at: 40}", "{to: up, hold: 4}", "{to: row, start: 54.3}")
+    said = str(refused.value)
+    assert "up -> row" in said and "cannot start at 54.300 s" in said
+    assert "hold after row -> up" in said and "the earliest time is" in said
