@@ -13,7 +13,7 @@ from showc.script.placing import paint, transform, unit_vector
 from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import Effect, Mark
-from showc.script.spacing import closest
+from showc.script.spacing import closest, crowded
 from showc.script.spreading import spread_apart
 from showc.script.wording import number_text
 
@@ -340,6 +340,7 @@ class Gallery:
         if settings.written("spacing"):
             pair = closest(points, spacing, separation)
             if pair is not None:
+                tight = crowded(points, spacing, separation)
                 message = (
                     f"places {pair.first + 1} and {pair.second + 1} are "
                     f"{number_text(pair.distance)} m apart, the formation's spacing "
@@ -350,8 +351,8 @@ class Gallery:
                     message,
                     settings.mark_of("spacing"),
                     label="asked for here",
-                    notes=(f"{pair.pairs} pairs are closer than that",)
-                    * (pair.pairs > 1),
+                    notes=(f"{tight} places are closer to another than that",)
+                    * (tight > 2),
                     help_text="make the shape larger, or add `spread: true`",
                 )
         return points

@@ -15,7 +15,7 @@ from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.fence import Fence
 from showc.script.gallery import bases_of
 from showc.script.settings import Settings
-from showc.script.spacing import closest, closest_between
+from showc.script.spacing import closest, closest_between, crowded
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
@@ -69,10 +69,9 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
             for place, point in zip((pair.first, pair.second), where, strict=True)
         )
         if pair.distance < distance * (1.0 - _SLACK):
-            if pair.pairs > 1:
-                near = closest(formation.points, distance, separation)
-                if near is not None and near.pairs > 1:
-                    notes += (f"{near.pairs} pairs are closer than the separation",)
+            tight = crowded(formation.points, distance, separation)
+            if tight > 2:
+                notes += (f"{tight} places are closer to another than the separation",)
             yield Diagnostic(
                 "SHW201",
                 Severity.ERROR,

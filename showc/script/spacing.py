@@ -1,4 +1,9 @@
-"""Spacing: which places of a formation are how close to each other."""
+"""Spacing: which places of a formation are how close to each other.
+
+Places are packed into boxes (sort-tile-recursive packing, Leutenegger, Lopez and
+Edgington 1997): boxes that are farther apart than what is sought need no second look,
+so that time grows with the number of places and hardly faster, however they stand.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +20,13 @@ if TYPE_CHECKING:
 
 
 _TOLERANCE = 1e-9
-_BLOCK = 200_000
-"""Pairs looked at together: some ten megabytes."""
+"""Share of a distance that rounding may take."""
+_BOX = 16
+"""Places of a box: few enough to compare all with all."""
+_BATCH = 256
+"""Pairs of boxes looked at together: some two megabytes."""
+_CROWDED, _FEW = 40, 4
+"""Boxes near a box beyond which places stand in heaps, and how many then matter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +39,6 @@ class Closeness:
     """Another place, or a place of the other formation."""
     distance: float
     """How far apart, in the separation's metric [m]."""
-    pairs: int
-    """How many pairs are below the threshold."""
 
 
 def pair_distance(difference: FloatArray, separation: Separation) -> FloatArray:
@@ -43,60 +51,219 @@ def pair_distance(difference: FloatArray, separation: Separation) -> FloatArray:
     separation
         Whose shape says how they are measured.
     """
-    size = np.abs(difference)
+    x, y, z = np.moveaxis(np.abs(difference), -1, 0)
+    return _measured(x, y, z, separation)
+
+
+def _measured(
+    x: FloatArray, y: FloatArray, z: FloatArray, separation: Separation
+) -> FloatArray:
+    """Return distances from differences along each axis, sizes if no squares [m]."""
     if separation.shape == "any-axis":
-        return np.asarray(size.max(axis=-1))
+        return np.maximum(np.maximum(x, y), z)
     if separation.shape == "all-axes":
-        return np.asarray(size.min(axis=-1))
-    scaled = size * np.array(separation.metric_scale)
-    square = scaled * scaled
-    # Sums over so short an axis take longer than all the rest.
-    return np.asarray(np.sqrt(square[..., 0] + square[..., 1] + square[..., 2]))
+        return np.minimum(np.minimum(x, y), z)
+    square = np.zeros(())
+    for part, scale in zip((x, y, z), separation.metric_scale, strict=True):
+        scaled = part * scale if scale != 1.0 else part
+        square = square + scaled * scaled
+    return np.sqrt(square)
+
+
+def boxes(points: FloatArray, most: int) -> IntArray:
+    """Pack points into boxes of neighbours.
+
+    Parameters
+    ----------
+    points
+        Shape (n, k) [m], n at least 1.
+    most
+        Most points of a box.
+
+    Returns
+    -------
+    IntArray
+        Indices by box, shape (boxes, points of a box). A box with fewer points says
+        its last one again.
+    """
+    count, extent = len(points), np.ptp(points, axis=0)
+    axes = np.flatnonzero(extent > 0.0) if extent.any() else np.array([0])
+    parts, total = -(-count // most), 1
+    order, slab = np.arange(count), np.zeros(count, dtype=np.int64)
+    while len(axes):
+        # As many slabs along each axis as make boxes as wide as they are long.
+        slabs = parts
+        if len(axes) > 1:
+            mean = np.exp(np.log(extent[axes]).mean())
+            share = parts ** (1.0 / len(axes)) * extent[axes[0]] / mean
+            slabs = round(min(max(share, 1.0), parts))
+        order = order[np.lexsort((points[order, axes[0]], slab))]
+        parts, total, axes = -(-parts // slabs), total * slabs, axes[1:]
+        slab = np.arange(count) * total // count
+    first = np.flatnonzero(np.diff(slab, prepend=-1))
+    last = np.append(first[1:], count)[:, None] - 1
+    at = first[:, None] + np.arange(int(np.max(last - first[:, None])) + 1)
+    return np.asarray(order[np.minimum(at, last)], dtype=np.int64)
+
+
+class _Boxes:
+    """Two sets of places in boxes, and how far those are apart at least."""
+
+    def __init__(
+        self, points: FloatArray, others: FloatArray | None, separation: Separation
+    ) -> None:
+        self.separation = separation
+        self.rows = boxes(points, _BOX)
+        self.same = others is None
+        self.other_rows = self.rows if others is None else boxes(others, _BOX)
+        # Axis by axis: shape (3, boxes, places).
+        self.placed = points.T[:, self.rows]
+        self.other_placed = (
+            self.placed if others is None else others.T[:, self.other_rows]
+        )
+
+    def near(self, limit: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Pairs of boxes less than a limit apart, the nearest first, and their gaps."""
+        low, high = self.placed.min(axis=2), self.placed.max(axis=2)
+        low2, high2 = self.other_placed.min(axis=2), self.other_placed.max(axis=2)
+        # Rounding is monotone: no pair of places is nearer than its boxes are.
+        gap = np.maximum(
+            low[:, :, None] - high2[:, None], low2[:, None] - high[:, :, None]
+        )
+        x, y, z = np.maximum(gap, 0.0)
+        apart = _measured(x, y, z, self.separation)
+        wanted = apart < limit
+        if self.same:
+            wanted &= np.triu(np.ones_like(wanted))
+        first, second = np.nonzero(wanted)
+        gaps = apart[first, second]
+        # Boxes with themselves come first: places near each other share a box.
+        order = np.lexsort((gaps, (first != second) | (not self.same)))
+        return first[order], second[order], gaps[order]
+
+    def distances(
+        self, first: IntArray, second: IntArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Places of pairs of boxes and how far they are apart, each (pairs, m, k)."""
+        one, other = self.rows[first][:, :, None], self.other_rows[second][:, None, :]
+        one, other = np.broadcast_arrays(one, other)
+        x, y, z = (
+            np.abs(one_axis[first][:, :, None] - other_axis[second][:, None])
+            for one_axis, other_axis in zip(self.placed, self.other_placed, strict=True)
+        )
+        distance = _measured(x, y, z, self.separation)
+        if self.same:
+            distance[one == other] = np.inf
+        return one, other, distance
+
+    def closest(self, limit: float) -> Closeness | None:
+        """Return the closest pair below a limit, the first of them in order."""
+        first, second, gaps = self.near(limit)
+        best, least = None, limit
+        for start in range(0, len(first), _BATCH):
+            batch = slice(start, start + _BATCH)
+            within = gaps[batch] <= least
+            if not within.any() or (best is not None and least == 0.0):
+                break
+            one, other, distance = self.distances(
+                first[batch][within], second[batch][within]
+            )
+            nearest = float(distance.min())
+            if nearest > least or nearest >= limit:
+                continue
+            at = distance == nearest
+            pairs = np.stack([one[at], other[at]], axis=1)
+            if self.same:
+                pairs.sort(axis=1)
+            low, high = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))[0]].tolist()
+            found = Closeness(low, high, nearest)
+            if best is None or _key(found) < _key(best):
+                best, least = found, nearest
+        return best
+
+
+def _limit(threshold: float) -> float:
+    return threshold * (1.0 - _TOLERANCE)
 
 
 def close_pairs(
     points: FloatArray, threshold: float, separation: Separation
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
-    """Yield all pairs closer than a threshold, in batches: first, second, distance.
+    """Yield pairs closer than a threshold, in batches: first, second, distance.
 
-    Sorts along the longest side and sweeps: places further apart along it than the
-    threshold need not be looked at. ``all-axes`` has no such bound and looks at all.
+    All of them where places are spread; where they stand in heaps, only those with
+    neighbours, so that time grows no faster than the number of places.
+
+    Parameters
+    ----------
+    points
+        Shape (n, 3) [m], n at least 1.
+    threshold
+        [m].
+    separation
+        Gives the metric, ``all-axes`` excepted.
     """
-    count = len(points)
-    axis = int(np.argmax(np.ptp(points, axis=0)))
-    order = np.argsort(points[:, axis], kind="stable")
-    placed = points[order]
-    reach = threshold
-    if separation.shape == "ellipsoid" and axis == 2:
-        reach = threshold * separation.vertical_stretch
-    bounded = separation.shape != "all-axes"
-    limit = threshold * (1.0 - _TOLERANCE)
-    for offset in range(1, count):
-        difference = placed[offset:] - placed[:-offset]
-        if bounded and np.all(difference[:, axis] >= reach):
-            return
-        distance = pair_distance(difference, separation)
-        near = np.nonzero(distance < limit)[0]
-        if near.size:
-            yield order[near], order[near + offset], distance[near]
+    packed = _Boxes(points, None, separation)
+    first, second, _ = packed.near(_limit(threshold))
+    if len(first) > _CROWDED * len(packed.rows):
+        beside = second - first <= _FEW
+        first, second = first[beside], second[beside]
+    upper = np.triu(np.ones((packed.rows.shape[1],) * 2, dtype=bool), 1)
+    for start in range(0, len(first), _BATCH):
+        batch = slice(start, start + _BATCH)
+        one, other, distance = packed.distances(first[batch], second[batch])
+        # A box that says its last place again says its pairs again.
+        told = packed.rows[:, 1:] == packed.rows[:, :-1]
+        told = np.pad(told, ((0, 0), (1, 0)))
+        near = (distance < _limit(threshold)) & ~told[first[batch]][:, :, None]
+        near &= ~told[second[batch]][:, None, :]
+        near &= (first[batch] != second[batch])[:, None, None] | upper
+        yield one[near], other[near], distance[near]
 
 
 def closest(
     points: FloatArray, threshold: float, separation: Separation
 ) -> Closeness | None:
     """Return the closest pair below a threshold, or None if all keep it."""
-    best: Closeness | None = None
-    total = 0
-    for first, second, distance in close_pairs(points, threshold, separation):
-        total += distance.size
-        at = int(np.lexsort((second, first, distance))[0])
-        low, high = sorted((int(first[at]), int(second[at])))
-        found = Closeness(low, high, float(distance[at]), 0)
-        if best is None or _key(found) < _key(best):
-            best = found
-    if best is None:
+    if len(points) < 2:
         return None
-    return Closeness(best.first, best.second, best.distance, total)
+    if separation.shape == "all-axes":
+        return _closest_level(points, _limit(threshold), separation)
+    return _Boxes(points, None, separation).closest(_limit(threshold))
+
+
+def crowded(points: FloatArray, threshold: float, separation: Separation) -> int:
+    """Count the places that are closer to another than a threshold.
+
+    Parameters
+    ----------
+    points
+        Shape (n, 3) [m], n at least 1.
+    threshold
+        [m].
+    separation
+        Gives the metric.
+    """
+    limit = _limit(threshold)
+    tight = np.zeros(len(points), dtype=bool)
+    if separation.shape == "all-axes":
+        for column in points.T:
+            order = np.argsort(column)
+            at = np.flatnonzero(np.diff(column[order]) < limit)
+            tight[order[at]] = tight[order[at + 1]] = True
+        return int(tight.sum())
+    packed = _Boxes(points, None, separation)
+    first, second, _ = packed.near(limit)
+    while len(first):
+        one, other, distance = packed.distances(first[:_BATCH], second[:_BATCH])
+        near = distance < limit
+        tight[one[near]] = tight[other[near]] = True
+        first, second = first[_BATCH:], second[_BATCH:]
+        # Nothing is to be learnt from boxes all of whose places are known.
+        open_ = ~tight[packed.rows].all(axis=1)
+        wanted = np.flatnonzero(open_[first] | open_[second])
+        first, second = first[wanted], second[wanted]
+    return int(tight.sum())
 
 
 def closest_between(
@@ -105,21 +272,46 @@ def closest_between(
     """Return the closest pair of one place of each of two sets, below a threshold."""
     if not len(points) or not len(others):
         return None
-    best: Closeness | None = None
-    total = 0
-    # All pairs at once would not fit into memory.
-    rows = max(_BLOCK // len(others), 1)
-    for start in range(0, len(points), rows):
-        difference = points[start : start + rows, None, :] - others[None, :, :]
-        distance = pair_distance(difference, separation)
-        total += int(np.sum(distance < threshold * (1.0 - _TOLERANCE)))
-        first, second = np.unravel_index(int(np.argmin(distance)), distance.shape)
-        least = float(distance[first, second])
-        if best is None or least < best.distance:
-            best = Closeness(start + int(first), int(second), least, 0)
-    if best is None or not total:
+    if separation.shape == "all-axes":
+        return _closest_level_between(points, others, _limit(threshold))
+    return _Boxes(points, others, separation).closest(_limit(threshold))
+
+
+def _closest_level(
+    points: FloatArray, limit: float, separation: Separation
+) -> Closeness | None:
+    """Return the closest pair where the least difference along an axis counts.
+
+    The two are neighbours in the order along that axis.
+    """
+    pairs = []
+    for column in points.T:
+        order = np.argsort(column, kind="stable")
+        pairs.append(np.sort(np.stack([order[:-1], order[1:]], axis=1), axis=1))
+    first, second = np.concatenate(pairs).T
+    distance = pair_distance(points[first] - points[second], separation)
+    at = int(np.lexsort((second, first, distance))[0])
+    if distance[at] >= limit:
         return None
-    return Closeness(best.first, best.second, best.distance, total)
+    return Closeness(int(first[at]), int(second[at]), float(distance[at]))
+
+
+def _closest_level_between(
+    points: FloatArray, others: FloatArray, limit: float
+) -> Closeness | None:
+    """Return the same for one place of each of two sets."""
+    best: Closeness | None = None
+    every = np.arange(len(points))
+    for column, beside in zip(points.T, others.T, strict=True):
+        order = np.argsort(beside, kind="stable")
+        right = np.searchsorted(beside[order], column)
+        for at in (np.maximum(right - 1, 0), np.minimum(right, len(order) - 1)):
+            distance = np.abs(beside[order[at]] - column)
+            one = int(np.lexsort((order[at], every, distance))[0])
+            found = Closeness(one, int(order[at[one]]), float(distance[one]))
+            if found.distance < limit and (best is None or _key(found) < _key(best)):
+                best = found
+    return best
 
 
 def _key(pair: Closeness) -> tuple[float, int, int]:

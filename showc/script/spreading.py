@@ -50,11 +50,14 @@ def spread_apart(
         push = np.zeros_like(placed)
         close = False
         for first, second, distance in close_pairs(placed, goal, metric):
-            close = True
+            close = close or first.size > 0
             direction = placed[second] - placed[first]
-            step = 0.5 * (goal - distance) / distance
-            np.add.at(push, second, step[:, None] * direction)
-            np.add.at(push, first, -step[:, None] * direction)
+            step = (0.5 * (goal - distance) / distance)[:, None] * direction
+            for axis in range(3):
+                for places, sign in ((second, 1.0), (first, -1.0)):
+                    push[:, axis] += sign * np.bincount(
+                        places, weights=step[:, axis], minlength=len(placed)
+                    )
         if not close:
             break
         placed = placed + push

@@ -13,7 +13,13 @@ from repository import ROOT, SHOWS
 from showc.script import load_show
 from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour
 from showc.script.fence import fence_distance, inside_polygon
-from showc.script.spacing import closest, pair_distance
+from showc.script.spacing import (
+    close_pairs,
+    closest,
+    closest_between,
+    crowded,
+    pair_distance,
+)
 from showc.script.timing import least_times
 from showc.vehicle import PRESETS, Separation
 
@@ -219,25 +225,66 @@ def test_all_axes_refuses_neighbours_on_one_level(read):
     assert [item.code for item in found] == ["SHW201"]
 
 
+def scattered(count, seed):
+    """Places at random, on a raster, in heaps, or the same one often."""
+    chance = np.random.default_rng(seed)
+    points = chance.uniform(-3, 3, size=(count, 3)) * chance.integers(0, 2, size=3)
+    match seed % 4:
+        case 1:
+            points = np.round(points)
+        case 2:
+            points[::2] *= 1e-6
+        case 3:
+            points[::3] = points[0]
+    return points
+
+
+SHAPES = st.sampled_from(["sphere", "ellipsoid", "any-axis", "all-axes"])
+
+
 @settings(deadline=None)
-@given(
-    st.integers(2, 60),
-    st.integers(0, 10**6),
-    st.sampled_from(["sphere", "ellipsoid", "any-axis", "all-axes"]),
-    st.floats(0.05, 3.0),
-)
+@given(st.integers(2, 90), st.integers(0, 10**6), SHAPES, st.floats(0.05, 3.0))
 def test_the_closest_pair_is_found(count, seed, shape, threshold):
-    points = np.random.default_rng(seed).uniform(-3, 3, size=(count, 3))
+    points = scattered(count, seed)
     separation = Separation(1.0, shape, 2.0)
-    upper = np.triu_indices(count, 1)
+    upper = np.array(np.triu_indices(count, 1))
     distance = pair_distance(points[upper[0]] - points[upper[1]], separation)
     found = closest(points, threshold, separation)
-    near = distance < threshold
+    near = distance < threshold * (1 - 1e-9)
+    assert crowded(points, threshold, separation) == np.unique(upper[:, near]).size
     if not near.any():
         assert found is None
     else:
-        assert found.pairs == near.sum()
-        assert found.distance == pytest.approx(distance.min())
+        first = int(np.argmin(distance))
+        assert found.distance == distance[first]
+        if found.distance > 0.0:
+            assert [found.first, found.second] == upper[:, first].tolist()
+    if shape != "all-axes" and not (distance == 0.0).any():
+        pairs = [
+            pair
+            for first, second, _ in close_pairs(points, threshold, separation)
+            for pair in np.sort([first, second], axis=0).T.tolist()
+        ]
+        assert sorted(pairs) == upper[:, near].T.tolist()
+
+
+@settings(deadline=None)
+@given(
+    st.tuples(st.integers(1, 50), st.integers(1, 50)),
+    st.integers(0, 10**6),
+    SHAPES,
+    st.floats(0.05, 3.0),
+)
+def test_the_closest_places_of_two_formations_are_found(counts, seed, shape, threshold):
+    one, other = scattered(counts[0], seed), scattered(counts[1], seed + 5)
+    separation = Separation(1.0, shape, 2.0)
+    distance = pair_distance(one[:, None] - other, separation)
+    found = closest_between(one, other, threshold, separation)
+    if distance.min() >= threshold * (1 - 1e-9):
+        assert found is None
+    else:
+        assert found.distance == distance.min()
+        assert distance[found.first, found.second] == found.distance
 
 
 @given(st.tuples(*[st.floats(-60, 60)] * 3))

@@ -268,6 +268,21 @@ SCRIPTS = {
         show("{type: circle}") + "# showc: ignore[SHW303] x\n" * 100_000,
         {"SHW117"},
     ),
+    "fifteen heaps of 10,000": (
+        "showc: 1\ndrones: 10000\nformations:\n"
+        + "".join(f"  f{n}: {{type: circle, radius: 0.01}}\n" for n in range(15))
+        + "transitions: [f0]\n",
+        {"SHW201"},
+    ),
+    "thousands of places in letters, spread": (
+        "showc: 1\ndrones: 10000\nformations:\n"
+        + "".join(
+            f"  f{n}: {{type: text, text: O, draw: inside, spread: true}}\n"
+            for n in range(5)
+        )
+        + "transitions: [f0]\n",
+        {"SHW118"},
+    ),
     "epoch before logs begin": (
         show("{type: circle}", more="epoch: 0001-01-01T00:00:00Z\n"),
         {"SHW104"},

@@ -11,18 +11,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.spacing import boxes, closest
+from showc.vehicle import Separation
+
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
 
 
-_ROUNDS, _FEW_ROUNDS, _MANY = 8, 3, 300
+_ROUNDS = ((300, 8), (2000, 3), (np.inf, 1))
+"""Up to how many points there are how many rounds: what takes little time. The first
+round is nearly free, the others compare all points with all candidates."""
+_BOX = 192
+"""Candidates of a box: as many as take no longer than the steps of Python."""
 _BLOCK = 65_536
 """Distances worked out at a time: two arrays of them stay in the cache."""
 
 
 def candidates_for(count: int) -> int:
     """Return how many candidates suffice for a number of points."""
-    return max(3000, 12 * count)
+    return max(3000, min(12 * count, 12_000 + 6 * count))
 
 
 def spread_evenly(
@@ -48,11 +55,13 @@ def spread_evenly(
         first coordinates.
     """
     if rounds is None:
-        rounds = _ROUNDS if count <= _MANY else _FEW_ROUNDS
-    chosen = farthest_points(candidates, count)
-    best, width = chosen, _least_gap(candidates[chosen])
-    for _ in range(rounds if 1 < count < len(candidates) else 0):
-        owner = _owners(candidates, candidates[chosen])
+        rounds = next(few for most, few in _ROUNDS if count <= most)
+    chosen, owner = farthest_points(candidates, count)
+    rounds = rounds if 1 < count < len(candidates) else 0
+    best, width = chosen, _least_gap(candidates[chosen]) if rounds else 0.0
+    for number in range(rounds):
+        if number:
+            owner = _owners(candidates, candidates[chosen])
         size = np.maximum(np.bincount(owner, minlength=count), 1)
         middle = np.column_stack(
             [
@@ -71,25 +80,46 @@ def spread_evenly(
     return np.asarray(best[np.lexsort(placed.T[::-1])], dtype=np.int64)
 
 
-def farthest_points(candidates: FloatArray, count: int) -> IntArray:
-    """Choose candidates one by one, each furthest from all before; (count,)."""
+def farthest_points(candidates: FloatArray, count: int) -> tuple[IntArray, IntArray]:
+    """Choose candidates one by one, each furthest from all before.
+
+    Only boxes of candidates are looked at again that a new point may be nearer to
+    than all before; which is chosen does not depend on the boxes.
+
+    Returns
+    -------
+    tuple
+        Indices of the chosen, shape (count,), and which of them is the nearest of
+        each candidate, shape (candidates,).
+    """
     middle = candidates.mean(axis=0)
     away = np.sum((candidates - middle) ** 2, axis=1)
     chosen = np.empty(count, dtype=np.int64)
     chosen[0] = int(np.argmax(np.round(away, 9)))
-    distance = np.full(len(candidates), np.inf)
-    columns = [np.ascontiguousarray(column) for column in candidates.T]
-    square, step = np.empty(len(candidates)), np.empty(len(candidates))
-    for index in range(1, count):
-        last = chosen[index - 1]
-        square.fill(0.0)
-        for column in columns:
-            np.subtract(column, column[last], out=step)
-            np.multiply(step, step, out=step)
-            np.add(square, step, out=square)
-        np.minimum(distance, square, out=distance)
-        chosen[index] = int(np.argmax(distance))
-    return chosen
+    rows = np.sort(boxes(candidates, _BOX), axis=1)
+    points = np.ascontiguousarray(np.moveaxis(candidates[rows], 2, 0))
+    low, high = points.min(axis=2), points.max(axis=2)
+    distance = np.full(rows.shape, np.inf)
+    owner = np.zeros(rows.shape, dtype=np.int64)
+    # Of each box, the candidate that is furthest from what is chosen.
+    most, furthest = np.full(len(rows), np.inf), rows[:, 0].copy()
+    for index in range(count):
+        if index:
+            # Of several the first: boxes lie in no order of their candidates.
+            chosen[index] = furthest[most == most.max()].min()
+        last = candidates[chosen[index]][:, None]
+        gap = np.maximum(np.maximum(low - last, last - high), 0.0)
+        near = np.flatnonzero((gap * gap).sum(axis=0) < most)
+        square = ((points[:, near] - last[:, :, None]) ** 2).sum(axis=0)
+        former = distance[near]
+        owner[near] = np.where(square < former, index, owner[near])
+        distance[near] = square = np.minimum(square, former)
+        at = square.argmax(axis=1)[:, None]
+        most[near] = np.take_along_axis(square, at, axis=1)[:, 0]
+        furthest[near] = np.take_along_axis(rows[near], at, axis=1)[:, 0]
+    nearest = np.empty(len(candidates), dtype=np.int64)
+    nearest[rows] = owner
+    return chosen, nearest
 
 
 def _owners(candidates: FloatArray, points: FloatArray) -> IntArray:
@@ -129,13 +159,8 @@ def _nearest_members(
 
 
 def _least_gap(points: FloatArray) -> float:
-    """Return the smallest squared distance between two points."""
-    order = np.argsort(points[:, 0], kind="stable")
-    placed = points[order]
-    least = np.inf
-    for offset in range(1, len(placed)):
-        step = placed[offset:] - placed[:-offset]
-        if float((step[:, 0] ** 2).min()) >= least:
-            break
-        least = min(least, float(np.sum(step * step, axis=1).min()))
-    return least
+    """Return the smallest distance between two points [m]."""
+    flat = np.zeros((len(points), 3 - points.shape[1]))
+    apart = float(np.ptp(points, axis=0).sum())
+    pair = closest(np.hstack([points, flat]), 2.0 * apart, Separation(1.0))
+    return pair.distance if pair is not None else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from heapq import heapify, heapreplace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,12 +57,18 @@ def string(anchors: FloatArray, wires: Sequence[Wire], count: int) -> FloatArray
         for wire in wires
     ]
     inner = [int(wire.ring) for wire in wires]
+    widest = [
+        (-round(float(lengths[-1]) / (number + (not wire.ring)), 9), index)
+        for index, (wire, lengths, number) in enumerate(
+            zip(wires, reach, inner, strict=True)
+        )
+    ]
+    heapify(widest)
     for _ in range(count - len(anchors) - len(rings)):
-        gaps = [
-            float(lengths[-1]) / (number + (not wire.ring))
-            for wire, lengths, number in zip(wires, reach, inner, strict=True)
-        ]
-        inner[int(np.argmax(np.round(gaps, 9)))] += 1
+        index = widest[0][1]
+        inner[index] += 1
+        gap = float(reach[index][-1]) / (inner[index] + (not wires[index].ring))
+        heapreplace(widest, (-round(gap, 9), index))
     placed = [anchors]
     for wire, lengths, number in zip(wires, reach, inner, strict=True):
         steps = np.arange(number) if wire.ring else np.arange(number) + 1.0
