@@ -260,7 +260,7 @@ def crowded(points: FloatArray, threshold: float, separation: Separation) -> int
         tight[one[near]] = tight[other[near]] = True
         first, second = first[_BATCH:], second[_BATCH:]
         # Nothing is to be learnt from boxes all of whose places are known.
-        open_ = ~tight[packed.rows].all(axis=1)
+        open_ = ~np.all(tight[packed.rows], axis=1)
         wanted = np.flatnonzero(open_[first] | open_[second])
         first, second = first[wanted], second[wanted]
     return int(tight.sum())
