@@ -6,6 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
+from showc.safety.codes import codes_reference as safety_reference  # noqa: E402
 from showc.script.codes import codes_reference  # noqa: E402
 from showc.script.reference import script_reference  # noqa: E402
 from showc.script.schema import schema_text  # noqa: E402
@@ -15,7 +16,7 @@ GENERATED = {
     ROOT / "schemas" / "show.schema.json": schema_text,
     ROOT / "showc" / "docs" / "script.md": script_reference,
     ROOT / "showc" / "docs" / "codes.md": lambda: (
-        f"{codes_reference()}\n{checks_reference()}"
+        f"{codes_reference()}\n{checks_reference()}\n{safety_reference()}"
     ),
 }
 

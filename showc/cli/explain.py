@@ -16,16 +16,18 @@ def command(code: str | None) -> int:
       showc explain SHW201
       showc explain VRF321
     """
+    from showc.safety import codes as safety_codes
     from showc.script.codes import CODES, explain
     from showc.verify import codes
 
     titles = {entry.code: entry.title for entry in CODES.values()}
     titles |= {entry.code: entry.title for entry in codes.codes().values()}
+    titles |= {entry.code: entry.title for entry in safety_codes.codes().values()}
     if code is None:
         for name, title in sorted(titles.items()):
             click.echo(f"{name}  {title}")
         return 0
-    text = explain(code) or codes.explain(code)
+    text = explain(code) or codes.explain(code) or safety_codes.explain(code)
     if text is None:
         from difflib import get_close_matches
 

@@ -32,7 +32,7 @@ def command(
 
     Verifies the log first, and shows what was proved: site map with fence, table of
     transitions (time, bound, gap, smallest separation, greatest speed and tilt),
-    margins, mission prediction, hashes. Prints well.
+    margins, safety case, mission prediction, hashes. Prints well.
 
     \b
       showc report output.mcap                   writes output-report.html
@@ -42,6 +42,7 @@ def command(
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
+    from showc.safety.case import safety_case
     from showc.verify import verify_log
     from showc.view import render_leg, render_report
 
@@ -63,7 +64,8 @@ def command(
     with progress(quiet=quiet) as watcher:
         verification = verify_log(log, progress=watcher)
     page = output or log.with_name(f"{log.stem}-report.html")
-    write_file(page, render_report(logged, verification.to_json()).encode())
+    content = render_report(logged, verification.to_json(), safety_case(logged))
+    write_file(page, content.encode())
     click.echo(verification.to_json()["verdict"])
     click.echo(f"wrote {page}; open it in a browser")
     return verification.exit_code

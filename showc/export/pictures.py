@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
+    from showc.safety.case import SafetyCase
 
 
 RATE = 10
@@ -271,11 +272,17 @@ class _Scene:
         )
 
 
-def kml_file(show: SolvedShow) -> bytes:
-    """Return a map of the site: fence, volume, pads, and the way of each drone."""
-    times = np.arange(0.0, show.duration + PATH_STEP, PATH_STEP)
+def kml_file(show: SolvedShow, case: SafetyCase | None = None) -> bytes:
+    """Return a map of the site: fence, volume, pads, and the way of each drone.
+
+    Parameters
+    ----------
+    show
+        What is drawn.
+    case
+        Volumes, audience and buildings to draw too, a folder each; None: none.
+    """
     _, place, _ = sampled(show, 0.0, PATH_STEP)
-    del times
     site = show.rules.site
     low, high = site.volume_min, site.volume_max
     corners = np.array(
@@ -299,6 +306,8 @@ def kml_file(show: SolvedShow) -> bytes:
             _area(show, "fence", "fence", show.fence, high.z),
             "</Folder>",
         ]
+    if case is not None:
+        lines += _risks(show, case)
     lines.append("<Folder><name>Pads</name>")
     for drone in range(show.drones):
         where = _coordinates(show, pads[drone : drone + 1])
@@ -316,6 +325,43 @@ def kml_file(show: SolvedShow) -> bytes:
         )
     lines.append("</Folder></Document></kml>")
     return ("\n".join(lines) + "\n").encode()
+
+
+def _risks(show: SolvedShow, case: SafetyCase) -> list[str]:
+    """Return a folder for each volume of a safety case, and for what stands around."""
+    # Aabbggrr, from the flight outwards.
+    colours = ("ffc45924", "ff1e54d9", "ff3636c2", "ff8b3fb5", "ff787878")
+    lines = []
+    for number, (volume, colour) in enumerate(zip(case.volumes, colours, strict=True)):
+        lines += [
+            _style(f"risk{number}", colour, f"30{colour[2:]}"),
+            f"<Folder><name>{volume.name}</name>",
+            _area(show, volume.name, f"risk{number}", volume.corners, volume.top),
+            "</Folder>",
+        ]
+    site = case.show.site
+    lines += [_style("people", "ff00a5ff", "6000a5ff"), "<Folder><name>Audience</name>"]
+    for people in site.audience:
+        if people.area:
+            lines.append(_area(show, escape(people.name), "people", people.points, 0.0))
+            continue
+        points = np.column_stack([people.points, np.zeros(len(people.points))])
+        lines.append(
+            f"<Placemark><name>{escape(people.name)}</name><styleUrl>#people</styleUrl>"
+            f"<LineString><coordinates>{_coordinates(show, points)}</coordinates>"
+            "</LineString></Placemark>"
+        )
+    lines += [
+        "</Folder>",
+        _style("building", "ff555555", "80888888"),
+        "<Folder><name>Buildings</name>",
+        *(
+            _area(show, escape(one.name), "building", one.corners, one.height)
+            for one in site.buildings
+        ),
+        "</Folder>",
+    ]
+    return lines
 
 
 def _style(name: str, line: str, fill: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.wording import number_text
-from showc.vehicle import PRESETS, Envelope, Limits, Quadrotor, Vector
+from showc.vehicle import PRESETS, Body, Envelope, Limits, Quadrotor, Vector
 
 if TYPE_CHECKING:
     from showc.script.reader import Reader
@@ -46,6 +46,16 @@ def vehicle_of(settings: Settings) -> Quadrotor:
             vehicle, torque_arm="multiplied" if arm == "multiplied" else "included"
         )
     return vehicle
+
+
+def body_of(settings: Settings) -> Body:
+    """Return how the aircraft falls: the preset's, with what the script gives."""
+    body = PRESETS[settings.text("preset")].body
+    low, high = body.drag_area
+    if "drag_area" in settings:
+        one, other = settings.numbers("drag_area")
+        low, high = min(one, other), max(one, other)
+    return Body(_given(settings, "size", body.size), (low, high))
 
 
 def limits_of(
@@ -147,4 +157,4 @@ def _can_hover(
     return False
 
 
-__all__ = ["envelope_of", "limits_of", "vehicle_of"]
+__all__ = ["body_of", "envelope_of", "limits_of", "vehicle_of"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from showc.script.aircraft import envelope_of, limits_of, vehicle_of
+from showc.script.aircraft import body_of, envelope_of, limits_of, vehicle_of
 from showc.script.colours import linear_light
 from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
@@ -28,10 +28,10 @@ from showc.script.show import (
     MissionOptions,
     Music,
     Show,
-    Site,
     Source,
     Transition,
 )
+from showc.script.site import site_of
 from showc.vehicle import Separation
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from showc.script.files import InputFiles
     from showc.script.reader import Reader
+    from showc.script.show import Site
 
 Assignment = Literal["optimal", "fixed"]
 
@@ -71,42 +72,6 @@ def separation_of(settings: Settings) -> Separation:
             return Separation(settings.number("distance"), shape, stretch)
         case _:
             return Separation(settings.number("distance"), "sphere", stretch)
-
-
-def site_of(settings: Settings, reader: Reader) -> Site | None:
-    """Return the site, or None if its volume is turned inside out."""
-    origin, volume = settings.section("origin"), settings.section("volume")
-    if origin.broken or volume.broken or settings.broken:
-        return None
-    low, high = volume.vector("min"), volume.vector("max")
-    for axis, letter in enumerate("xyz"):
-        if low[axis] >= high[axis]:
-            reader.say(
-                "SHW120",
-                f"the volume's {letter} runs from {low[axis]:g} to {high[axis]:g} m",
-                volume.mark_of("max" if volume.written("max") else "min"),
-                help_text="`max` must be greater than `min` along every axis",
-            )
-            return None
-    fence = None
-    if "fence" in settings:
-        rows = [item.value for item in settings.items("fence")]
-        fence = np.array(
-            [[item.value for item in row] for row in rows if isinstance(row, list)],
-            dtype=np.float64,
-        )
-        fence.setflags(write=False)
-    return Site(
-        latitude=origin.number("latitude"),
-        longitude=origin.number("longitude"),
-        altitude=origin.number("altitude"),
-        heading=settings.number("heading"),
-        volume_min=low,
-        volume_max=high,
-        fence=fence,
-        fence_margin=settings.number("fence_margin"),
-        wind=settings.number("wind"),
-    )
 
 
 def _assignment(settings: Settings) -> Assignment:
@@ -373,6 +338,7 @@ class Builder:
             epoch=settings.moment("epoch"),
             site=sketch.site,
             vehicle=vehicle,
+            body=body_of(settings.section("vehicle")),
             limits=limits if envelope is None else envelope.within(limits),
             separation=sketch.separation,
             yaw="free" if yaw.text("mode") == "free" else "held",

@@ -23,86 +23,16 @@ from showc.script.kinds import (
     Text,
     Time,
 )
+from showc.script.site_fields import SITE
 from showc.script.vehicle_fields import LIMITS, VEHICLE
 
 FORMAT_VERSION = 1
 """Version of the script format that this reader understands."""
 
-_PLACE = Quantity("m", minimum=-10_000.0, maximum=10_000.0)
-_CORNER = Items(_PLACE, 3, 3)
 _HOLD = Quantity("s", minimum=0.0, maximum=3600.0)
 _ALTITUDE = Quantity("m", minimum=0.5, maximum=1000.0)
 _SPEED = Quantity("m/s", minimum=0.1, maximum=50.0)
 _ASSIGNMENT = Choice(("optimal", "fixed"))
-
-VOLUME = Section(
-    "volume",
-    "The box that no drone may leave, show frame.",
-    (
-        Field("min", _CORNER, "Its lower corner.", default=[-100, -100, 0]),
-        Field("max", _CORNER, "Its upper corner.", default=[100, 100, 120]),
-    ),
-)
-
-ORIGIN = Section(
-    "origin",
-    "Where the show frame's origin lies on the Earth.",
-    (
-        Field(
-            "latitude",
-            Quantity("deg", minimum=-89.0, maximum=89.0, store="deg"),
-            "Latitude of the show frame's origin, WGS 84. The default place is the "
-            "home of PX4's simulators.",
-            default=47.397742,
-        ),
-        Field(
-            "longitude",
-            Quantity("deg", minimum=-180.0, maximum=180.0, store="deg"),
-            "Longitude of the show frame's origin, WGS 84.",
-            default=8.545594,
-        ),
-        Field(
-            "altitude",
-            Quantity("m", minimum=-500.0, maximum=6000.0),
-            "Altitude of the show frame's origin above mean sea level.",
-            default=488.0,
-        ),
-    ),
-)
-
-SITE = Section(
-    "site",
-    "Where the show flies.",
-    (
-        Field("origin", ORIGIN, ORIGIN.description, default={}),
-        Field(
-            "heading",
-            Quantity("deg", minimum=-360.0, maximum=360.0, store="deg"),
-            "Compass bearing of the show frame's +y axis, clockwise from north.",
-            default=0.0,
-        ),
-        Field("volume", VOLUME, VOLUME.description, default={}),
-        Field(
-            "fence",
-            Items(Items(_PLACE, 2, 2), 3, 200),
-            "Corners `[x, y]` of a geofence on the ground, show frame.",
-            default_text="the volume's walls",
-        ),
-        Field(
-            "fence_margin",
-            Quantity("m", minimum=0.0, maximum=100.0),
-            "Distance from the fence that every drone keeps at every instant.",
-            default=0.0,
-        ),
-        Field(
-            "wind",
-            Quantity("m/s", minimum=0.0, maximum=8.0),
-            "Wind in which missions are to keep time: their slots wait for drones that "
-            "it delays. How missions are flown in more was not measured.",
-            default=0.0,
-        ),
-    ),
-)
 
 SEPARATION = Section(
     "separation",

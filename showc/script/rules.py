@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
-from showc.script.fence import Fence
+from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, closest_between, crowded
@@ -35,6 +35,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _volume(sketch)
     yield from _fence(sketch)
     yield from _ways(sketch)
+    yield from _around(sketch)
     yield from _places(sketch)
     yield from _parking(sketch)
     yield from _groups(sketch)
@@ -231,6 +232,63 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="widen the passage, or ask for less `fence_margin`",
                 )
                 break
+
+
+def _around(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places above the ceiling, the audience or in a building (SHW214, SHW215)."""
+    site = sketch.site
+    if site is None:
+        return
+    section = sketch.settings.section("site")
+    for formation, points, what in _stands(sketch):
+        top = int(np.argmax(points[:, 2]))
+        if site.ceiling is not None and points[top, 2] > site.ceiling + _SLACK:
+            yield Diagnostic(
+                "SHW214",
+                Severity.ERROR,
+                f"place {top + 1} of `{formation.name}`{what} is "
+                f"{number_text(float(points[top, 2]))} m high, the ceiling is "
+                f"{number_text(site.ceiling)} m",
+                formation.mark,
+                secondary=(Label(section.mark_of("ceiling"), "the ceiling"),),
+                help="move the formation down, or have a higher ceiling allowed",
+            )
+        reached = [
+            (
+                "over",
+                "audience",
+                people.name,
+                inside_polygon(points[:, :2], people.points),
+            )
+            for people in site.audience
+            if people.area
+        ]
+        reached += [
+            (
+                "in",
+                "buildings",
+                building.name,
+                inside_polygon(points[:, :2], building.corners)
+                & (points[:, 2] <= building.height),
+            )
+            for building in site.buildings
+        ]
+        for where, key, name, met in reached:
+            if met.any():
+                place = int(np.argmax(met))
+                yield Diagnostic(
+                    "SHW215",
+                    Severity.ERROR,
+                    f"place {place + 1} of `{formation.name}`{what} is {where} "
+                    f"`{name}`",
+                    formation.mark,
+                    secondary=(Label(section.mark_of(key), f"`{name}`"),),
+                    notes=(
+                        f"it is at {_point(points[place])}",
+                        f"{int(met.sum())} of {len(points)} places are there",
+                    ),
+                    help="move the formation away",
+                )
 
 
 def _places(sketch: Sketch) -> Iterator[Diagnostic]:

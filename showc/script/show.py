@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from showc.arrays import FloatArray
-    from showc.vehicle import Limits, Quadrotor, Separation, Vector
+    from showc.vehicle import Body, Limits, Quadrotor, Separation, Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,61 @@ class Source:
     """Files that the script names (CSV, SVG, meshes, images, fonts), by name."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Audience:
+    """Where people stand."""
+
+    name: str
+    """What it is called."""
+    points: FloatArray
+    """Of the line or the area, shape (n, 2), show frame [m]; read-only."""
+    area: bool
+    """Whether the points are corners of an area."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Building:
+    """Something that stands around."""
+
+    name: str
+    """What it is called."""
+    corners: FloatArray
+    """Of its ground plan, shape (n, 2), show frame [m]; read-only."""
+    height: float
+    """Above the origin [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Risk:
+    """What the safety case reckons with; the meaning of each is the field table's."""
+
+    method: Literal["footprint", "ballistic", "one-to-one"] = "footprint"
+    """Ground risk buffer that must be clear of the audience."""
+    wind: float = 0.0
+    """Greatest steady wind in a fall [m/s]."""
+    reaction_time: float = 1.0
+    """[s]."""
+    gnss_error: float = 3.0
+    """[m]."""
+    position_error: float = 3.0
+    """[m]."""
+    map_error: float = 1.0
+    """[m]."""
+    height_error: float = 1.0
+    """[m]."""
+    rotation: float = 0.0087266462599716
+    """Of the whole show about its origin [rad]; half a degree."""
+    shift: float = 1.0
+    """Of the whole show [m]."""
+    ground: float = 0.0
+    """Height of the lowest ground around [m]."""
+
+    @property
+    def misplaced(self) -> float:
+        """How far from its planned place a drone may be: the errors' sum [m]."""
+        return self.gnss_error + self.position_error + self.map_error
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """Where the show flies."""
@@ -64,6 +119,14 @@ class Site:
     """Distance from the fence that every drone keeps [m]."""
     wind: float = 0.0
     """Wind in which missions are to keep time [m/s]."""
+    audience: tuple[Audience, ...] = ()
+    """Where people stand; empty: not stated."""
+    buildings: tuple[Building, ...] = ()
+    """What stands around."""
+    ceiling: float | None = None
+    """Greatest height above the origin that is allowed [m]; None: not stated."""
+    risk: Risk = field(default_factory=Risk)
+    """What the safety case reckons with."""
 
     @property
     def room(self) -> tuple[Vector, Vector]:
@@ -240,6 +303,8 @@ class Show:
     """Where it flies."""
     vehicle: Quadrotor
     """What flies."""
+    body: Body
+    """How it falls."""
     limits: Limits
     """What each drone keeps."""
     separation: Separation

@@ -68,6 +68,20 @@ VEHICLE = Section(
             default_text=_OF_PRESET,
         ),
         Field(
+            "size",
+            Quantity("m", minimum=0.01, maximum=10.0),
+            "Greatest size of the aircraft, from propeller tip to propeller tip.",
+            default_text=_OF_PRESET,
+        ),
+        Field(
+            "drag_area",
+            Items(Quantity("m²", minimum=1e-5, maximum=10.0), 2, 2),
+            "Least and greatest drag area of the falling aircraft: drag coefficient "
+            "times area.",
+            default_text=_OF_PRESET,
+            examples=([0.02, 0.04],),
+        ),
+        Field(
             "envelope",
             Choice(("autopilot", "airframe")),
             "What the flight is solved for. `autopilot`: the airframe, and the speeds "

@@ -7,6 +7,7 @@ from math import inf, radians, sqrt
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from showc.vehicle.body import Body
 from showc.vehicle.limits import Envelope, Limits
 from showc.vehicle.quadrotor import Quadrotor
 
@@ -24,6 +25,8 @@ class Preset:
     """Its physical parameters."""
     limits: Limits
     """Its limits; the flight volume is unbounded, the site sets it."""
+    body: Body
+    """Its size and drag as it falls; the drag is an estimate."""
     envelope: Envelope | None = None
     """What its autopilot follows; None: not measured."""
 
@@ -84,6 +87,9 @@ FORMATION = Preset(
         position_min=_UNBOUNDED[0],
         position_max=_UNBOUNDED[1],
     ),
+    # Motors 0.255 m apart across the frame, with propellers of 6 in, the greatest that
+    # pass each other. A flat plate's coefficient of 1 and 0.03 m², within a third.
+    Body(size=0.41, drag_area=(0.02, 0.04)),
     _ARDUCOPTER,
 )
 
@@ -116,6 +122,9 @@ CRAZYFLIE = Preset(
         position_min=_UNBOUNDED[0],
         position_max=_UNBOUNDED[1],
     ),
+    # Motors 92 mm apart, propellers of 46 mm; frame, battery and propeller discs show
+    # 30 cm² edge-on and 80 cm² flat.
+    Body(size=0.138, drag_area=(0.003, 0.008)),
 )
 
 PRESETS: Mapping[str, Preset] = MappingProxyType(

@@ -11,12 +11,14 @@ from showc.log import showc_pb2 as pb
 from showc.view.digest import Digest, Encounter, digest, tightest
 from showc.view.document import clock, document, row, small, table, text
 from showc.view.forecast import forecast_section
+from showc.view.safety import safety_section
 from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.log.reader import LoggedShow
+    from showc.safety.case import SafetyCase
 
 SHAPES = {
     pb.Separation.SPHERE: "sphere",
@@ -38,7 +40,11 @@ WORDS = {
 }
 
 
-def render_report(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
+def render_report(
+    logged: LoggedShow,
+    verification: Mapping[str, Any] | None,
+    case: SafetyCase | None = None,
+) -> str:
     """Return the report as one printable HTML page.
 
     Parameters
@@ -48,12 +54,15 @@ def render_report(logged: LoggedShow, verification: Mapping[str, Any] | None) ->
     verification
         What ``showc verify --json`` gives; None: the report says that nothing was
         verified, and has no margins.
+    case
+        The safety case of the show; None: the report has none.
     """
     digests = digest(logged)
     body = [
         _head(logged, verification),
         _figures(logged, digests),
         _site(logged),
+        "" if case is None else safety_section(logged, case),
         _moves(logged, digests),
         _checks(verification),
         forecast_section(logged.manifest),

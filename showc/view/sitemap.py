@@ -30,34 +30,41 @@ class Frame:
     """Show coordinates of the lower left corner [m]."""
     scale: float
     """Drawing units a metre."""
-    bottom: float
-    """Drawing height of the lower edge."""
+    width: float = WIDTH
+    """Of the drawing."""
+    height: float = HEIGHT
+    """Of the drawing."""
 
     @classmethod
-    def around(cls, points: FloatArray) -> Frame:
-        """Fit ``points`` (n, 2) [m]."""
+    def around(
+        cls, points: FloatArray, *, width: float = WIDTH, height: float = HEIGHT
+    ) -> Frame:
+        """Fit ``points`` (n, 2) [m] into a drawing of a size."""
         low, high = points.min(axis=0), points.max(axis=0)
-        room = np.array([WIDTH - 2.0 * MARGIN, HEIGHT - 2.0 * MARGIN])
+        size = np.array([width, height])
+        room = size - 2.0 * MARGIN
         scale = float((room / np.maximum(high - low, 1.0)).min())
         middle = (low + high) / 2.0
-        corner = middle - 0.5 * np.array([WIDTH, HEIGHT]) / scale
-        return cls((float(corner[0]), float(corner[1])), scale, HEIGHT)
+        corner = middle - 0.5 * size / scale
+        return cls((float(corner[0]), float(corner[1])), scale, width, height)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Drawing places (n, 2) of ``points`` (n, 2) [m]."""
         across = (points[:, 0] - self.low[0]) * self.scale
-        up = self.bottom - (points[:, 1] - self.low[1]) * self.scale
+        up = self.height - (points[:, 1] - self.low[1]) * self.scale
         return np.stack([across, up], axis=1)
 
 
-def _path(points: FloatArray, *, close: bool = False) -> str:
+def path(points: FloatArray, *, close: bool = False) -> str:
+    """Return the way through drawing places (n, 2), for a path of SVG."""
     steps = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     return f"M{steps}{'Z' if close else ''}"
 
 
-def _svg(parts: list[str], label: str) -> str:
+def svg(parts: list[str], label: str, frame: Frame) -> str:
+    """Return a drawing of ``parts`` on a sheet."""
     return (
-        f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" '
+        f'<svg viewBox="0 0 {frame.width:.0f} {frame.height:.0f}" role="img" '
         f'aria-label="{text(label)}" xmlns="http://www.w3.org/2000/svg">'
         f'<rect width="100%" height="100%" rx="8" fill="#f4f6f9"/>'
         f"{''.join(parts)}</svg>"
@@ -73,12 +80,12 @@ def fence_of(logged: LoggedShow) -> FloatArray:
     return np.array([[a.x, a.y], [b.x, a.y], [b.x, b.y], [a.x, b.y]])
 
 
-def _ways(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
+def ways(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
     """Thin lines along the ways of some drones."""
     chosen = np.unique(np.linspace(0, logged.drones - 1, PATHS).astype(int))
     stride = max(1, round(logged.rules.log_rate / 2.5))
     lines = [
-        _path(_thinned(frame(logged.positions[::stride, drone][:, axes])))
+        path(_thinned(frame(logged.positions[::stride, drone][:, axes])))
         for drone in chosen
     ]
     return (
@@ -118,10 +125,11 @@ def _pictures(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
     return f'<g stroke="#161b26" stroke-width="0.35">{"".join(dots)}</g>'
 
 
-def _scale_bar(frame: Frame) -> str:
+def scale_bar(frame: Frame) -> str:
+    """Return a bar of a round length in the lower left corner."""
     lengths = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000]
-    length = max((n for n in lengths if n * frame.scale < 0.3 * WIDTH), default=1)
-    x, y = MARGIN - 14.0, HEIGHT - 13.0
+    length = max((n for n in lengths if n * frame.scale < 0.3 * frame.width), default=1)
+    x, y = MARGIN - 14.0, frame.height - 13.0
     end = x + length * frame.scale
     return (
         f'<path d="M{x:.1f},{y - 4:.1f}v4H{end:.1f}v-4" fill="none" stroke="#5b6578"/>'
@@ -129,10 +137,10 @@ def _scale_bar(frame: Frame) -> str:
     )
 
 
-def _north(heading: float) -> str:
+def north_arrow(heading: float, frame: Frame) -> str:
     """Arrow to the north; +y of the show is up, at bearing ``heading`` [deg]."""
     angle = radians(-heading)
-    x, y = WIDTH - 28.0, 30.0
+    x, y = frame.width - 28.0, 30.0
     dx, dy = 13.0 * sin(angle), -13.0 * cos(angle)
     return (
         f'<g stroke="#c22036" fill="#c22036"><path d="M{x - dx:.1f},{y - dy:.1f}'
@@ -153,23 +161,24 @@ def map_from_above(logged: LoggedShow) -> str:
         for x, y in frame(pads)
     )
     origin = frame(np.zeros((1, 2)))[0]
-    return _svg(
+    return svg(
         [
             (
-                f'<path d="{_path(frame(fence), close=True)}" fill="#fff" '
+                f'<path d="{path(frame(fence), close=True)}" fill="#fff" '
                 'stroke="#e0701b" stroke-width="1.6" stroke-dasharray="6 3"/>'
             ),
-            _ways(logged, [0, 1], frame),
+            ways(logged, [0, 1], frame),
             f'<g fill="none" stroke="#5b6578" stroke-width="0.7">{marks}</g>',
             _pictures(logged, [0, 1], frame),
             (
                 f'<path d="M{origin[0] - 5:.1f},{origin[1]:.1f}h10m-5,-5v10" '
                 'stroke="#161b26" stroke-width="1.1"/>'
             ),
-            _scale_bar(frame),
-            _north(float(logged.rules.site.heading)),
+            scale_bar(frame),
+            north_arrow(float(logged.rules.site.heading), frame),
         ],
         "Site from above",
+        frame,
     )
 
 
@@ -186,7 +195,7 @@ def map_from_the_side(logged: LoggedShow) -> str:
     highest = float(logged.positions[..., 2].max())
     level = frame(np.array([[left, highest]]))[0, 1]
     ground = frame(np.array([[left, 0.0]]))[0, 1]
-    return _svg(
+    return svg(
         [
             (
                 f'<rect x="{x0:.1f}" y="{y1:.1f}" width="{x1 - x0:.1f}" '
@@ -194,7 +203,7 @@ def map_from_the_side(logged: LoggedShow) -> str:
                 'stroke-width="1.6" stroke-dasharray="6 3"/>'
             ),
             f'<path d="M0,{ground:.1f}H{WIDTH:.0f}" stroke="#5b6578"/>',
-            _ways(logged, [0, 2], frame),
+            ways(logged, [0, 2], frame),
             _pictures(logged, [0, 2], frame),
             (
                 f'<path d="M{x0:.1f},{level:.1f}H{x1:.1f}" stroke="#2459c4" '
@@ -208,7 +217,8 @@ def map_from_the_side(logged: LoggedShow) -> str:
                 f'<text x="{x0 + 5:.1f}" y="{y1 - 5:.1f}" style="fill:#a85210">'
                 f"ceiling {top:.1f} m</text>"
             ),
-            _scale_bar(frame),
+            scale_bar(frame),
         ],
         "Site from the audience",
+        frame,
     )

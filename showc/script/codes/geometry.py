@@ -118,4 +118,21 @@ CODES = (
         "or begin the music later (`music: {offset: ...}`).",
         "transitions: [{to: ring, at: 20, hold: 9}, {to: star, at: 25}]",
     ),
+    Code(
+        "SHW214",
+        "above the ceiling",
+        "A place, or the hover above a pad, is higher than `site: ceiling:`. Drones "
+        "that stray rise further; `showc safety` reckons with that.",
+        "Lower the formation, or have a higher ceiling allowed.",
+        "site: {ceiling: 20}\nformations: {row: {type: line, length: 9, "
+        "centre: [0, 0, 25]}}",
+    ),
+    Code(
+        "SHW215",
+        "over the audience or in a building",
+        "A place is above an area of `site: audience:`, or inside the ground plan of a "
+        "building and not above its roof.",
+        "Move the formation away. `showc safety` says how far drones may fall.",
+        "site: {audience: [{area: [[0, 0], [9, 0], [9, 9]]}]}",
+    ),
 )

@@ -1,0 +1,103 @@
+"""``showc safety``: the safety case of a compiled show."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import click
+
+
+@click.command(name="safety")
+@click.argument(
+    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PAGE.html",
+    help="Where to put the page; the map goes beside it.  "
+    "[default: OUTPUT-safety.html]",
+)
+@click.option(
+    "--wind",
+    type=click.FloatRange(0.0, 30.0),
+    help="Greatest wind in a fall, in m/s.  [default: the script's]",
+)
+@click.option(
+    "--rotation",
+    type=click.FloatRange(0.0, 180.0),
+    help="Angle by which the whole show may be turned, in degrees.  "
+    "[default: the script's]",
+)
+@click.option(
+    "--shift",
+    type=click.FloatRange(0.0, 100.0),
+    help="Way by which the whole show may be moved, in metres.  "
+    "[default: the script's]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the case as JSON.")
+def command(
+    log: Path,
+    output: Path | None,
+    wind: float | None,
+    rotation: float | None,
+    shift: float | None,
+    as_json: bool,
+) -> int:
+    """Work out where drones may fall, and what that leaves around the site.
+
+    From every state of the flight a drone without thrust falls with drag, in any wind
+    up to the stated one; all places where it may hit the ground are enclosed. So are
+    the volumes of the LBA's formulas. The script says what stands around
+    (site: audience, buildings, ceiling, fence) and what to reckon with (site: risk).
+
+    Writes a page with a drawing, and a KML map with a folder for each volume. Ends
+    with 0 if nothing is missing, 1 if something is; showc explain SAF111 says more.
+
+    \b
+      showc safety output.mcap
+      showc safety output.mcap --wind 8 --rotation 7
+    """
+    from showc.export.pictures import kml_file
+    from showc.export.solved import solved_show
+    from showc.files import write_file
+    from showc.log.reader import read_log
+    from showc.safety.case import safety_case, show_of
+    from showc.view import render_safety
+
+    logged = read_log(log)
+    show = show_of(logged)
+    risk = show.site.risk
+    risk = replace(
+        risk,
+        wind=risk.wind if wind is None else wind,
+        rotation=risk.rotation if rotation is None else radians(rotation),
+        shift=risk.shift if shift is None else shift,
+    )
+    show = replace(show, site=replace(show.site, risk=risk))
+    case = safety_case(logged, show)
+    page = output or log.with_name(f"{log.stem}-safety.html")
+    write_file(page, render_safety(logged, case).encode())
+    write_file(page.with_suffix(".kml"), kml_file(solved_show(logged), case))
+    if as_json:
+        click.echo(json.dumps(case.to_json(), indent=1))
+        return 1 if case.errors else 0
+    for one in case.distances:
+        click.echo(
+            f"{one.name}: at least {one.left:.1f} m left, {one.wanted:.1f} m wanted "
+            f"(drone {one.place.drone + 1}, {one.place.time:.1f} s)"
+        )
+    for item in case.findings:
+        where = item.place
+        said = (
+            "" if where is None else f" (drone {where.drone + 1}, {where.time:.1f} s)"
+        )
+        colour = "red" if item.severity == "error" else "yellow"
+        head = click.style(f"{item.severity}[{item.code}]", fg=colour, bold=True)
+        click.echo(f"{head}: {item.message}{said}")
+    click.echo(f"wrote {page} and {page.with_suffix('.kml')}")
+    return 1 if case.errors else 0

@@ -1,0 +1,104 @@
+"""The site of a script: frame, volume, fence, and what lies around."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.settings import Settings
+from showc.script.show import Audience, Building, Risk, Site
+
+if TYPE_CHECKING:
+    from showc.arrays import FloatArray
+    from showc.script.reader import Reader
+
+
+def site_of(settings: Settings, reader: Reader) -> Site | None:
+    """Return the site, or None if its volume is turned inside out."""
+    origin, volume = settings.section("origin"), settings.section("volume")
+    if origin.broken or volume.broken or settings.broken or _unsound(settings):
+        return None
+    low, high = volume.vector("min"), volume.vector("max")
+    for axis, letter in enumerate("xyz"):
+        if low[axis] >= high[axis]:
+            reader.say(
+                "SHW120",
+                f"the volume's {letter} runs from {low[axis]:g} to {high[axis]:g} m",
+                volume.mark_of("max" if volume.written("max") else "min"),
+                help_text="`max` must be greater than `min` along every axis",
+            )
+            return None
+    return Site(
+        latitude=origin.number("latitude"),
+        longitude=origin.number("longitude"),
+        altitude=origin.number("altitude"),
+        heading=settings.number("heading"),
+        volume_min=low,
+        volume_max=high,
+        fence=_points(settings, "fence") if "fence" in settings else None,
+        fence_margin=settings.number("fence_margin"),
+        wind=settings.number("wind"),
+        audience=tuple(_audience(item) for item in _sections(settings, "audience")),
+        buildings=tuple(_building(item) for item in _sections(settings, "buildings")),
+        ceiling=settings.optional("ceiling"),
+        risk=_risk(settings.section("risk"), settings.number("wind")),
+    )
+
+
+def _sections(settings: Settings, key: str) -> list[Settings]:
+    """Return the sections of a list, none where the key is missing."""
+    values = [item.value for item in settings.items(key)] if key in settings else []
+    return [value for value in values if isinstance(value, Settings)]
+
+
+def _unsound(settings: Settings) -> bool:
+    """Tell whether something around the site could not be read."""
+    if "risk" not in settings or settings.section("risk").broken:
+        return True
+    around = _sections(settings, "audience") + _sections(settings, "buildings")
+    return any(section.broken for section in around)
+
+
+def _points(settings: Settings, key: str) -> FloatArray:
+    """Return a list of points, shape (n, 2) [m]; read-only."""
+    rows = [item.value for item in settings.items(key)]
+    points = np.array(
+        [[item.value for item in row] for row in rows if isinstance(row, list)],
+        dtype=np.float64,
+    )
+    points.setflags(write=False)
+    return points
+
+
+def _audience(settings: Settings) -> Audience:
+    area = "area" in settings
+    points = _points(settings, "area" if area else "line")
+    return Audience(settings.text("name"), points, area)
+
+
+def _building(settings: Settings) -> Building:
+    return Building(
+        settings.text("name"), _points(settings, "area"), settings.number("height")
+    )
+
+
+def _risk(settings: Settings, wind: float) -> Risk:
+    """Return what is reckoned with; ``wind`` [m/s] is the site's."""
+    method = settings.text("method")
+    return Risk(
+        method="ballistic"
+        if method == "ballistic"
+        else "one-to-one"
+        if method == "one-to-one"
+        else "footprint",
+        wind=settings.number("wind") if "wind" in settings else wind,
+        reaction_time=settings.number("reaction_time"),
+        gnss_error=settings.number("gnss_error"),
+        position_error=settings.number("position_error"),
+        map_error=settings.number("map_error"),
+        height_error=settings.number("height_error"),
+        rotation=settings.number("rotation"),
+        shift=settings.number("shift"),
+        ground=settings.number("ground"),
+    )

@@ -1,0 +1,197 @@
+"""The safety case in the report: a drawing of the volumes, distances, findings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.safety.ground import area
+from showc.view.document import clock, document, row, small, table, text
+from showc.view.sitemap import (
+    Frame,
+    north_arrow,
+    path,
+    scale_bar,
+    svg,
+    ways,
+)
+
+if TYPE_CHECKING:
+    from showc.arrays import FloatArray
+    from showc.log.reader import LoggedShow
+    from showc.safety.case import Distance, Finding, SafetyCase
+
+
+COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
+"""Of the volumes, from the innermost."""
+
+
+def render_safety(logged: LoggedShow, case: SafetyCase) -> str:
+    """Return the safety case as a printable HTML page of its own."""
+    kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
+    if not case.errors and case.findings:
+        kind, word = "open", "MET, WITH WARNINGS"
+    site = case.show.site
+    body = (
+        f"<header><div><h1>{text(case.show.name)}</h1><p>Safety case · site "
+        f"{site.latitude:.6f}°, {site.longitude:.6f}°, {site.altitude:.1f} m · "
+        f'heading {site.heading:.1f}°</p></div><div class="verdict {kind}">{word}'
+        f"<small>findings: {len(case.findings)}</small></div></header>"
+        f"{safety_section(logged, case)}"
+    )
+    return document(f"{case.show.name} – safety case", body)
+
+
+def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
+    """Return the safety case as a section of a report."""
+    risk = case.show.site.risk
+    return (
+        "<h2>Safety of the site<small>every bound holds at every instant of the flight"
+        f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
+        f"{_key(case)}</figcaption></figure>"
+        f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
+        '<p class="note">Falls: a drone without thrust, drag area '
+        f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
+        f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
+        f"{case.impact_speed:.1f} m/s and {case.impact_energy:.0f} J. Formulas: LBA, "
+        "guideline for flight geography, contingency volume and ground risk buffer, "
+        f"revision 1.7, with V0 {case.flying.speed:.1f} m/s (wind included), reaction "
+        f"{risk.reaction_time:g} s, errors {risk.gnss_error:g} + "
+        f"{risk.position_error:g} + {risk.map_error:g} m. Turned and moved: "
+        f"{np.degrees(risk.rotation):g}° about the origin and {risk.shift:g} m.</p>"
+    )
+
+
+def _key(case: SafetyCase) -> str:
+    entries = [
+        (colour, volume.name)
+        for colour, volume in zip(COLOURS, case.volumes, strict=True)
+    ]
+    entries += [("#e0701b", "Fence"), ("#f0a500", "Audience"), ("#555555", "Buildings")]
+    return "".join(
+        f'<span class="key"><i style="background:{colour}"></i>{text(name)}</span> '
+        for colour, name in entries
+    )
+
+
+def _findings(findings: tuple[Finding, ...]) -> str:
+    if not findings:
+        return "<p>Nothing is missing.</p>"
+    words = frozenset({0, 1, 2})
+    rows = [
+        row(
+            [
+                (
+                    f'<span class="{"fail" if one.severity == "error" else "warning"}">'
+                    f"{text(one.severity)}</span>"
+                ),
+                text(f"{one.code} {one.title}") + small(text(one.message)),
+                ""
+                if one.place is None
+                else f"drone {one.place.drone + 1}, {clock(one.place.time)}",
+            ],
+            words=words,
+        )
+        for one in findings
+    ]
+    return "<h3>Findings</h3>" + table(["", "What", "Where"], rows, words=words)
+
+
+def _distances(distances: tuple[Distance, ...]) -> str:
+    words = frozenset({0, 3})
+    rows = []
+    for one in distances:
+        left = f"{one.left:.1f}"
+        if one.left < one.wanted:
+            left = f'<span class="fail">{left}</span>'
+        rows.append(
+            row(
+                [
+                    text(one.name),
+                    left,
+                    f"{one.wanted:.1f}",
+                    f"drone {one.place.drone + 1}, {clock(one.place.time)}",
+                ],
+                words=words,
+            )
+        )
+    heads = ["From … to …", "Left, at least [m]", "Wanted [m]", "Decided by"]
+    return "<h3>Distances</h3>" + table(heads, rows, words=words)
+
+
+def _volumes(case: SafetyCase) -> str:
+    words = frozenset({0})
+    buffers = case.buffers
+    width = {
+        "Contingency volume": buffers.contingency,
+        "Ground risk buffer, ballistic": buffers.ballistic,
+        "Ground risk buffer, 1:1": buffers.one_to_one,
+    }
+    rows = [
+        row(
+            [
+                text(volume.name),
+                f"{width[volume.name]:.1f}" if volume.name in width else "",
+                f"{volume.top:.1f}",
+                (
+                    f"{np.ptp(volume.corners[:, 0]):.0f} x "
+                    f"{np.ptp(volume.corners[:, 1]):.0f}"
+                ),
+                f"{area(volume.corners):,.0f}",
+            ],
+            words=words,
+        )
+        for volume in case.volumes
+    ]
+    heads = ["Volume", "Added width [m]", "Top [m]", "Extent [m]", "Area [m²]"]
+    return "<h3>Volumes</h3>" + table(heads, rows, words=words)
+
+
+def volumes_from_above(logged: LoggedShow, case: SafetyCase) -> str:
+    """Draw volumes, fence, audience and buildings from above, to scale."""
+    site = case.show.site
+    around = [volume.corners for volume in case.volumes] + [case.fence]
+    around += [people.points for people in site.audience]
+    around += [building.corners for building in site.buildings]
+    frame = Frame.around(np.concatenate(around), width=940.0, height=560.0)
+    parts = [
+        _shape(frame, volume.corners, colour, 0.07)
+        for colour, volume in reversed(list(zip(COLOURS, case.volumes, strict=True)))
+    ]
+    parts += [
+        (
+            f'<path d="{path(frame(case.fence), close=True)}" fill="none" '
+            'stroke="#e0701b" stroke-width="2" stroke-dasharray="7 4"/>'
+        ),
+        ways(logged, [0, 1], frame),
+    ]
+    for building in site.buildings:
+        parts.append(_shape(frame, building.corners, "#555555", 0.5))
+        parts.append(_label(frame, building.corners.mean(axis=0), building.name))
+    for people in site.audience:
+        if people.area:
+            parts.append(_shape(frame, people.points, "#f0a500", 0.35))
+        else:
+            parts.append(
+                f'<path d="{path(frame(people.points))}" fill="none" '
+                'stroke="#f0a500" stroke-width="5" stroke-linecap="round"/>'
+            )
+        parts.append(_label(frame, people.points.mean(axis=0), people.name))
+    parts += [scale_bar(frame), north_arrow(float(site.heading), frame)]
+    return svg(parts, "Volumes of the show from above", frame)
+
+
+def _shape(frame: Frame, corners: FloatArray, colour: str, opacity: float) -> str:
+    return (
+        f'<path d="{path(frame(corners), close=True)}" fill="{colour}" '
+        f'fill-opacity="{opacity:g}" stroke="{colour}" stroke-width="1.3"/>'
+    )
+
+
+def _label(frame: Frame, place: FloatArray, name: str) -> str:
+    x, y = frame(place[None])[0]
+    return (
+        f'<text x="{x:.1f}" y="{y - 7:.1f}" text-anchor="middle" '
+        f'style="fill:#161b26;font-weight:600">{text(name)}</text>'
+    )

@@ -1,0 +1,156 @@
+"""The case of a compiled show: regions hold, findings are found, files are written."""
+
+import json
+from dataclasses import replace
+from math import radians
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from safety.falls import landings
+
+from showc.log.reader import read_log
+from showc.safety import codes
+from showc.safety.case import safety_case, show_of
+from showc.safety.ground import Footing, area, hull, least, outside
+from showc.safety.pieces import flight_pieces
+from showc.script.show import Audience, Building, Risk
+
+RISK = Risk(wind=8.0, gnss_error=0.1, position_error=0.2, map_error=0.0)
+
+
+@pytest.fixture(scope="module")
+def logged(compiled):
+    return read_log(compiled("swap"))
+
+
+@pytest.fixture(scope="module")
+def show(logged):
+    found = show_of(logged)
+    return replace(found, site=replace(found.site, risk=RISK))
+
+
+def around(show, **changes):
+    return replace(show, site=replace(show.site, **changes))
+
+
+def line(*points):
+    return Audience("crowd", np.array(points, dtype=float), area=False)
+
+
+def sampled_states(logged, count, rng):
+    times = rng.uniform(0.0, logged.duration, count)
+    states = []
+    for drone in range(logged.drones):
+        mine = times[drone :: logged.drones]
+        states.append(logged.trajectory(drone).state(mine))
+    return np.concatenate(states)
+
+
+def test_no_sampled_fall_leaves_the_footprint(logged, show):
+    case = safety_case(logged, show)
+    rng = np.random.default_rng(1)
+    states = sampled_states(logged, 4000, rng)
+    count = len(states)
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    wind = 8.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    drag = rng.choice(show.body.drag_area, count)
+    ground = landings(states[:, 3:6], np.maximum(states[:, 2], 0.0), wind, drag, 0.02)
+    hits = states[:, :2] + ground
+    outward = np.stack([np.cos(angle[:90]), np.sin(angle[:90])], axis=1)
+    reach = (case.footprint @ outward.T).max(axis=0)
+    farthest = (hits @ outward.T).max(axis=0)
+    assert (farthest <= reach).all()
+    # Not far outside either: samples miss the farthest falls by a metre or two.
+    assert (reach - farthest).max() < 5.0
+
+
+def test_the_flight_is_inside_its_geography(logged, show):
+    case = safety_case(logged, show)
+    places = sampled_states(logged, 4000, np.random.default_rng(2))[:, :2]
+    angle = np.linspace(0.0, 6.0, 50)
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    room = (case.geography @ outward.T).max(axis=0) - (places @ outward.T).max(axis=0)
+    assert room.min() >= -1e-9
+    assert room.max() < 0.2
+    assert area(case.geography) > 0.0
+
+
+def test_an_audience_below_is_found_with_drone_second_and_metres(logged, show):
+    people = around(show, audience=(line((-5.0, 0.0), (5.0, 0.0)),))
+    case = safety_case(logged, people)
+    found = next(item for item in case.errors if item.code == "SAF111")
+    assert found.place is not None
+    assert 0.0 <= found.place.time <= logged.duration
+    assert found.missing > RISK.misplaced
+    assert "is missing" in found.message
+
+
+def test_an_audience_far_away_is_clear_and_its_distance_holds(logged, show):
+    far = around(show, audience=(line((-60.0, -150.0), (60.0, -150.0)),), ceiling=300.0)
+    case = safety_case(logged, far)
+    assert not case.errors
+    left = next(one for one in case.distances if one.name == "falls to crowd").left
+    # The footprint's hull says the same to what both leave open.
+    assert left == pytest.approx(150.0 + case.footprint[:, 1].min(), abs=0.5)
+
+
+def test_seven_degrees_bring_a_wide_show_nearer_to_the_audience(logged, show):
+    people = around(show, audience=(line((-60.0, -60.0), (60.0, -60.0)),))
+    turned = around(people, risk=replace(RISK, rotation=radians(7.0), shift=0.0))
+    straight = around(people, risk=replace(RISK, rotation=0.0, shift=0.0))
+
+    def left(case):
+        return next(one.left for one in case.distances if "turned" in one.name)
+
+    lost = left(safety_case(logged, straight)) - left(safety_case(logged, turned))
+    corners = safety_case(logged, straight).footprint
+    most = 2.0 * np.linalg.norm(corners, axis=1).max() * np.sin(radians(3.5))
+    assert 0.0 < lost <= most
+
+
+def test_a_low_ceiling_and_a_near_building_are_found(logged, show):
+    top = float(logged.positions[..., 2].max())
+    corner = np.array([[8.0, 8.0], [30.0, 8.0], [30.0, 30.0], [8.0, 30.0]])
+    near = around(show, ceiling=top + 0.5, buildings=(Building("hall", corner, 40.0),))
+    found = {item.code for item in safety_case(logged, near).errors}
+    assert {"SAF102", "SAF121"} <= found
+
+
+def test_the_formula_that_is_asked_for_is_judged(logged, show):
+    people = around(
+        show,
+        audience=(line((-60.0, -60.0), (60.0, -60.0)),),
+        risk=replace(RISK, method="one-to-one"),
+    )
+    assert "SAF112" in {item.code for item in safety_case(logged, people).errors}
+
+
+def test_cutting_pieces_changes_no_bound_but_for_the_better(logged):
+    pieces = flight_pieces(logged)
+    away = outside(np.array([[20.0, -50.0], [30.0, -50.0], [30.0, 50.0]]))
+    coarse = least(pieces, Footing(), away).bound[0]
+    fine = least(pieces.parts(4), Footing(), away).bound[0]
+    assert coarse == pytest.approx(fine, abs=0.06)
+    assert area(hull(pieces.parts(3), Footing())) == pytest.approx(
+        area(hull(pieces, Footing())), rel=0.02
+    )
+
+
+def test_the_command_writes_page_and_map_with_a_folder_a_volume(compiled, run_showc):
+    log = compiled("swap")
+    page = log.with_name("case.html")
+    run = run_showc("safety", log, "-o", page, "--wind", "5", "--json")
+    said = json.loads(run.out)
+    assert run.code == int(any(one["severity"] == "error" for one in said["findings"]))
+    assert "Impact footprint" in page.read_text(encoding="utf-8")
+    tree = ET.parse(page.with_suffix(".kml"))  # noqa: S314 - our own file
+    space = "{http://www.opengis.net/kml/2.2}"
+    names = {folder.findtext(f"{space}name") for folder in tree.iter(f"{space}Folder")}
+    assert {volume["name"] for volume in said["volumes"]} <= names
+
+
+def test_explain_knows_every_code(run_showc):
+    listed = run_showc("explain").out
+    assert all(code in listed for code in codes.codes())
+    assert "metres" in run_showc("explain", "SAF111").out

@@ -1,0 +1,69 @@
+"""Falls lie within their enclosures."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from safety.falls import MASS, landings
+
+from showc.safety.fall import AIR_DENSITY, Boxes, Fall, FallTable
+
+DRAG, WIND = (0.02, 0.04), 8.0
+
+
+@pytest.fixture(scope="module")
+def table():
+    return FallTable.covering(Fall(MASS, DRAG, WIND), (-5.0, 5.0), 8.0, 60.0)
+
+
+def impacts(table, speed, climb, height):
+    point = [
+        np.array([value]) for value in (climb, climb, speed, speed, height, height)
+    ]
+    return table(Boxes(*point))
+
+
+@settings(max_examples=60)
+@given(
+    st.floats(0.0, 8.0), st.floats(-5.0, 5.0), st.floats(0.0, 60.0), st.integers(0, 9)
+)
+def test_every_fall_ends_in_its_disc(table, speed, climb, height, seed):
+    found = impacts(table, speed, climb, height)
+    rng = np.random.default_rng(seed)
+    count = 200
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    size = WIND * np.where(rng.random(count) < 0.5, 1.0, rng.random(count))
+    wind = size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    drag = rng.choice([DRAG[0], 0.5 * sum(DRAG), DRAG[1]], count)
+    velocity = np.tile([speed, 0.0, climb], (count, 1))
+    ground = landings(velocity, np.full(count, height), wind, drag)
+    away = np.hypot(ground[:, 0] - speed * found.carry[0], ground[:, 1])
+    assert (away <= found.radius[0]).all()
+
+
+def test_a_hovering_drone_is_enclosed_closely(table):
+    found = impacts(table, 0.0, 0.0, 60.0)
+    ground = landings(
+        np.zeros((1, 3)), np.array([60.0]), np.array([[WIND, 0.0]]), np.array([DRAG[1]])
+    )
+    assert ground[0, 0] <= found.radius[0] <= 1.07 * ground[0, 0]
+
+
+def test_without_wind_the_carry_is_that_of_the_literature():
+    # 625 g, 0.03 m² and 8 m/s from 60 m in calm air: 18.7 m by plain integration.
+    table = FallTable.covering(Fall(MASS, (0.03, 0.03), 0.0), (0.0, 0.1), 8.0, 60.0)
+    found = impacts(table, 8.0, 0.0, 60.0)
+    farthest = 8.0 * found.carry[0] + found.radius[0]
+    assert 18.7 <= farthest <= 1.05 * 18.7
+
+
+def test_no_impact_is_faster_than_the_bound(table):
+    # Terminal speed of the least drag area, and the wind.
+    found = impacts(table, 0.0, 0.0, 60.0)
+    terminal = np.sqrt(2.0 * MASS * 9.81 / (AIR_DENSITY * DRAG[0]))
+    assert 20.0 < found.speed[0] <= np.hypot(terminal, WIND)
+
+
+def test_a_state_outside_the_table_is_refused(table):
+    with pytest.raises(ValueError, match="outside the bounds"):
+        impacts(table, 0.0, 0.0, 61.0)
