@@ -30,7 +30,7 @@ from showc.foreign.motion import (
     standing,
 )
 from showc.verify.kernel.bernstein import values
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray

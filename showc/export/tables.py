@@ -15,7 +15,7 @@ from showc.export.skyc import add_entry, drone_name
 from showc.foreign.motion import derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -20,6 +20,7 @@ from showc.fleet.single_drone.judgement import (
     ATTITUDE_ACCURACY,
     KEPT,
     POSITION_ACCURACY,
+    VELOCITY_ACCURACY,
 )
 from showc.fleet.single_drone.replay import replay
 from showc.plan.metric import measure
@@ -140,12 +141,14 @@ def _limits(flight: LegFlight, show: Show) -> str:
             )
     flown = replay(aircraft.vehicle, flight.trajectories)
     missed = flown.position / POSITION_ACCURACY
+    slipped = flown.velocity / VELOCITY_ACCURACY
     turned = flown.attitude / ATTITUDE_ACCURACY
-    row = int(np.argmax(np.maximum(missed, turned)))
-    if not max(missed[row], turned[row]) <= 1.0:
+    worst_of = np.maximum(np.maximum(missed, slipped), turned)
+    row = int(np.argmax(worst_of))
+    if not worst_of[row] <= 1.0:
         return (
             f"drone {int(leg.drones[row]) + 1}: its controls miss its path by "
-            f"{flown.position[row]:.3g} m"
+            f"{flown.position[row]:.3g} m and {flown.velocity[row]:.3g} m/s"
         )
     return ""
 

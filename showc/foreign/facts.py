@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from showc.foreign.show import FencePolygon, ForeignShow
     from showc.verify.kernel.separation import Encounter
-    from showc.verify.kernel.tracks import Tracks
+    from showc.verify.kernel.slices import Tracks
 
 
 GROUP = "what the file says"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
     from showc.foreign.show import FencePolygon
-    from showc.verify.kernel.tracks import Tracks
+    from showc.verify.kernel.slices import Tracks
 
 
 RESOLUTION = 1e-4

@@ -26,7 +26,7 @@ from showc.foreign.lights import read_lights
 from showc.foreign.motion import owners
 from showc.foreign.show import Stored
 from showc.verify.kernel.bernstein import elevate, values
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.bernstein import elevate, halves, values
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

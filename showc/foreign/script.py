@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import ByteArray, FloatArray
     from showc.foreign.show import ForeignShow
-    from showc.verify.kernel.tracks import Tracks
+    from showc.verify.kernel.slices import Tracks
 
 
 STILL = 0.05

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.bernstein import elevate
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -26,7 +26,7 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from showc.log.showc_pb2 import Separation
     from showc.verify.kernel.separation import Encounter
-    from showc.verify.kernel.tracks import Tracks
+    from showc.verify.kernel.slices import Tracks
 
 GROUP = "whether show mode can follow it"
 """Heading of these checks."""

@@ -27,7 +27,7 @@ from showc.foreign.motion import (
     portions,
     standing,
 )
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -29,7 +29,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from showc.light.colour import drive_bytes, srgb_bytes
 from showc.log.scene import root_transform, scene_update
 from showc.verify.decode import parse
-from showc.verify.fleet import Fleet
+from showc.verify.fleet import flown
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:
@@ -244,19 +244,12 @@ class Samples:
 
     def parts(self) -> list[Callable[[], Found]]:
         """Return comparisons that can be made side by side."""
-        # Once for all parts, before they are handed out to copies of this process.
-        _ = self.fleet_at, self.times
         parts: list[Callable[[], Found]] = [self.outline, self.frames, self.predicted]
         if FLEET in self.topics:
             parts += [partial(self.fleet, share) for share in range(SHARES)]
         if self.single:
             parts += [partial(self.states, share) for share in range(SHARES)]
         return parts
-
-    @cached_property
-    def fleet_at(self) -> Fleet:
-        """State and control at given times."""
-        return Fleet(self.show)
 
     @cached_property
     def times(self) -> IntArray:
@@ -504,8 +497,7 @@ class Samples:
 
     def _flown(self, times: FloatArray, drones: IntArray) -> FloatArray:
         """State and control of some drones, shape (16, times, drones)."""
-        flown = self.fleet_at(times)
-        return flown if drones.size == self.show.drones else flown[..., drones]
+        return flown(self.show, times)[..., drones]
 
     def _ratio(self, values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
         """Error over what is allowed, shape of ``values``; 0 where not logged."""

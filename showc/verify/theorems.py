@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from showc.verify.certificates import certified
-from showc.verify.choreography import joined_up
-from showc.verify.kernel.dynamics import Tube, ties, tube
+from showc.verify.kernel.certificates import certified
+from showc.verify.kernel.choreography import joined_up
+from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
@@ -17,17 +17,19 @@ from showc.verify.report import Check, Place
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from showc.log.showc_pb2 import Rules
     from showc.verify.kernel.separation import Encounter
-    from showc.verify.kernel.show import LoggedShow, Segment
-    from showc.verify.kernel.statement import Statement
+    from showc.verify.kernel.show import LoggedShow, Segment, Statement
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
     """What is proved about one segment by itself."""
 
-    tube: Tube
+    radius: NDArray[np.float64]
     extremes: list[Extreme]
     nearest: Nearest | None
 
@@ -39,7 +41,7 @@ def segment_parts(show: LoggedShow) -> list[Callable[[], Examined]]:
 
 def _examined(segment: Segment, rules: Rules) -> Examined:
     return Examined(
-        tube(segment, rules.vehicle),
+        radius(segment, rules.vehicle),
         extremes(segment, rules),
         nearest(segment, rules.site),
     )
@@ -64,12 +66,12 @@ def flight_checks(
     show: LoggedShow, examined: Sequence[Examined], encounters: Sequence[Encounter]
 ) -> list[Check]:
     """Join what the parts found, in the order of ``segment_parts``."""
-    tubes = [one.tube for one in examined]
-    limits = kept(show, tubes, [one.extremes for one in examined])
-    fence = fenced(show, tubes, [one.nearest for one in examined])
-    apart = separated(show, tubes, closest_of(encounters))
+    radii = [one.radius for one in examined]
+    limits = kept(show, radii, [one.extremes for one in examined])
+    fence = fenced(show, radii, [one.nearest for one in examined])
+    apart = separated(show, radii, closest_of(encounters))
     return [
-        *(check("physics", one) for one in ties(show, tubes)),
+        *(check("physics", one) for one in ties(show, radii)),
         *(check("limits", one) for one in (*limits, fence)),
         check("separation", apart),
     ]

@@ -161,7 +161,6 @@ def _segment(message: pb.Segment, flights: dict[int, _Flight]) -> Segment:
             _table(drones, [flights[drone] for drone in drones])
             for _, drones in sorted(groups.items())
         ),
-        np.array(message.drones, dtype=np.int64),
         np.array(message.goals).reshape(-1, 3),
     )
 

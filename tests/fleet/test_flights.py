@@ -111,6 +111,15 @@ def test_the_shared_profile_is_flown_to_a_tenth_of_a_millimetre(heading):
         assert final[8] == pytest.approx(heading, abs=1e-6)
 
 
+def test_rates_do_not_jump_on_ramps_of_milliseconds():
+    """Rounding of third differences would turn a long leg off its way."""
+    start, goal = np.array([[40.0, -30.0, 5.0]]), np.array([[-25.0, 37.0, 66.0]])
+    profile = Profile(duration=20.0, phase=2.0, ramp=0.02)
+    flights = fly_straight(VEHICLE, 0.0, start, goal, profile)
+    jumps = np.abs(flights.state[:, 1:, 0] - flights.state[:, :-1, -1])
+    assert jumps[..., 6:].max() < 1e-11
+
+
 def test_the_shared_profile_cannot_be_much_faster():
     start, goal = np.zeros((1, 3)), np.array([[20.0, 14.0, 10.0]])
     profile = shared_profile(VEHICLE, LIMITS, 0.0, start, goal)

@@ -8,7 +8,7 @@ from verified import with_table
 
 from showc.log import showc_pb2 as pb
 from showc.verify.kernel.bernstein import basis
-from showc.verify.kernel.dynamics import tube
+from showc.verify.kernel.dynamics import radius
 from showc.verify.kernel.fence import RESOLUTION, _enclosed, _inside, fenced, nearest
 
 ELL = np.array(
@@ -91,9 +91,9 @@ def test_the_margin_is_held_in_flight(log_and_show, margin, holds):
     rules.site.fence.extend(square)
     rules.site.fence_margin = margin
     asked = type(show)(rules, show.segments, show.epoch)
-    tubes = [tube(one, rules.vehicle) for one in show.segments]
+    radii = [radius(one, rules.vehicle) for one in show.segments]
     found = [nearest(one, rules.site) for one in show.segments]
-    statement = fenced(asked, tubes, found)
+    statement = fenced(asked, radii, found)
     assert statement.holds is holds
     # Four drones on a square of 3 m.
     assert statement.value == pytest.approx(7.5, abs=1e-5)

@@ -65,15 +65,6 @@ def test_all_at_once_is_one_by_one(seed, times, joints):
             np.testing.assert_allclose(together[:, number, drone], single, atol=1e-12)
 
 
-@given(st.integers(0, 100), st.floats(0.0, 4.0))
-def test_one_drone_is_as_among_all(seed, time):
-    table, moment = random_table(seed), np.array([time])
-    together = evaluate(table, moment)
-    for column in range(table.drones.size):
-        single = evaluate(table.only(column), moment)
-        np.testing.assert_allclose(single[:, 0, 0], together[:, 0, column], atol=1e-12)
-
-
 @given(st.integers(0, 12), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5))
 def test_basis_is_its_definition(degree, fractions):
     from math import comb

@@ -29,7 +29,7 @@ def test_the_kernel_has_at_most_2500_lines():
 
 
 def test_the_kernel_imports_numpy_and_the_logs_messages_only():
-    allowed = ("numpy", "showc.log.showc_pb2", "showc.verify.kernel")
+    allowed = ("numpy", "showc.arrays", "showc.log.showc_pb2", "showc.verify.kernel")
     foreign = {
         f"{path.name}: {name}"
         for path in FILES

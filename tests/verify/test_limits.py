@@ -20,7 +20,6 @@ from showc.verify.kernel.limits import (
     RESOLUTION,
     Bound,
     _greatest,
-    _Quantities,
     bounds,
     extremes,
 )
@@ -58,8 +57,8 @@ def table(rows):
 @settings(deadline=None, max_examples=150, derandomize=True)
 @given(COEFFICIENTS, st.sampled_from([1.0, -1.0]))
 def test_greatest_value_is_enclosed(logged, sign):
-    bound = Bound("velocity", "greatest vy", "vy", sign, 5.0, 10.0, "m/s")
-    found = _greatest(_Quantities(table(logged), RULES), bound)
+    bound = Bound("velocity", "vy", sign, 5.0, 10.0, "m/s")
+    found = _greatest(table(logged), RULES, bound)
     rows = sign * np.array(logged)
     fraction = np.linspace(0.0, 1.0, 2001)
     sampled = basis(len(rows[0]) - 1, fraction) @ np.array(rows).T
@@ -174,7 +173,6 @@ def test_level_speed_and_accelerations_are_enclosed(seed, degree):
         level_speed=3.0, acceleration=4.0, acceleration_up=2.0, acceleration_down=1.0
     )
     named = {one.name: one for one in bounds(RULES, limits)}
-    quantities = _Quantities(moving, RULES)
     shares = np.linspace(0.0, 1.0, 1001)
     weights, slopes = basis(degree, shares), basis(degree - 1, shares)
     speed = weights @ state[:, :, 3:6]
@@ -187,7 +185,7 @@ def test_level_speed_and_accelerations_are_enclosed(seed, degree):
         "least az": -push[..., 2].min(),
     }
     for name, value in truth.items():
-        found = _greatest(quantities, named[name])
+        found = _greatest(moving, RULES, named[name])
         most = value**2 if found.bound.squared else value
         size = max(most, found.bound.span**2, 1.0)
         assert most - 1e-12 * size <= found.upper <= most + 1e-4 * size

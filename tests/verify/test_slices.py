@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.verify.kernel.bernstein import values
-from showc.verify.kernel.slices import Measure, edges, near_pairs, take
-from showc.verify.kernel.tracks import Tracks
+from showc.verify.kernel.slices import Measure, Tracks, edges, near_pairs, take
 
 MEASURES = [
     Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=False),

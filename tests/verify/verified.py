@@ -119,7 +119,7 @@ def table_of(paths, breaks, degree_control=0) -> PieceTable:
 def show_of(
     tables, starts=None, durations=None, *, distance=1.0, shape=0, stretch=1.0
 ) -> LoggedShow:
-    """Show of one segment for each table; only what separation needs."""
+    """Show of one segment for each table of a fleet; only what separation needs."""
     starts = starts or [0.0] * len(tables)
     drones = 1 + max(int(table.drones.max()) for table in tables)
     segments = []
@@ -131,10 +131,9 @@ def show_of(
             kind=pb.Segment.TRANSITION,
             start=start,
             duration=duration,
-            drones=table.drones.tolist(),
+            drones=range(drones),
         )
-        goals = np.zeros((table.drones.size, 3))
-        segments.append(Segment(message, (table,), table.drones, goals))
+        segments.append(Segment(message, (table,), np.zeros((drones, 3))))
     rules = pb.Rules(
         drones=drones,
         duration=max(segment.end for segment in segments),

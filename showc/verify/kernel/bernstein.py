@@ -5,12 +5,15 @@ C(n, j) s^j (1 - s)^(n - j), s in [0, 1] being the fraction of the interval. Its
 lie between the least and the greatest coefficient, and c_0 and c_n are its values at
 the ends (Farouki 2012, The Bernstein polynomial basis: a centennial retrospective,
 sections 3 and 4). Halving an interval makes the enclosure about four times as tight.
+So :func:`least` encloses the least value of anything that coefficients bound from
+below: intervals that could hold less than what is reached at an end are halved.
 
 Arrays of coefficients have the shape (pieces, degree + 1, ...) throughout.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 from typing import TYPE_CHECKING
@@ -18,6 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from showc.arrays import FloatArray
@@ -25,6 +30,9 @@ if TYPE_CHECKING:
 
 MOST = 500_000
 """Intervals open at once at which a search gives up: what it looks for is undecided."""
+
+_ROUNDS = 80
+"""Halvings of an interval after which it does: float64 has no more."""
 
 
 @lru_cache(maxsize=64)
@@ -53,14 +61,14 @@ def basis(degree: int, fraction: ArrayLike) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def elevation(degree: int, target: int) -> FloatArray:
+def _elevation(degree: int, target: int) -> FloatArray:
     """Matrix (target + 1, degree + 1) that writes a polynomial with a higher degree."""
     matrix = np.zeros((target + 1, degree + 1))
     for j in range(degree + 1):
-        for k in range(target - degree + 1):
-            matrix[j + k, j] = (
-                comb(degree, j) * comb(target - degree, k) / comb(target, j + k)
-            )
+        share = (
+            binomials(target - degree) / binomials(target)[j : target - degree + j + 1]
+        )
+        matrix[j : target - degree + j + 1, j] = comb(degree, j) * share
     matrix.setflags(write=False)
     return matrix
 
@@ -70,10 +78,8 @@ def elevate(coefficients: FloatArray, target: int) -> FloatArray:
     degree = coefficients.shape[1] - 1
     if degree == target:
         return coefficients
-    matrix = elevation(degree, target)
-    return np.ascontiguousarray(
-        np.moveaxis(np.tensordot(matrix, coefficients, axes=(1, 1)), 0, 1)
-    )
+    raised = np.einsum("ij,njk->nik", _elevation(degree, target), coefficients)
+    return np.asarray(raised)
 
 
 def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,18 +122,6 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
     return result.transpose(2, 0, 1)
 
 
-@lru_cache(maxsize=64)
-def _product_weights(first: int, second: int) -> FloatArray:
-    weights = np.zeros((first + 1, second + 1))
-    for i in range(first + 1):
-        for j in range(second + 1):
-            weights[i, j] = (
-                comb(first, i) * comb(second, j) / comb(first + second, i + j)
-            )
-    weights.setflags(write=False)
-    return weights
-
-
 def square_sum(coefficients: FloatArray) -> FloatArray:
     """Coefficients of the sum of the squared components, (pieces, 2 degree + 1).
 
@@ -135,7 +129,9 @@ def square_sum(coefficients: FloatArray) -> FloatArray:
     """
     pieces, count, _ = coefficients.shape
     degree = count - 1
-    weights = _product_weights(degree, degree)
+    one, both = binomials(degree), binomials(2 * degree)
+    order = np.arange(count)
+    weights = np.outer(one, one) / both[np.add.outer(order, order)]
     gram = np.matmul(coefficients, np.swapaxes(coefficients, 1, 2)) * weights
     result = np.zeros((pieces, 2 * degree + 1))
     for i in range(count):
@@ -147,3 +143,64 @@ def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
     """Values at one ``fraction`` (pieces,) each; shape (pieces, components)."""
     weights = basis(coefficients.shape[1] - 1, fraction)
     return np.asarray(np.matmul(weights[:, None, :], coefficients)[:, 0])
+
+
+@dataclass(frozen=True, slots=True)
+class Least:
+    """The least value over some intervals, enclosed."""
+
+    lower: float
+    """No value is less; minus infinity if that is undecided."""
+    upper: float
+    """Value that is reached."""
+    row: int
+    """On which of the intervals; 0 if the value was known before."""
+    fraction: float
+    """Where on it, from 0 to 1."""
+
+
+def least(
+    work: FloatArray,
+    bounded: Callable[[FloatArray], FloatArray],
+    reached: Callable[[FloatArray], FloatArray],
+    resolution: float,
+    best: float = np.inf,
+) -> Least:
+    """Enclose the least value over all intervals, or of ``best`` if that is less.
+
+    Parameters
+    ----------
+    work
+        Coefficients, shape (pieces, degree + 1, ...).
+    bounded
+        From coefficients (n, degree + 1, ...) to lower bounds (n,) of the value.
+    reached
+        From values (n, ...) of the polynomials to values (n,) of what is sought.
+    resolution
+        Width of the enclosure.
+    best
+        Value that is reached elsewhere.
+    """
+    row, lower = np.arange(work.shape[0]), np.inf
+    begin, length = np.zeros(row.size), np.ones(row.size)
+    where, fraction = 0, 0.0
+    for _ in range(_ROUNDS):
+        for end in (0, -1):
+            value = reached(work[:, end])
+            index = int(np.argmin(value)) if value.size else 0
+            if value.size and value[index] < best:
+                best, where = float(value[index]), int(row[index])
+                fraction = float(begin[index] - end * length[index])
+        bound = bounded(work)
+        # Numbers that are undefined stay open, and nothing is proved.
+        undecided = ~(bound >= best - resolution)
+        lower = min(lower, float(np.min(bound[~undecided], initial=np.inf)))
+        if not undecided.any():
+            return Least(min(lower, best), best, where, fraction)
+        if np.count_nonzero(undecided) > MOST:
+            break
+        work = np.concatenate(halves(work[undecided]))
+        row, length = np.tile(row[undecided], 2), np.tile(0.5 * length[undecided], 2)
+        half = begin[undecided]
+        begin = np.concatenate([half, half + length[: half.size]])
+    return Least(-np.inf, best, where, fraction)

@@ -43,9 +43,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.verify.kernel.show import xyz
+
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.log.showc_pb2 import Limits, Rules, Segment, Vector3
+    from showc.log.showc_pb2 import Limits, Rules, Segment
 
 
 CELLS = 4096
@@ -53,10 +55,6 @@ CELLS = 4096
 
 UNIT = 2.0**-53
 """Unit roundoff u of float64."""
-
-
-def _xyz(vector: Vector3) -> FloatArray:
-    return np.array([vector.x, vector.y, vector.z])
 
 
 class Relaxed:
@@ -68,14 +66,14 @@ class Relaxed:
         self.gravity = vehicle.gravity
         self.least = limits.thrust_min / vehicle.mass
         self.most = min(limits.thrust_max, 4.0 * squared) / vehicle.mass
-        self.slowest = _xyz(limits.velocity_min)
-        self.fastest = _xyz(limits.velocity_max)
+        self.slowest = xyz(limits.velocity_min)
+        self.fastest = xyz(limits.velocity_max)
         self.tilt = limits.tilt
         self.held = rules.yaw_held
         self.heading = rules.heading
-        self.rate = _xyz(limits.body_rate)
-        inertia = _xyz(vehicle.inertia)
-        torque = np.minimum(_xyz(limits.torque_max)[:2], squared * vehicle.arm_length)
+        self.rate = xyz(limits.body_rate)
+        inertia = xyz(vehicle.inertia)
+        torque = np.minimum(xyz(limits.torque_max)[:2], squared * vehicle.arm_length)
         turn = vehicle.torque_factor * torque / inertia[:2]
         if not self.held:
             # Gyroscopic moments; with yaw held r is zero and they vanish.
@@ -203,28 +201,37 @@ def _within(along: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArra
     return np.asarray(along * np.cos(angle) + across * np.sin(angle))
 
 
-def refutes(
-    relaxed: Relaxed,
-    way: FloatArray,
-    time: float,
-    *,
-    beta: FloatArray,
-    knots: FloatArray,
-    multipliers: FloatArray,
-) -> bool:
-    """Whether the multipliers prove that ``way`` (3,) [m] cannot be flown in ``time``.
+def refuted(message: Segment, rules: Rules, way: FloatArray) -> bool:
+    """Whether the segment's witness proves its drone's move impossible in its time.
 
     Parameters
     ----------
-    relaxed
-        Support functions of the drone.
+    message
+        Segment with a witness: T [s], beta, knots (k,) as fractions of T, and
+        multipliers (k, 3).
+    rules
+        Rules of the show.
     way
-        Displacement [m].
-    time
-        T [s].
-    beta, knots, multipliers
-        Shapes (3,), (k,) as fractions of T, (k, 3).
+        Displacement of the witness's drone, shape (3,) [m].
     """
+    witness, beta = message.certificate.witness, xyz(message.certificate.witness.beta)
+    knots, time = np.array(witness.knots), witness.time
+    multipliers = np.array(witness.multipliers)
+    relaxed = Relaxed(rules, rules.limits[message.limits])
+    if not (
+        knots.size >= 2
+        and multipliers.size == 3 * knots.size
+        and np.all(np.isfinite(multipliers))
+        and np.all(np.isfinite(beta))
+        and knots[0] == 0.0
+        and knots[-1] == 1.0
+        and np.all(np.diff(knots) > 0.0)
+        and np.isfinite(time)
+        and time > 0.0
+        and relaxed.tilt < 0.5 * np.pi
+    ):
+        return False
+    multipliers = multipliers.reshape(-1, 3)
     instants = knots * time
     widths = np.diff(instants)
     slope = np.diff(multipliers, axis=0) / widths[:, None]
@@ -256,42 +263,4 @@ def refutes(
     size += float(np.abs(beta) @ np.abs(way))
     size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
     steps = (CELLS + knots.size + 200) * UNIT
-    return gain - (cruise + thrust - weight) > steps / (1.0 - steps) * size
-
-
-def refuted(message: Segment, rules: Rules, way: FloatArray) -> bool:
-    """Whether the segment's witness proves its drone's move impossible in its time.
-
-    Parameters
-    ----------
-    message
-        Segment with a witness.
-    rules
-        Rules of the show.
-    way
-        Displacement of the witness's drone, shape (3,) [m].
-    """
-    witness = message.certificate.witness
-    knots = np.array(witness.knots)
-    multipliers = np.array(witness.multipliers)
-    relaxed = Relaxed(rules, rules.limits[message.limits])
-    return bool(
-        knots.size >= 2
-        and multipliers.size == 3 * knots.size
-        and np.all(np.isfinite(multipliers))
-        and np.all(np.isfinite(_xyz(witness.beta)))
-        and knots[0] == 0.0
-        and knots[-1] == 1.0
-        and np.all(np.diff(knots) > 0.0)
-        and np.isfinite(witness.time)
-        and witness.time > 0.0
-        and relaxed.tilt < 0.5 * np.pi
-        and refutes(
-            relaxed,
-            way,
-            witness.time,
-            beta=_xyz(witness.beta),
-            knots=knots,
-            multipliers=multipliers.reshape(-1, 3),
-        )
-    )
+    return bool(gain - (cruise + thrust - weight) > steps / (1.0 - steps) * size)

@@ -16,7 +16,7 @@ into squared rotor speeds, clipped to [0, greatest squared speed] and turned bac
 
 **Theorem.** Let a drone fly these controls from the first logged state of a segment.
 Then at every instant of the segment each of its twelve states differs from the logged
-polynomials by no more than :class:`Tube` says, jumps of the polynomials included.
+polynomials by no more than :func:`radius` says, jumps of the polynomials included.
 
 Proof. Write ~ for what is logged, e for flown minus logged, T for the segment's time.
 
@@ -62,15 +62,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebint
 
 from showc.verify.kernel.bernstein import basis, halves
-from showc.verify.kernel.show import PieceTable
-from showc.verify.kernel.statement import Statement
+from showc.verify.kernel.show import PieceTable, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.log.showc_pb2 import Vehicle
     from showc.verify.kernel.show import LoggedShow, Segment
 
@@ -145,85 +145,54 @@ def rotor_shares(vehicle: Vehicle) -> FloatArray:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tube:
-    """How far what is flown can be from what is logged, over one segment."""
+def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
+    """State how near flown states stay to logged ones: :func:`radius` of all segments.
 
-    drones: IntArray
-    """Counting from 0, increasing, shape (n,)."""
-    radius: FloatArray
-    """Greatest |flown - logged| of each of the twelve states, shape (n, 12) (SI)."""
-    time: FloatArray
-    """Start of the interval on which that is worst, since the start of the segment,
-    for position, velocity, angles and rates, shape (n, 4) [s]."""
-
-
-def ties(show: LoggedShow, tubes: Sequence[Tube]) -> list[Statement]:
-    """State how near the flown states stay to the logged ones, over the whole show.
-
-    Parameters
-    ----------
-    tubes
-        One for each segment of the show.
+    Positions and velocities count as lengths, angles and rates each for itself.
     """
     kinds = (
-        ("VRF301", "positions", POSITION, "m"),
-        ("VRF303", "velocities", VELOCITY, "m/s"),
-        ("VRF302", "angles", ANGLE, "deg"),
-        ("VRF304", "body rates", RATE, "deg/s"),
+        ("VRF301", "positions", POSITION, "m", 1.0, 2.0),
+        ("VRF303", "velocities", VELOCITY, "m/s", 1.0, 2.0),
+        ("VRF302", "angles", ANGLE, "deg", float(np.degrees(1.0)), np.inf),
+        ("VRF304", "body rates", RATE, "deg/s", float(np.degrees(1.0)), np.inf),
     )
     found = []
-    for kind, (code, name, limit, unit) in enumerate(kinds):
-        worst, where = -1.0, (0, 0)
-        for number, one in enumerate(tubes):
-            part = one.radius[:, 3 * kind : 3 * kind + 3]
-            # Positions and velocities as lengths, angles and rates each for itself.
-            size = np.sqrt(np.sum(part**2, axis=1)) if kind < 2 else part.max(axis=1)
-            row = int(np.argmax(size))
-            if size[row] > worst:
-                worst, where = float(size[row]), (number, row)
-        number, row = where
-        segment, one = show.segments[number], tubes[number]
-        turn = 1.0 if kind < 2 else float(np.degrees(1.0))
+    for kind, (code, name, limit, unit, turn, order) in enumerate(kinds):
+        part = np.array(radii)[:, :, 3 * kind : 3 * kind + 3]
+        size = np.linalg.norm(part, ord=order, axis=2)
+        number, drone = divmod(int(np.argmax(size)), show.drones)
         found.append(
             Statement(
                 code,
                 f"controls fly the logged {name} at every instant",
-                worst <= limit,
-                worst * turn,
+                bool(size[number, drone] <= limit),
+                float(size[number, drone]) * turn,
                 limit * turn,
                 unit,
-                (int(one.drones[row]),),
-                segment.message.name,
-                segment.start + float(one.time[row, kind]),
+                (drone,),
+                show.segments[number].message.name,
+                None,
                 ("a bound on every instant, rounding and clipped controls included",),
             )
         )
     return found
 
 
-def tube(segment: Segment, vehicle: Vehicle) -> Tube:
+def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     """Enclose what the controls of all drones of a segment fly.
 
     Returns
     -------
-    Tube
-        Infinite where nothing is proved.
+    ndarray, shape (drones, 12)
+        Greatest |flown - logged| of each state (SI); infinite where nothing is proved.
     """
+    found = np.full((segment.goals.shape[0], 12), np.inf)
     # What overflows is infinite or undefined, and then nothing is proved.
     with np.errstate(all="ignore"):
-        parts = [
-            _tube_of(part, vehicle)
-            for table in segment.tables
-            for part in table.parts(_AT_ONCE)
-        ]
-    drones = np.concatenate([part.drones for part in parts])
-    order = np.argsort(drones)
-    return Tube(
-        drones[order],
-        np.concatenate([part.radius for part in parts])[order],
-        np.concatenate([part.time for part in parts])[order],
-    )
+        for table in segment.tables:
+            for part in table.parts(_AT_ONCE):
+                found[part.drones] = _radius(part, vehicle)
+    return found
 
 
 # --- step 1: values in Chebyshev points, and coefficients -----------------------------
@@ -252,20 +221,7 @@ def _chebyshev(degree: int) -> FloatArray:
 
 def _integral(degree: int) -> FloatArray:
     """Matrix from Chebyshev coefficients to those of the integral from 0 to s."""
-    matrix = np.zeros((degree + 2, degree + 1))
-    for k in range(degree + 1):
-        # The integral of T_k(2 s - 1) over s, but for a constant.
-        if k == 1:
-            matrix[2, 1] = 0.125
-        else:
-            matrix[k + 1, k] = 0.25 / (k + 1) * (2.0 if k == 0 else 1.0)
-            if k > 0:
-                matrix[k - 1, k] -= 0.25 / (k - 1)
-    # T_k(-1) = (-1)^k: nothing is integrated at the start.
-    sign = (-1.0) ** np.arange(degree + 2)
-    matrix[0] = 0.0
-    matrix[0] = -sign @ matrix
-    return matrix
+    return np.asarray(chebint(np.eye(degree + 1), lbnd=-1, scl=0.5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -327,22 +283,6 @@ class _Rows:
             np.ascontiguousarray(table.control.transpose(1, 2, 0)),
         )
 
-    def hull(self, components: slice) -> FloatArray:
-        """Greatest absolute coefficients of some states, shape (components, rows)."""
-        return np.asarray(np.abs(self.state[:, components]).max(axis=0))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
-    """Right sides of velocity and rates: values at the nodes and how far off."""
-
-    value: FloatArray
-    """Shape (N + 1, 6, rows) (SI)."""
-    error: FloatArray
-    """Interpolation and clipping, at every instant, shape (6, rows) (SI)."""
-    size: FloatArray
-    """Sum of absolute values of what was added up, shape (6, rows) (SI)."""
-
 
 def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
     """How far coefficients of the squared rotor speeds leave [0, 1], (4, rows)."""
@@ -376,8 +316,20 @@ def _truncation(rows: _Rows, mass: float, degree: int) -> FloatArray:
     return best
 
 
-def _sides(rows: _Rows, vehicle: Vehicle, scheme: _Scheme) -> _Sides:
-    """Work out step 1's right sides, along the logged angles and rates."""
+def _sides(
+    rows: _Rows, vehicle: Vehicle, scheme: _Scheme
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Right sides of velocity and rates along the logged angles and rates (SI).
+
+    Returns
+    -------
+    ndarray, shape (N + 1, 6, rows)
+        Values at the nodes.
+    ndarray, shape (6, rows)
+        What interpolation and clipping leave out at every instant.
+    ndarray, shape (6, rows)
+        Sum of absolute values of what was added up.
+    """
     state = np.tensordot(scheme.state, rows.state[:, 6:], axes=1)
     control = np.tensordot(scheme.control, rows.control, axes=1)
     ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
@@ -393,7 +345,7 @@ def _sides(rows: _Rows, vehicle: Vehicle, scheme: _Scheme) -> _Sides:
         value[:, 3 + axis] += coupling[axis] * rate[:, one] * rate[:, other]
 
     most = np.abs(rows.control).max(axis=0)
-    angles, rates = rows.hull(slice(6, 9)), rows.hull(slice(9, 12))
+    angles, rates = np.split(np.abs(rows.state[:, 6:]).max(axis=0), 2)
     size = np.empty((6, rows.width.size))
     size[:3] = most[0] / vehicle.mass * (1.0 + angles.sum(axis=0)) + vehicle.gravity
     pairs = np.stack([rates[1] * rates[2], rates[0] * rates[2], rates[0] * rates[1]])
@@ -404,7 +356,7 @@ def _sides(rows: _Rows, vehicle: Vehicle, scheme: _Scheme) -> _Sides:
     error = np.empty((6, rows.width.size))
     error[:3] = _truncation(rows, vehicle.mass, scheme.degree) + off[0] / vehicle.mass
     error[3:] = over[:, None] * off[1:]
-    return _Sides(value, error, size)
+    return value, error, size
 
 
 def _direction(angles: FloatArray) -> FloatArray:
@@ -431,28 +383,20 @@ _SECOND = [0, 1, 2, 6, 7, 8]
 """What these are integrated to: position and angles."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Defects:
-    """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, shape (6, rows)."""
-
-    first: FloatArray
-    second: FloatArray
-
-
-def _defects(table: PieceTable, vehicle: Vehicle) -> _Defects:
-    """Integrate the right sides from each drone's first state; compare."""
+def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, each (6, rows)."""
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     rows = _Rows.of(table)
-    sides = _sides(rows, vehicle, scheme)
+    value, error, size = _sides(rows, vehicle, scheme)
     whole = np.abs(rows.state).max(axis=0)
     rounding = GAMMA * scheme.gain
     polynomial, step, off = [], [], []
     for k, matrix in enumerate((scheme.once, scheme.twice)):
         power = rows.width ** (k + 1)
-        found = np.tensordot(matrix, sides.value, axes=1) * power
+        found = np.tensordot(matrix, value, axes=1) * power
         step.append(found.sum(axis=0))
         own = whole[(_FIRST, _SECOND)[k]] + k * rows.width * whole[_FIRST]
-        off.append(power * (sides.error + rounding * sides.size) + rounding * own)
+        off.append(power * (error + rounding * size) + rounding * own)
         logged = rows.state[:, (_FIRST, _SECOND)[k]]
         found[: logged.shape[0]] -= np.tensordot(
             _chebyshev(logged.shape[0] - 1), logged, axes=1
@@ -467,7 +411,7 @@ def _defects(table: PieceTable, vehicle: Vehicle) -> _Defects:
     first, second = (np.abs(some).sum(axis=0) for some in polynomial)
     first += start[2] + off[0]
     second += start[3] + width * start[2] + off[1]
-    return _Defects(first, second)
+    return first, second
 
 
 def _marched(
@@ -504,13 +448,11 @@ def _marched(
 # --- steps 2 to 4 ---------------------------------------------------------------------
 
 
-def _tube_of(table: PieceTable, vehicle: Vehicle) -> Tube:
+def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     fine = _refined(table, vehicle)
-    defects = _defects(fine, vehicle)
     each = fine.first[:-1]
     greatest = [
-        np.maximum.reduceat(some, each, axis=1)
-        for some in (defects.first, defects.second)
+        np.maximum.reduceat(some, each, axis=1) for some in _defects(fine, vehicle)
     ]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)
@@ -526,7 +468,7 @@ def _tube_of(table: PieceTable, vehicle: Vehicle) -> Tube:
     # Four rotors at full speed: clipped controls ask for no more.
     push = 4.0 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2 / vehicle.mass
     lean = total * push * angles.sum(axis=0)
-    radius = np.concatenate(
+    found = np.concatenate(
         [
             greatest[1][:3] + 0.5 * total * lean,
             greatest[0][:3] + lean,
@@ -535,22 +477,8 @@ def _tube_of(table: PieceTable, vehicle: Vehicle) -> Tube:
         ]
     ).T
     # Sums of positive numbers, each off by rounding alone.
-    radius *= 1.0 + GAMMA
-    kinds = (
-        defects.second[:3],
-        defects.first[:3],
-        defects.second[3:],
-        defects.first[3:],
-    )
-    time = np.stack([_worst(fine, some.max(axis=0)) for some in kinds], axis=1)
-    radius = np.where(np.isfinite(radius), radius, np.inf)
-    return Tube(table.drones, radius, time)
-
-
-def _worst(table: PieceTable, value: FloatArray) -> FloatArray:
-    """Start of the interval on which each drone's value is greatest, (drones,) [s]."""
-    order = np.lexsort((np.nan_to_num(value, nan=np.inf), table.owner))
-    return np.asarray(table.start[order[table.first[1:] - 1]])
+    found *= 1.0 + GAMMA
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
@@ -568,21 +496,15 @@ def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
 
 def _halved(table: PieceTable, chosen: BoolArray) -> PieceTable:
     """Write the same polynomials with the chosen intervals in two halves."""
-    times = np.where(chosen, 2, 1)
-    row = np.repeat(np.arange(chosen.size), times)
-    late = np.zeros(row.size, dtype=bool)
-    late[1:] = row[1:] == row[:-1]
-    early = np.zeros(row.size, dtype=bool)
-    early[:-1] = late[1:]
-    middle = 0.5 * (table.start + table.end)
-    state, control = table.state[row], table.control[row]
-    for whole, parts in ((table.state, state), (table.control, control)):
-        parts[early], parts[late] = halves(whole[chosen])
-    return PieceTable(
-        table.drones,
-        np.concatenate([[0], np.cumsum(times)])[table.first].astype(np.int64),
-        np.where(late, middle[row], table.start[row]),
-        np.where(early, middle[row], table.end[row]),
-        state,
-        control,
+    rest, middle = ~chosen, 0.5 * (table.start + table.end)
+    start = np.concatenate([table.start[rest], table.start[chosen], middle[chosen]])
+    end = np.concatenate([table.end[rest], middle[chosen], table.end[chosen]])
+    owner = np.concatenate([table.owner[rest], *[table.owner[chosen]] * 2])
+    order = np.lexsort((start, owner))
+    state, control = (
+        np.concatenate([whole[rest], *halves(whole[chosen])])[order]
+        for whole in (table.state, table.control)
     )
+    first = np.searchsorted(owner[order], table.drones)
+    first = np.append(first, owner.size).astype(np.int64)
+    return PieceTable(table.drones, first, start[order], end[order], state, control)

@@ -2,7 +2,7 @@
 
 **Theorem.** At every instant of a segment the logged level position of every drone lies
 inside the fence, at least :attr:`Nearest.lower` from each of its edges. The polygon may
-be concave. What is flown keeps that distance less the tube's radius
+be concave. What is flown keeps that distance less the its radius
 (:mod:`showc.verify.kernel.dynamics`).
 
 Proof. On a mesh interval a position lies in the convex hull of its Bernstein
@@ -27,17 +27,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import MOST, halves
+from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.statement import Statement
+from showc.verify.kernel.show import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import BoolArray, FloatArray
     from showc.log.showc_pb2 import Site
-    from showc.verify.kernel.dynamics import Tube
-    from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
+    from showc.verify.kernel.show import LoggedShow, Segment
 
 
 RESOLUTION = 1e-6
@@ -45,11 +44,6 @@ RESOLUTION = 1e-6
 
 TOLERANCE = 1e-6
 """How far the distance may be missed: what a solver calls equal [m]."""
-
-_ROUNDS = 60
-
-_AT_ONCE = 200_000
-"""Intervals times edges taken together; bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,28 +58,14 @@ class Nearest:
     """Start of the interval, since the start of the segment [s]."""
 
 
-def corners(site: Site) -> FloatArray:
-    """Return the corners (n, 2) of the fence [m]; none if there is no fence."""
-    return np.array(site.fence, dtype=np.float64).reshape(-1, 2)
-
-
 def nearest(segment: Segment, site: Site) -> Nearest | None:
     """Enclose the least distance to the fence; None if there is none."""
-    fence = corners(site)
+    fence = np.array(site.fence, dtype=np.float64).reshape(-1, 2)
     if not fence.size:
         return None
-    return min(
-        (_nearest(table, fence) for table in segment.tables), key=lambda one: one.lower
-    )
-
-
-def _nearest(table: PieceTable, fence: FloatArray) -> Nearest:
-    step = max(_AT_ONCE // fence.shape[0], 1)
     found = []
-    for begin in range(0, table.start.size, step):
-        rows = slice(begin, begin + step)
-        lower, row = _enclosed(np.ascontiguousarray(table.state[rows, :, :2]), fence)
-        row += begin
+    for table in segment.tables:
+        lower, row = _enclosed(np.ascontiguousarray(table.state[:, :, :2]), fence)
         found.append(Nearest(lower, int(table.owner[row]), float(table.start[row])))
     return min(found, key=lambda one: one.lower)
 
@@ -98,26 +78,13 @@ def _enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
         away = np.where(outside, _to_edges(path[:, 0], fence), -1.0)
         worst = int(np.argmax(away))
         return -float(away[worst]) - rounding, worst
-    rows, best, where, least = np.arange(path.shape[0]), np.inf, 0, np.inf
-    for _ in range(_ROUNDS):
-        for end in (0, -1):
-            reached = _to_edges(path[:, end], fence)
-            worst = int(np.argmin(reached))
-            if reached[worst] < best:
-                best, where = float(reached[worst]), int(rows[worst])
-        lower = _separation(path, fence)
-        open_ = ~(lower >= best - RESOLUTION)
-        least = min(least, float(np.min(lower[~open_], initial=np.inf)))
-        if not open_.any():
-            break
-        if np.count_nonzero(open_) > MOST:
-            least = -np.inf
-            break
-        path = np.concatenate(halves(path[open_]))
-        rows = np.tile(rows[open_], 2)
-    else:
-        least = -np.inf
-    return min(least, best) - rounding, where
+    found = least(
+        path,
+        lambda some: _separation(some, fence),
+        lambda ends: _to_edges(ends, fence),
+        RESOLUTION,
+    )
+    return found.lower - rounding, found.row
 
 
 def _separation(path: FloatArray, fence: FloatArray) -> FloatArray:
@@ -172,28 +139,28 @@ def _inside(points: FloatArray, fence: FloatArray) -> BoolArray:
 
 
 def fenced(
-    show: LoggedShow, tubes: Sequence[Tube], found: Sequence[Nearest | None]
+    show: LoggedShow, radii: Sequence[FloatArray], found: Sequence[Nearest | None]
 ) -> Statement:
     """State that the fence holds in flight.
 
     Parameters
     ----------
-    tubes, found
+    radii, found
         One for each segment of the show.
     """
     title = "inside the fence at every instant"
     wanted = show.rules.site.fence_margin
     worst: tuple[float, float, Nearest, Segment] | None = None
-    for segment, tube, one in zip(show.segments, tubes, found, strict=True):
+    for segment, one_radius, one in zip(show.segments, radii, found, strict=True):
         if one is not None and (worst is None or not one.lower >= worst[2].lower):
-            radius = float(np.sqrt(np.sum(tube.radius[:, :2] ** 2, axis=1)).max())
+            radius = float(np.linalg.norm(one_radius[:, :2], axis=1).max())
             worst = one.lower - min(radius, POSITION), radius, one, segment
     if worst is None:
         note = "the script asks for no fence; the flight volume holds instead"
         return Statement("VRF319", title, None, notes=(note,))
     flown, radius, one, segment = worst
     # On the fence itself nothing is left between inside and outside.
-    least = max(wanted - TOLERANCE, RESOLUTION)
+    enough = max(wanted - TOLERANCE, RESOLUTION)
     note = (
         f"the polynomials keep {one.lower:.6f} m (tolerance {TOLERANCE:.0e} m), what "
         f"is flown is within {radius:.1e} m of them"
@@ -201,7 +168,7 @@ def fenced(
     return Statement(
         "VRF319",
         title,
-        one.lower >= least and radius <= POSITION,
+        one.lower >= enough and radius <= POSITION,
         flown,
         wanted,
         "m",

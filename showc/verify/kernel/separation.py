@@ -1,19 +1,18 @@
 """Separation of every pair of drones at every instant of the show.
 
 **Theorem.** In the separation's own measure no two drones of the logged polynomials
-come nearer to each other at any instant than :attr:`Encounter.lower`, whether they fly,
-hover, wait on their pads or have landed. What is flown comes no nearer than that, less
-both tubes' radii (:mod:`showc.verify.kernel.dynamics`).
+come nearer to each other at any instant than :attr:`Encounter.lower`. Every segment
+holds the whole fleet, hovering drones too. What is flown comes no nearer than that,
+less both radii (:mod:`showc.verify.kernel.dynamics`).
 
 Proof. Time is cut into slices. Pairs that are further apart throughout a slice than the
 closest encounter known so far are settled by :mod:`showc.verify.kernel.slices`. For the
 others the difference of positions is a polynomial on each common mesh interval. Its
-component along any unit vector bounds its length from below, and so do the Bernstein
-coefficients of the sum of its squares (for the forms per axis, of each component);
+length is bounded from below by the Bernstein coefficients of the sum of its squares
+(for the forms per axis, of each component);
 values at interval ends are reached (Farouki 2012, The Bernstein polynomial basis: a
-centennial retrospective, section 4). Intervals that could hold a nearer encounter than
-the nearest end so far are halved, until both are :data:`RESOLUTION` apart. No sampling
-decides anything.
+centennial retrospective, section 4). Halving brings both to :data:`RESOLUTION` of each
+other (:func:`showc.verify.kernel.bernstein.least`). No sampling decides anything.
 
 *Rounding.* Fewer than 1000 steps lie between logged coefficients and what is compared:
 :data:`GAMMA` of the greatest coordinate for lengths, of the greatest coefficient for
@@ -29,19 +28,26 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import MOST, halves, square_sum
+from showc.verify.kernel.bernstein import least, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.slices import Measure, edges, measures, near_pairs, take
-from showc.verify.kernel.statement import Statement
-from showc.verify.kernel.tracks import MOMENT, Stretch, Tracks, cut
+from showc.verify.kernel.show import Statement
+from showc.verify.kernel.slices import (
+    MOMENT,
+    Measure,
+    Tracks,
+    edges,
+    measures,
+    take,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from numpy.typing import NDArray
+
+    from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
-    from showc.verify.kernel.dynamics import Tube
-    from showc.verify.kernel.show import LoggedShow
+    from showc.verify.kernel.show import LoggedShow, Segment
 
 
 RESOLUTION = 5e-7
@@ -51,14 +57,9 @@ TOLERANCE = 1e-6
 """How far the separation may be missed by the polynomials: what a solver calls equal
 [m]. What is flown may miss it by the tolerances of two positions besides."""
 
-_BATCH = 60_000
-"""Pairs looked at together; bounds the memory."""
-
 _FURTHEST = 2.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to their polynomials."""
-
-_ROUNDS = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,80 +74,53 @@ class Encounter:
     """The pair that reaches it, counting from 0."""
     time: float
     """Show time at which it does [s]."""
-    segments: tuple[str, ...]
-    """Names of what is under way then."""
+    segment: str
+    """Name of what is under way then."""
     error: float = 0.0
     """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
 
 
-def closest_encounter(show: LoggedShow) -> Encounter | None:
-    """Enclose the closest encounter of the whole show.
-
-    Returns
-    -------
-    Encounter or None
-        ``upper - lower`` is ``RESOLUTION`` and the error; None if there are fewer than
-        two drones.
-    """
-    return closest_of([part() for part in encounter_parts(show)])
-
-
-def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter]]:
+def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
     """Return searches for the closest encounter, each over a part of the show."""
     if show.drones < 2:
         return []
-    wanted = show.rules.separation
-    return [
-        partial(_searched, stretch, measure, wanted.distance)
-        for measure in measures(wanted)
-        for stretch in cut(show)
-    ]
+    return [partial(_searched, one, show.rules.separation) for one in show.segments]
 
 
 def closest_in(
     tracks: Tracks, wanted: Separation, during: str = ""
 ) -> Encounter | None:
-    """Enclose the closest encounter of a fleet whose tracks are known.
+    """Enclose the closest encounter of a fleet; None if it is one drone.
 
-    Parameters
-    ----------
-    tracks
-        Where all drones are.
-    wanted
-        How distances are measured, and which is asked for.
-    during
-        Name of what is under way, for the record.
+    ``during`` names what is under way, for the record.
     """
     if tracks.drones < 2:
         return None
-    found = []
-    for measure in measures(wanted):
-        search = _Search(measure, wanted.distance)
-        search.stretch(tracks)
-        found.append(search.result((during,) if during else ()))
-    return closest_of(found)
+    return closest_of(
+        [_Search(one, wanted.distance).over(tracks, during) for one in measures(wanted)]
+    )
 
 
-def closest_of(found: Sequence[Encounter]) -> Encounter | None:
+def closest_of(parts: Sequence[Encounter | None]) -> Encounter | None:
     """Return the closest of what the parts found, the first among equals."""
+    found = [one for one in parts if one is not None]
     if not found:
         return None
-    closest = min(found, key=lambda encounter: encounter.upper)
     return replace(
-        closest,
-        lower=min(encounter.lower for encounter in found),
-        error=max(encounter.error for encounter in found),
+        min(found, key=lambda one: one.upper),
+        lower=min(one.lower for one in found),
+        error=max(one.error for one in found),
     )
 
 
 def separated(
-    show: LoggedShow, tubes: Sequence[Tube], encounter: Encounter | None
+    show: LoggedShow, radii: Sequence[FloatArray], encounter: Encounter | None
 ) -> Statement:
     """State whether the separation is kept, and by how much.
 
     Parameters
     ----------
-    tubes
+    radii
         One for each segment of the show.
     encounter
         The closest one of the whole show.
@@ -156,9 +130,7 @@ def separated(
         return Statement("VRF321", title, None, notes=("there is only one drone",))
     separation = show.rules.separation
     scale = max(measure.scale[-1] for measure in measures(separation))
-    radius = max(
-        float(np.sqrt(np.sum(tube.radius[:, :3] ** 2, axis=1)).max()) for tube in tubes
-    )
+    radius = float(np.linalg.norm(np.array(radii)[:, :, :3], axis=2).max())
     # Where positions are not proved, VRF301 says so; what would be flown is unknown.
     away = min(radius, POSITION) * max(scale, 1.0)
     flown = max(encounter.lower - 2.0 * away, 0.0)
@@ -168,26 +140,23 @@ def separated(
         f"(resolution {RESOLUTION:.0e} m, rounding {encounter.error:.0e} m, tolerance "
         f"{TOLERANCE:.0e} m); each drone flies within {radius:.1e} m of them"
     )
-    least = separation.distance - TOLERANCE
+    enough = separation.distance - TOLERANCE
     return Statement(
         "VRF321",
         title,
-        encounter.lower >= least and radius <= POSITION,
+        encounter.lower >= enough and radius <= POSITION,
         flown,
         separation.distance,
         "m",
         encounter.pair,
-        ", ".join(encounter.segments),
+        encounter.segment,
         encounter.time,
         (note,),
     )
 
 
-def _searched(stretch: Stretch, measure: Measure, wanted: float) -> Encounter:
-    search = _Search(measure, wanted)
-    search.stretch(stretch.tracks())
-    names = tuple(segment.message.name for segment in stretch.segments)
-    return search.result(names)
+def _searched(segment: Segment, wanted: Separation) -> Encounter | None:
+    return closest_in(Tracks.of(segment), wanted, segment.message.name)
 
 
 class _Pairs(NamedTuple):
@@ -200,21 +169,14 @@ class _Pairs(NamedTuple):
     high: FloatArray
     """Show time [s]."""
 
-    def some(self, chosen: BoolArray) -> _Pairs:
+    def some(self, chosen: NDArray[np.bool_]) -> _Pairs:
         """Return those that are chosen."""
         first, second, low, high = self
         return _Pairs(first[chosen], second[chosen], low[chosen], high[chosen])
 
-    def halved(self) -> _Pairs:
-        """Return the first halves of all intervals, then the second ones."""
-        middle = 0.5 * (self.low + self.high)
-        low = np.concatenate([self.low, middle])
-        high = np.concatenate([middle, self.high])
-        return _Pairs(np.tile(self.first, 2), np.tile(self.second, 2), low, high)
-
 
 class _Search:
-    """Branch and bound over one stretch with one measure."""
+    """Branch and bound over the tracks of a fleet with one measure."""
 
     def __init__(self, measure: Measure, wanted: float) -> None:
         self.measure = measure
@@ -224,57 +186,31 @@ class _Search:
         self.time = 0.0
         self.error = 0.0
 
-    def result(self, segments: tuple[str, ...]) -> Encounter:
-        """Say what was found, while ``segments`` are under way."""
-        lower = max(self.best - RESOLUTION - self.error, 0.0)
-        return Encounter(lower, self.best, self.pair, self.time, segments, self.error)
-
-    def stretch(self, tracks: Tracks) -> None:
-        """Search the stretch."""
+    def over(self, tracks: Tracks, during: str) -> Encounter:
+        """Search the tracks from their begin to their end."""
         axes = list(self.measure.axes)
         scaled = tracks.position[:, :, axes] * np.array(self.measure.scale)
         positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(np.abs(scaled).max(initial=0.0))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
-        self._instant(positions)
-        batch: list[_Pairs] = []
+        # Neighbours at the first instant: a start that makes pruning work.
+        place = positions.position[positions.first[:-1], 0]
+        order = np.lexsort(place.T)
+        distance = self.measure(np.diff(place[order], axis=0))
+        row = int(np.argmin(distance))
+        self.best, self.time = float(distance[row]), positions.begin
+        self.pair = int(order[row : row + 2].min()), int(order[row : row + 2].max())
         for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
             piece = take(positions, low, high, self.measure)
             first, second = piece.near(self.measure, self.best - RESOLUTION / 2).T
             times = np.full(first.size, low), np.full(first.size, high)
-            batch.append(_Pairs(first, second, *times))
-            if sum(part.first.size for part in batch) >= _BATCH:
-                self._decide(positions, batch)
-                batch = []
-        if batch:
-            self._decide(positions, batch)
+            self._decide(positions, _Pairs(first, second, *times))
+        lower = max(self.best - RESOLUTION - self.error, 0.0)
+        return Encounter(lower, self.best, self.pair, self.time, during, self.error)
 
-    def _take(self, distance: FloatArray, pairs: _Pairs, time: FloatArray) -> None:
-        """Remember the nearest of some distances that are reached."""
-        index = int(np.argmin(distance)) if distance.size else 0
-        if distance.size and distance[index] < self.best:
-            self.best = float(distance[index])
-            self.pair = int(pairs.first[index]), int(pairs.second[index])
-            self.time = float(time[index])
-
-    def _instant(self, positions: Tracks) -> None:
-        """Closest pair at the first instant: a start that makes pruning work."""
-        place = positions.position[positions.first[:-1], 0]
-        reach = max(self.wanted, RESOLUTION)
-        extent = float(np.ptp(place, axis=0).max())
-        pairs = near_pairs(place, reach)
-        while not pairs.size:
-            reach = 2.0 * reach if reach < extent else np.inf
-            pairs = near_pairs(place, min(reach, 2.0 * extent + 1.0))
-        first, second = pairs.T
-        time = np.full(first.size, positions.begin)
-        distance = self.measure(place[first] - place[second])
-        self._take(distance, _Pairs(first, second, time, time), time)
-
-    def _decide(self, positions: Tracks, batch: list[_Pairs]) -> None:
-        """Enclose the distances of candidate pairs over their slices."""
-        pairs = _Pairs._make(map(np.concatenate, zip(*batch, strict=True)))
+    def _decide(self, positions: Tracks, pairs: _Pairs) -> None:
+        """Enclose the distances of candidate pairs over a slice."""
         rows = [positions.at(drone, pairs.low) for drone in pairs[:2]]
         while pairs.first.size:
             last = [positions.first[drone + 1] - 1 for drone in pairs[:2]]
@@ -295,41 +231,24 @@ class _Search:
 
     def _enclose(self, work: FloatArray, pairs: _Pairs) -> None:
         """Enclose distances from coefficients of differences, (n, degree + 1, axes)."""
-        self._take(self.measure(work[:, 0]), pairs, pairs.low)
-        self._take(self.measure(work[:, -1]), pairs, pairs.high)
-        keep = self._could_be_nearer(work)
-        work, pairs = work[keep], pairs.some(keep)
         if not self.measure.largest:
             work = square_sum(work)[:, :, None]
-        for _ in range(_ROUNDS):
-            keep = self._lower(work) < self.best - RESOLUTION / 2
-            if not keep.any():
-                return
-            if np.count_nonzero(keep) > MOST:
-                break
-            work, pairs = np.concatenate(halves(work[keep])), pairs.some(keep).halved()
-            self._take(self._value(work[:, 0]), pairs, pairs.low)
-            self._take(self._value(work[:, -1]), pairs, pairs.high)
-        # Rounding is coarser than what is wanted: nothing is proved.
-        self.error = np.inf
-
-    def _could_be_nearer(self, difference: FloatArray) -> BoolArray:
-        """Whether a plane between the pair fails to settle it; (n,)."""
-        limit = self.best - RESOLUTION / 2
-        if self.measure.largest:
-            return np.asarray(self._lower(difference) < limit)
-        middle = difference[:, 0] + difference[:, -1]
-        length = np.sqrt(np.sum(middle**2, axis=1))
-        normal = middle / np.where(length > 0.0, length, 1.0)[:, None]
-        along = np.matmul(difference, normal[:, :, None])[:, :, 0]
-        return np.asarray(along.min(axis=1) < limit)
+        found = least(work, self._lower, self._value, RESOLUTION / 2, self.best)
+        if found.upper < self.best:
+            self.best, row = found.upper, found.row
+            self.pair = int(pairs.first[row]), int(pairs.second[row])
+            low, high = pairs.low[row], pairs.high[row]
+            self.time = float(low + found.fraction * (high - low))
+        if not np.isfinite(found.lower):
+            # Rounding is coarser than what is wanted: nothing is proved.
+            self.error = np.inf
 
     def _lower(self, work: FloatArray) -> FloatArray:
         """Lower bounds of the distances on the intervals, shape (n,)."""
         if not self.measure.largest:
             squares = work[:, :, 0]
-            least = squares.min(axis=1) - GAMMA * squares.max(axis=1)
-            return np.asarray(np.sqrt(np.maximum(least, 0.0)))
+            bound = squares.min(axis=1) - GAMMA * squares.max(axis=1)
+            return np.asarray(np.sqrt(np.maximum(bound, 0.0)))
         away = np.maximum(work.min(axis=1), -work.max(axis=1))
         return np.asarray(np.maximum(away.max(axis=1), 0.0))
 

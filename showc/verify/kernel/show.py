@@ -1,4 +1,4 @@
-"""What the log says of the show, as numbers: the input of every proof.
+"""What the log says of the show, as numbers, and what a proof hands over.
 
 Nothing here is computed by showc's planner: rules, segments and polynomials are read
 from the file's bytes. Positions are in the show frame, units are SI.
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
-    from showc.log.showc_pb2 import Rules
+    from showc.log.showc_pb2 import Rules, Vector3
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
 
@@ -24,6 +24,11 @@ CONTROL_COMPONENTS = 4
 
 LARGEST = 1e9
 """Greatest number that a show can hold (SI): beyond it products leave float64."""
+
+
+def xyz(vector: Vector3) -> FloatArray:
+    """Return the components of a logged vector, shape (3,)."""
+    return np.array([vector.x, vector.y, vector.z])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,43 +57,34 @@ class PieceTable:
         """Drone of each row, shape (rows,)."""
         return np.repeat(self.drones, np.diff(self.first))
 
-    def only(self, column: int) -> PieceTable:
-        """Return the table of one of its drones, the ``column``-th."""
-        return self._columns(column, column + 1)
-
     def parts(self, rows: int) -> Iterator[PieceTable]:
         """Cut into tables of whole drones with about ``rows`` rows each."""
         begin = 0
         while begin < self.drones.size:
             end = int(np.searchsorted(self.first, self.first[begin] + rows, "right"))
             end = min(max(end - 1, begin + 1), self.drones.size)
-            yield self._columns(begin, end)
+            part = slice(int(self.first[begin]), int(self.first[end]))
+            yield PieceTable(
+                self.drones[begin:end],
+                self.first[begin : end + 1] - part.start,
+                self.start[part],
+                self.end[part],
+                self.state[part],
+                self.control[part],
+            )
             begin = end
-
-    def _columns(self, begin: int, end: int) -> PieceTable:
-        rows = slice(int(self.first[begin]), int(self.first[end]))
-        return PieceTable(
-            self.drones[begin:end],
-            self.first[begin : end + 1] - rows.start,
-            self.start[rows],
-            self.end[rows],
-            self.state[rows],
-            self.control[rows],
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """One leg of the show with everything that flies in it."""
+    """One leg of the show: what the whole fleet flies in it."""
 
     message: SegmentMessage
     """As logged."""
     tables: tuple[PieceTable, ...]
-    """Each of its drones is in exactly one of them."""
-    drones: IntArray
-    """All its drones, increasing, shape (n,)."""
+    """Each drone of the fleet is in exactly one of them."""
     goals: FloatArray
-    """Where each of ``drones`` must end, shape (n, 3) [m]."""
+    """Where each drone must end, shape (drones, 3) [m]."""
 
     @property
     def start(self) -> float:
@@ -111,13 +107,11 @@ class Segment:
         return bool(self.message.kind == self.message.HOLD)
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """States at its start and at its end, each (n, 12), in order of ``drones``."""
-        first = np.empty((self.drones.size, STATE_COMPONENTS))
-        last = np.empty((self.drones.size, STATE_COMPONENTS))
+        """States of the fleet at its start and at its end, each (drones, 12)."""
+        first, last = np.empty((2, self.goals.shape[0], STATE_COMPONENTS))
         for table in self.tables:
-            rows = np.searchsorted(self.drones, table.drones)
-            first[rows] = table.state[table.first[:-1], 0]
-            last[rows] = table.state[table.first[1:] - 1, -1]
+            first[table.drones] = table.state[table.first[:-1], 0]
+            last[table.drones] = table.state[table.first[1:] - 1, -1]
         return first, last
 
 
@@ -141,3 +135,28 @@ class LoggedShow:
     def duration(self) -> float:
         """Time of the whole show [s]."""
         return float(self.rules.duration)
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A theorem about one show."""
+
+    code: str
+    """``VRF3`` and two digits; ``showc explain`` says what it means."""
+    title: str
+    """What is proved, in words."""
+    holds: bool | None
+    """Whether it is proved; None: there is nothing to prove, ``notes`` say why."""
+    value: float | None = None
+    """The worst that is possible, error bound included, in ``unit``."""
+    limit: float | None = None
+    """What was allowed, in ``unit``."""
+    unit: str = ""
+    drones: tuple[int, ...] = ()
+    """Drone or pair of the value, counting from 0."""
+    segment: str | None = None
+    """Name of what is under way then."""
+    time: float | None = None
+    """Show time of the value [s]."""
+    notes: tuple[str, ...] = ()
+    """Tolerances, error bounds, further findings."""

@@ -1,4 +1,4 @@
-"""Slices of time in which drones fly almost straight, and which could meet in them.
+"""Where drones are: tracks, and slices of time in which they fly almost straight.
 
 **Lemma.** A pair that :meth:`Slice.near` leaves out comes no nearer in the slice than
 the distance it was asked for.
@@ -24,12 +24,102 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
+from showc.verify.kernel.bernstein import elevate, part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
-    from showc.verify.kernel.tracks import Tracks
+    from showc.verify.kernel.show import Segment
+
+
+MOMENT = 1e-8
+"""Times nearer to each other than this are one [s]: rounding of times of day-long
+shows. What a drone flies in it is part of every error bound that uses tracks."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Positions of the whole fleet from ``begin`` to ``end``.
+
+    Row k is a polynomial of one drone; rows of a drone follow each other in time and
+    together cover the stretch.
+    """
+
+    begin: float
+    """Show time [s]."""
+    end: float
+    """Show time [s]."""
+    first: IntArray
+    """First row of each drone, and the number of rows, shape (drones + 1,)."""
+    starts: FloatArray
+    """Show time at which each row starts, shape (rows,) [s]."""
+    ends: FloatArray
+    """Show time at which each row ends, shape (rows,) [s]."""
+    position: FloatArray
+    """Bernstein coefficients, shape (rows, degree + 1, 3) [m]."""
+
+    @classmethod
+    def of(cls, segment: Segment) -> Tracks:
+        """Return the positions of all drones over a segment."""
+        tables = segment.tables
+        degree = max(table.state.shape[1] for table in tables) - 1
+        owner = np.concatenate([table.owner for table in tables])
+        # A drone's rows stay in their order.
+        order = np.argsort(owner, kind="stable")
+        counts = np.bincount(owner, minlength=segment.goals.shape[0])
+        start = np.concatenate([table.start for table in tables])[order]
+        end = np.concatenate([table.end for table in tables])[order]
+        position = [elevate(table.state[:, :, :3], degree) for table in tables]
+        return cls(
+            segment.start,
+            segment.end,
+            np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+            start + segment.start,
+            end + segment.start,
+            np.concatenate(position)[order],
+        )
+
+    @property
+    def drones(self) -> int:
+        """Size of the fleet."""
+        return int(self.first.size) - 1
+
+    @property
+    def speed(self) -> float:
+        """No drone flies faster [m/s]: hulls of coefficients over times."""
+        degree = self.position.shape[1] - 1
+        if degree == 0:
+            return 0.0
+        # Coefficient by coefficient, all rows of one lie side by side.
+        hull = np.ascontiguousarray(self.position.transpose(1, 2, 0))
+        step = np.sqrt(np.sum(np.diff(hull, axis=0) ** 2, axis=1)).max(axis=0)
+        width = self.ends - self.starts
+        return float(degree * np.max(step / np.where(width > 0.0, width, np.inf)))
+
+    def at(self, drone: IntArray, time: FloatArray) -> IntArray:
+        """Row of each ``drone`` that covers each ``time``, shape (n,)."""
+        # Times rise along a drone's rows; an offset for each drone makes them rise
+        # over all rows, so that one search serves all.
+        offset = 2.0 * (self.end - self.begin + 1.0)
+        owner = np.repeat(np.arange(self.drones), np.diff(self.first))
+        keys = self.starts - self.begin + owner * offset
+        found = np.searchsorted(keys, time - self.begin + drone * offset, side="right")
+        return np.clip(found - 1, self.first[drone], self.first[drone + 1] - 1)
+
+    def between(self, row: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Coefficients of rows (n,) restricted to show times ``low`` to ``high``."""
+        start = self.starts[row]
+        width = self.ends[row] - start
+        width = np.where(width > 0.0, width, 1.0)
+        lower = np.clip((low - start) / width, 0.0, 1.0)
+        upper = np.clip((high - start) / width, 0.0, 1.0)
+        result = self.position[row]
+        inner = np.flatnonzero((lower > 0.0) | (upper < 1.0))
+        if inner.size == row.size:
+            return part(result, lower, upper)
+        result[inner] = part(result[inner], lower[inner], upper[inner])
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,35 +234,24 @@ class Slice:
 
 def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
     """Restrict what all drones fly to a slice."""
-    count = positions.drones
-    row = positions.at(np.arange(count), np.full(count, low))
-    last = positions.first[1:] - 1
-    lows, highs = np.full(count, low), np.full(count, high)
-    hull = positions.between(row, lows, highs)
-    parts = [(np.arange(count), hull, row.copy())]
-    more = np.flatnonzero((positions.ends[row] < high) & (row < last))
-    while more.size:
-        row[more] += 1
-        part = positions.between(row[more], lows[more], highs[more])
-        parts.append((more, part, row[more]))
-        more = more[(positions.ends[row[more]] < high) & (row[more] < last[more])]
-    begin, end = hull[:, 0], hull[:, -1].copy()
-    for drones, part, _ in parts[1:]:
-        end[drones] = part[:, -1]
-    away = np.zeros(count)
-    # Component by component and coefficient by coefficient, drones lie side by side.
-    steps = np.linspace(0.0, 1.0, hull.shape[1])[:, None, None]
-    for drones, part, rows in parts:
-        since = np.clip((positions.starts[rows] - low) / (high - low), 0.0, 1.0)
-        until = np.clip((positions.ends[rows] - low) / (high - low), 0.0, 1.0)
-        until[rows == last[drones]] = 1.0
-        chord = (end - begin)[drones].T
-        off = part.transpose(1, 2, 0) - (begin[drones].T + since * chord)
-        off -= steps * ((until - since) * chord)
-        off = measure(off, axis=-2).max(axis=0)
-        away[drones] = np.maximum(away[drones], off)
-    radius = 0.5 * measure(end - begin) + away
-    return Slice(begin, end, radius, away)
+    drones = np.arange(positions.drones)
+    rows = [positions.at(drones, np.full(drones.size, time)) for time in (low, high)]
+    count = rows[1] - rows[0] + 1
+    first, last = np.cumsum(count) - count, np.cumsum(count) - 1
+    row = np.arange(last[-1] + 1) + np.repeat(rows[0] - first, count)
+    hull = positions.between(row, np.full(row.size, low), np.full(row.size, high))
+    begin, end = hull[first, 0], hull[last, -1]
+    since, until = (
+        np.clip((times[row] - low) / (high - low), 0.0, 1.0)
+        for times in (positions.starts, positions.ends)
+    )
+    since[first], until[last] = 0.0, 1.0
+    # The chord has coefficients at even steps of each row's own time.
+    share = np.linspace(since, until, hull.shape[1], axis=1)[:, :, None]
+    owner = np.repeat(drones, count)
+    off = hull - begin[owner, None] - share * (end - begin)[owner, None]
+    away = np.maximum.reduceat(measure(off).max(axis=1), first)
+    return Slice(begin, end, 0.5 * measure(end - begin) + away, away)
 
 
 def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:

@@ -211,15 +211,15 @@ def _moves(show: LoggedShow) -> list[_Moves]:
     holds: list[list[float]] = [[] for _ in range(show.drones)]
     for segment in sorted(show.segments, key=lambda one: one.start):
         first, last = segment.ends()
-        for row, drone in enumerate(segment.drones.tolist()):
+        for drone in range(show.drones):
             if segment.holds:
                 if holds[drone]:
                     holds[drone][-1] += segment.duration
                 continue
             if not ends[drone]:
-                ends[drone].append(first[row, :3])
+                ends[drone].append(first[drone, :3])
                 names[drone].append("the pad")
-            ends[drone].append(last[row, :3])
+            ends[drone].append(last[drone, :3])
             names[drone].append(f"the end of “{segment.message.name}”")
             holds[drone].append(0.0)
     return [

@@ -1,0 +1,144 @@
+"""What each segment claims of itself, held against what is proved here.
+
+The bound on a segment's time is proved by :mod:`showc.verify.kernel.bound`; a claimed
+encounter is the distance of two polynomials at one instant, right to rounding (Higham
+2002, section 3.1), far below the tolerance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.verify.kernel.bound import refuted
+from showc.verify.kernel.show import Statement
+from showc.verify.kernel.slices import Tracks, measures
+
+if TYPE_CHECKING:
+    from showc.verify.kernel.show import LoggedShow, Segment
+
+TOLERANCE = 1e-6
+"""How far a claimed bound may lie above the time of its witness [s]."""
+
+DISTANCE_TOLERANCE = 1e-3
+"""How far a claimed closest encounter may be from the distance at its time [m]."""
+
+
+def certified(show: LoggedShow) -> list[Statement]:
+    """State what bounds on time and claimed encounters of all segments are worth."""
+    moves = [segment for segment in show.segments if not segment.holds]
+    return [_witnesses(show, moves), _order(moves), _encounters(show)]
+
+
+def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
+    """Every claimed lower bound on a segment's time follows from its witness."""
+    title = "no claimed lower bound on a time beyond its proof"
+    claims = [one for one in moves if one.message.certificate.dual_bound > 0.0]
+    if not claims:
+        return Statement("VRF341", title, None, notes=("no segment claims one",))
+    excess = [_excess(show, segment) for segment in claims]
+    worst = int(np.argmax(excess))
+    where = claims[worst]
+    failed = [
+        f"“{one.message.name}” claims {one.message.certificate.dual_bound:.6f} s, its "
+        f"witness proves {over:.6f} s less"
+        for one, over in zip(claims, excess, strict=True)
+        if over > TOLERANCE
+    ]
+    shares = [one.message.certificate.dual_bound / one.duration for one in claims]
+    note = (
+        f"{len(claims)} witnesses; the bounds are {min(shares):.1%} to "
+        f"{max(shares):.1%} of the times flown (tolerance {TOLERANCE:.0e} s)"
+    )
+    return Statement(
+        "VRF341",
+        title,
+        not failed,
+        max(excess[worst], 0.0),
+        TOLERANCE,
+        "s",
+        (where.message.certificate.witness.drone,),
+        where.message.name,
+        where.start,
+        (note, *failed[:5]),
+    )
+
+
+def _excess(show: LoggedShow, segment: Segment) -> float:
+    """By how much a claimed bound is beyond what its witness proves [s]."""
+    certificate = segment.message.certificate
+    drone, proved = certificate.witness.drone, 0.0
+    if certificate.HasField("witness") and drone < show.drones:
+        way = segment.goals[drone] - segment.ends()[0][drone, :3]
+        if refuted(segment.message, show.rules, way):
+            proved = certificate.witness.time
+    return certificate.dual_bound - proved
+
+
+def _order(moves: list[Segment]) -> Statement:
+    """Bound <= greatest single-drone minimum <= time flown."""
+    bad, name, time = [], None, None
+    for segment in moves:
+        certificate = segment.message.certificate
+        bound, single = certificate.dual_bound, certificate.single_drone_minimum
+        if bound > segment.duration or (single > 0.0 and bound > single):
+            bad.append(
+                f"“{segment.message.name}”: bound {bound:.6f} s, single drone "
+                f"{single:.6f} s, flown {segment.duration:.6f} s"
+            )
+            name, time = segment.message.name, segment.start
+    return Statement(
+        "VRF342",
+        "lower bound below single-drone minimum and time flown",
+        not bad,
+        segment=name,
+        time=time,
+        notes=tuple(bad[:5]),
+    )
+
+
+def _encounters(show: LoggedShow) -> Statement:
+    """Claimed closest encounters are what the polynomials give at their times."""
+    title = "claimed closest encounters are as claimed"
+    claims = [
+        one for one in show.segments if one.message.certificate.HasField("closest")
+    ]
+    if not claims:
+        return Statement("VRF343", title, None, notes=("no segment claims one",))
+    off = [_off(show, segment) for segment in claims]
+    worst = int(np.argmax(off))
+    closest = claims[worst].message.certificate.closest
+    return Statement(
+        "VRF343",
+        title,
+        off[worst] <= DISTANCE_TOLERANCE,
+        off[worst],
+        DISTANCE_TOLERANCE,
+        "m",
+        (closest.drone_a, closest.drone_b),
+        claims[worst].message.name,
+        claims[worst].start + closest.time,
+        (f"{len(claims)} encounters",),
+    )
+
+
+def _off(show: LoggedShow, segment: Segment) -> float:
+    """How far the claimed distance is off the one at its time [m]."""
+    closest = segment.message.certificate.closest
+    pair = np.array([closest.drone_a, closest.drone_b])
+    if (
+        pair[0] == pair[1]
+        or pair.max() >= show.drones
+        or not 0.0 <= closest.time <= segment.duration + 1e-9
+    ):
+        return np.inf
+    time = np.full(2, segment.start + closest.time)
+    tracks = Tracks.of(segment)
+    place = tracks.between(tracks.at(pair, time), time, time)[:, 0]
+    distance = min(
+        float(measure((place[1] - place[0])[list(measure.axes)] * measure.scale))
+        for measure in measures(show.rules.separation)
+    )
+    gap = abs(distance - closest.distance)
+    return gap if gap >= 0.0 else np.inf

@@ -1,0 +1,194 @@
+"""How the show joins up: hover at joints, goals reached, no gap, no jump.
+
+Each statement holds of the logged polynomials as they stand: it compares single
+coefficients with each other and with what is asked for, so that no error but one
+rounding of a difference enters (u of the greater number, far below every tolerance). Of
+what is flown it holds with the tolerances of VRF301 to VRF304 besides
+(:mod:`showc.verify.kernel.dynamics`). Between the ends of an interval a value lies in
+the hull of its coefficients (Farouki 2012, section 4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from showc.log import showc_pb2 as pb
+from showc.verify.kernel.show import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.verify.kernel.show import LoggedShow
+
+
+REACHED = 1e-3
+"""Distance from its place at which a drone has reached it [m]."""
+
+JOINT = 1e-6
+"""Jump of any state at a joint, and speed, rate or tilt left at a hover (SI): what a
+solver calls equal."""
+
+MOMENT = 1e-6
+"""Gap in time between two segments [s]: rounding of times."""
+
+_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
+"""States that are zero at a hover: all but position and yaw."""
+
+
+class _Seen(NamedTuple):
+    """What is found of some drones at some time of a segment."""
+
+    segment: str
+    time: FloatArray | float
+    """One show time, or one for each value [s]."""
+    drones: IntArray
+    values: FloatArray
+    """Shape of ``drones``."""
+
+
+def joined_up(show: LoggedShow) -> list[Statement]:
+    """State everything about how the show joins up."""
+    yaw = "at every instant" if show.rules.yaw_held else "at every hover"
+    found = (
+        ("VRF331", "hover at both ends of every segment", JOINT, "SI", _hover),
+        ("VRF332", f"yaw at the show's heading {yaw}", JOINT, "rad", _heading),
+        ("VRF333", "every drone ends where its segment asks", REACHED, "m", _goals),
+        ("VRF335", "state continuous inside every segment", JOINT, "SI", _inside),
+        ("VRF336", "every drone covered from launch to landing", MOMENT, "s", _gaps),
+        ("VRF337", "segments joined without a jump", JOINT, "SI", _jumps),
+    )
+    return [
+        *(
+            _worst(Statement(code, title, None, None, limit, unit), seen(show))
+            for code, title, limit, unit, seen in found
+        ),
+        _ground(show),
+    ]
+
+
+def _worst(asked: Statement, found: Iterable[_Seen]) -> Statement:
+    """State whether all values keep the limit, and which is the worst."""
+    worst, drone, where, time, count = -1.0, 0, "", 0.0, 0
+    limit = asked.limit or 0.0
+    for one in found:
+        values = np.where(np.isnan(one.values), np.inf, one.values)
+        count += int(np.sum(values > limit))
+        if values.max(initial=-1.0) > worst:
+            index = int(np.argmax(values))
+            worst, drone = float(values[index]), int(one.drones[index])
+            where = one.segment
+            time = float(np.broadcast_to(one.time, values.shape)[index])
+    return replace(
+        asked,
+        holds=worst <= limit,
+        value=worst,
+        drones=(drone,),
+        segment=where,
+        time=time,
+        notes=(f"{count:,} findings of this kind",) if count > 1 else (),
+    )
+
+
+def _hover(show: LoggedShow) -> Iterator[_Seen]:
+    fleet = np.arange(show.drones)
+    for one in show.segments:
+        for time, state in zip((one.start, one.end), one.ends(), strict=True):
+            restless = np.abs(state[:, _AT_REST]).max(axis=1)
+            yield _Seen(one.message.name, time, fleet, restless)
+
+
+def _heading(show: LoggedShow) -> Iterator[_Seen]:
+    """Yaw at hovers, and always if it is held, by the hull of its coefficients."""
+    heading = show.rules.heading
+    for one in show.segments:
+        name = one.message.name
+        if show.rules.yaw_held:
+            for table in one.tables:
+                off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
+                yield _Seen(name, one.start + table.start, table.owner, off)
+            continue
+        for time, state in zip((one.start, one.end), one.ends(), strict=True):
+            yield _Seen(
+                name, time, np.arange(show.drones), _turn(state[:, 8] - heading)
+            )
+
+
+def _turn(angle: FloatArray) -> FloatArray:
+    """Size of angles but for whole circles, 0 to pi [rad]."""
+    return np.abs(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def _distances(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.sum((first - second) ** 2, axis=1)))
+
+
+def _goals(show: LoggedShow) -> Iterator[_Seen]:
+    for one in show.segments:
+        off = _distances(one.ends()[1][:, :3], one.goals)
+        yield _Seen(one.message.name, one.end, np.arange(show.drones), off)
+
+
+def _inside(show: LoggedShow) -> Iterator[_Seen]:
+    """State across the mesh intervals of each segment, and their cover of its time."""
+    for one in show.segments:
+        for table in one.tables:
+            first, last = table.first[:-1], table.first[1:] - 1
+            later = np.setdiff1d(np.arange(table.start.size), first)
+            jump = np.abs(table.state[later, 0] - table.state[later - 1, -1])
+            name, time = one.message.name, one.start + table.start
+            yield _Seen(name, time[later], table.owner[later], jump.max(axis=1))
+            edge = np.abs(table.end[last] - one.duration)
+            edge = np.maximum(np.abs(table.start[first]), edge)
+            yield _Seen(name, time[first], table.drones, edge)
+
+
+def _gaps(show: LoggedShow) -> Iterator[_Seen]:
+    """Segments follow each other: each holds the whole fleet."""
+    ends = [0.0, *(one.end for one in show.segments)]
+    starts = [*(one.start for one in show.segments), show.duration]
+    names = [*(one.message.name for one in show.segments), "the end"]
+    for name, end, start in zip(names, ends, starts, strict=True):
+        yield _Seen(name, start, np.array([0]), np.array([abs(start - end)]))
+
+
+def _jumps(show: LoggedShow) -> Iterator[_Seen]:
+    ends = [one.ends() for one in show.segments]
+    for one, before, after in zip(show.segments[1:], ends, ends[1:], strict=False):
+        leap = np.abs(after[0] - before[1])
+        # Yaw may have turned by whole circles.
+        leap[:, 8] = _turn(leap[:, 8])
+        fleet = np.arange(show.drones)
+        yield _Seen(one.message.name, one.start, fleet, leap.max(axis=1))
+
+
+def _ground(show: LoggedShow) -> Statement:
+    """First segment from the pads, last segment to them."""
+    code, title = "VRF338", "from the pads on the ground, and back to them"
+    first, last = show.segments[0], show.segments[-1]
+    pads = [
+        np.array(one.points).reshape(-1, 3)
+        for one in show.rules.formations
+        if one.name == first.message.from_formation and one.points
+    ]
+    for wrong, note in (
+        (first.message.kind != pb.Segment.LAUNCH, "the first segment is no launch"),
+        (last.message.kind != pb.Segment.LAND, "the last segment is no landing"),
+        (not pads, "the pads are not among the formations"),
+    ):
+        if wrong:
+            return Statement(code, title, False, notes=(note,))
+
+    def beside(places: FloatArray) -> FloatArray:
+        rows = [_distances(pads[0], place[None]).min() for place in places[:, :3]]
+        return np.array(rows)
+
+    fleet = np.arange(show.drones)
+    found = (
+        _Seen("launch", 0.0, fleet, beside(first.ends()[0])),
+        _Seen("landing", show.duration, fleet, beside(last.ends()[1])),
+    )
+    return _worst(Statement(code, title, None, None, REACHED, "m"), found)
