@@ -4,22 +4,23 @@ ArduCopter leads a point along the leg by the law, and lets the vehicle follow i
 it does then, for the default quadrotor of ArduPilot's simulation:
 
 - The law's own time t runs at a rate r, which follows, acceleration / jerk late, how
-  well the drone keeps up: 0.05 + (its speed along the leg - 1/s times its distance
-  behind the point) / the law's speed, 0 to 1.
-- Level, in both axes: the speed asked for is the law's and 1/s times the distance to
-  the point. The speed missed, smoothed over 0.032 s, asks for the acceleration of the
-  law plus 2/s of it, 1/s² of its sum and 0.5 of its change, up to a tilt of 30 degrees.
-  The vehicle leans to that 0.125 s and 0.03 s late, and pushes the harder the more it
-  lifts. Drag takes 0.25/s times its speed and 0.027/m times its square.
-- Upright: the speed missed asks for the acceleration of the law plus 5/s of it; the
-  acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which comes
-  0.075 s late. Drag is the same.
+  well the drone keeps up: 0.05 + (its speed along the leg - the gain of the place times
+  its distance behind the point) / the law's speed, 0 to 1.
+- Level, in both axes: the speed asked for is the law's and the gain of the place times
+  the distance to the point. The speed missed, smoothed over 0.032 s, asks for the
+  acceleration of the law plus gains times it, its sum, its change and the speed asked
+  for, up to the steepest lean. The vehicle leans to that 0.125 s and 0.03 s late, and
+  pushes the harder the more it lifts. Drag takes 0.25/s times its speed and 0.027/m
+  times its square.
+- Upright: the speed missed asks for the acceleration of the law plus a gain times it;
+  the acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which
+  comes 0.075 s late. Drag is the same.
 
-The form is that of the autopilot's controllers under their default gains; the times
-of lean and lift, and drag, are fitted to a transcription of those controllers that is
-kept outside this repository and gives what was measured in simulation. The law is
-taken from a table in steps of 20 ms, straight in between; the loops are integrated by
-the midpoint rule in steps of 20 ms.
+The form is that of the autopilot's controllers, the gains are those of the parameters;
+the times of lean and lift, and drag, are fitted to a transcription of those controllers
+that is kept outside this repository and gives what was measured in simulation. The law
+is taken from a table in steps of 20 ms, straight in between; the loops are integrated
+by the midpoint rule in steps of 20 ms.
 
 Arrays of a few hundred drones take as long to make as to fill, and those of a few
 drones take no time but that of the calls: everything is worked out in place, and rows
@@ -28,7 +29,7 @@ that are treated alike lie together.
 
 from __future__ import annotations
 
-from math import pi, radians, tan
+from math import pi, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +38,7 @@ from showc.autopilot.parameters import GRAVITY
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
+    from showc.autopilot.parameters import Parameters
     from showc.autopilot.s_curve import LegProfile
 
 
@@ -51,16 +53,6 @@ STANDS = 1e-5
 
 SMOOTHING = 1.0 / (2.0 * pi * 5.0)
 """Time constant of the speed missed: 5 Hz [s]."""
-
-LEVEL_GAIN, LEVEL_CHANGE = 2.0, 0.5
-"""Acceleration over the level speed missed [1/s], and over its change; over its sum it
-is 1/s²."""
-
-UPRIGHT_GAIN = 5.0
-"""Acceleration over the upright speed missed [1/s]."""
-
-STEEPEST = GRAVITY * tan(radians(30.0))
-"""Greatest level acceleration that is asked for [m/s²]."""
 
 LEAN_TIMES = 0.125, 0.03
 """Time constants of leaning [s]."""
@@ -136,8 +128,8 @@ class Loops:
         How the law has their n legs.
     aim
         Unit vectors of the legs, shape (3, n); zero for legs of no length.
-    late
-        How late the law's time changes its rate [s].
+    parameters
+        The autopilot's: its gains, and how late the law's time changes its rate.
 
     Attributes
     ----------
@@ -145,8 +137,15 @@ class Loops:
         Their states, shape (STATES, n); those of ``advance``.
     """
 
-    def __init__(self, profile: LegProfile, aim: FloatArray, late: float) -> None:
+    def __init__(
+        self, profile: LegProfile, aim: FloatArray, parameters: Parameters
+    ) -> None:
         count = len(profile)
+        late = parameters.acceleration / parameters.jerk
+        gains = self._own = parameters.gains
+        self._hold = np.array([[gains.place], [gains.place], [gains.height]])
+        self._missed_gains = np.array([[gains.speed], [gains.speed], [gains.climb]])
+        self._steepest = GRAVITY * tan(gains.lean)
         self.aim = aim
         self.last = 1 + int(np.ceil(profile.duration.max(initial=0.0) / STEP))
         self.table = _table(profile, self.last)
@@ -162,10 +161,11 @@ class Loops:
         self._law, self._slope = self._read[:3], self._read[3:]
         self._share, self._one = np.empty((2, count))
         self._moves = np.empty(count, dtype=np.bool_)
-        self._three, self._ahead, self._asked = np.empty((3, 3, count))
+        self._three, self._asked = np.empty((2, 3, count))
         self._level_asked, self._upright_asked = self._asked[:2], self._asked[2]
         self._wanted = np.ones(count)
         self._push = np.empty(count)
+        self._forward = np.empty((2, count))
 
     def advance(self) -> None:
         """Put the states a step on, by the midpoint rule."""
@@ -190,26 +190,30 @@ class Loops:
         if not self.finished:
             self._look_up(now.time)
         point, speed, push = self._law
-        ahead = np.add(now.place, now.speed, out=self._ahead)
         np.copyto(out.sums, now.summands)
-        # The speed missed: the law's and 1/s of the distance to its place, less ours.
-        np.add(point, speed, out=one)
-        np.multiply(self.aim, one, out=out.missed)
-        out.missed -= ahead
+        # The speed asked for is the law's, and a part of the distance to its place.
+        np.multiply(self._hold, point, out=three)
+        three += speed
+        np.multiply(self.aim, three, out=out.missed)
+        out.missed -= np.multiply(self._hold, now.place, out=three)
+        np.multiply(out.level_missed, self._own.forward, out=self._forward)
+        # What is missed of it.
+        out.missed -= now.speed
         out.missed -= now.missed
         if not self.finished:
-            self._wait(ahead, point, speed)
+            self._wait(now, point, speed)
         np.subtract(self._wanted, now.rate, out=out.rate)
         # Asked for are the law's acceleration and what the speed missed makes of it.
         np.multiply(self.aim, push, out=asked)
-        np.multiply(now.missed, _MISSED_GAINS, out=three)
+        np.multiply(now.missed, self._missed_gains, out=three)
         asked += three
         level = self._level_asked
-        level += now.total
+        level += np.multiply(now.total, self._own.total, out=three[:2])
         level += now.change
+        level += self._forward
         self._keep_upright(now, out)
         # Each of these follows another one, late.
-        np.multiply(out.level_missed, LEVEL_CHANGE / SMOOTHING, out=out.change)
+        np.multiply(out.level_missed, self._own.change / SMOOTHING, out=out.change)
         out.lean_asked[:] = level
         out.lean[:] = now.lean_asked
         out.late -= now.late
@@ -247,13 +251,15 @@ class Loops:
         self._slope *= share
         self._law += self._slope
 
-    def _wait(self, ahead: FloatArray, point: FloatArray, speed: FloatArray) -> None:
-        """Find the rate that the law's time follows, for places + speeds ``ahead``."""
-        three, wanted = self._three, self._wanted
-        np.multiply(self.aim, ahead, out=three)
+    def _wait(self, now: _Rows, point: FloatArray, speed: FloatArray) -> None:
+        """Find the rate that the law's time follows."""
+        three, wanted, hold = self._three, self._wanted, self._own.place
+        np.multiply(now.place, hold, out=three)
+        three += now.speed
+        three *= self.aim
         keeps = np.add(three[0], three[1], out=three[0])
         keeps += three[2]
-        keeps -= point
+        keeps -= np.multiply(point, hold, out=self._one)
         # Where the law stands, it does not wait.
         np.greater_equal(speed, STANDS, out=self._moves)
         wanted.fill(1.0)
@@ -267,16 +273,13 @@ class Loops:
         level = self._level_asked
         squares = np.multiply(level, level, out=self._three[:2])
         size = np.add(squares[0], squares[1], out=self._push)
-        if np.maximum.reduce(size) <= STEEPEST**2:
+        if np.maximum.reduce(size) <= self._steepest**2:
             return
-        over = np.flatnonzero(size > STEEPEST**2)
+        over = np.flatnonzero(size > self._steepest**2)
         helps = np.sum(now.level_missed[:, over] * level[:, over], axis=0) > 0.0
-        level[:, over] *= STEEPEST / np.sqrt(size[over])
+        level[:, over] *= self._steepest / np.sqrt(size[over])
         # Nothing is summed up towards where nothing more can be had.
         out.total[:, over[helps]] = 0.0
-
-
-_MISSED_GAINS = np.array([[LEVEL_GAIN], [LEVEL_GAIN], [UPRIGHT_GAIN]])
 
 
 def _table(profile: LegProfile, last: int) -> FloatArray:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import floor, pi, tan
-from typing import TYPE_CHECKING
+from math import floor, pi, radians, tan
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from showc.script.show import Show
 
 FIRMWARE = "ArduCopter 4.6"
@@ -15,12 +17,73 @@ FIRMWARE = "ArduCopter 4.6"
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
+AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
+"""Whose gains these are."""
+
 LAND_SLOW_HEIGHT = 4.0
 """Below this ArduCopter lands slowly [m]: its height may be wrong by as much, less the
 last metre. By default it would be 10 m, at half a metre a second."""
 
 LAND_SLOW_SPEED = 0.5
 """How slowly [m/s]."""
+
+
+GAINS: dict[str, float] = {
+    "ANGLE_MAX": 3000.0,
+    "PSC_JERK_Z": 5.0,
+    "PSC_POSXY_P": 1.0,
+    "PSC_POSZ_P": 1.0,
+    "PSC_VELXY_D": 0.25,
+    "PSC_VELXY_FF": 0.0,
+    "PSC_VELXY_I": 1.0,
+    "PSC_VELXY_P": 2.0,
+    "PSC_VELZ_P": 5.0,
+}
+"""Gains with which missions were flown, in ArduPilot's units: its own defaults.
+
+Those of the envelope follow more closely, and are wrong here: a leg's time stands still
+while the drone swings back over its end, and of 24 legs flown with them three ended 5
+to 10 s late, beyond their slots."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """How hard the autopilot corrects what its vehicle misses, in SI."""
+
+    place: float
+    """Level speed over the distance missed: PSC_POSXY_P [1/s]."""
+    speed: float
+    """Level acceleration over the speed missed: PSC_VELXY_P [1/s]."""
+    total: float
+    """The same over its sum: PSC_VELXY_I [1/s²]."""
+    change: float
+    """The same over its change: PSC_VELXY_D."""
+    forward: float
+    """Level acceleration over the speed asked for, against drag: PSC_VELXY_FF [1/s]."""
+    height: float
+    """Upright speed over the height missed: PSC_POSZ_P [1/s]."""
+    climb: float
+    """Upright acceleration over the speed missed: PSC_VELZ_P [1/s]."""
+    lean: float
+    """Steepest lean: ANGLE_MAX [rad]."""
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Self:
+        """Return the gains among ``values`` by name, in ArduPilot's units."""
+        return cls(
+            values["PSC_POSXY_P"],
+            values["PSC_VELXY_P"],
+            values["PSC_VELXY_I"],
+            values["PSC_VELXY_D"],
+            values["PSC_VELXY_FF"],
+            values["PSC_POSZ_P"],
+            values["PSC_VELZ_P"],
+            radians(values["ANGLE_MAX"] / 100.0),
+        )
+
+
+MEASURED = Gains.of(GAINS)
+"""The same in SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +114,8 @@ class Parameters:
     """ATC_ACCEL_R_MAX and ATC_ACCEL_P_MAX [deg/s²]."""
     descent_speed: float = 3.0
     """LAND_SPEED_HIGH [m/s]."""
+    gains: Gains = MEASURED
+    """How hard it corrects."""
 
     @property
     def snap(self) -> float:
@@ -98,6 +163,7 @@ def parameter_file(parameters: Parameters) -> bytes:
         "WPNAV_JERK": parameters.jerk,
         "WPNAV_ACCEL_C": 0.0,
         "PSC_JERK_XY": 20.0,
+        **GAINS,
         "ATC_INPUT_TC": parameters.input_time_constant,
         "ATC_ACCEL_R_MAX": 100.0 * parameters.angular_acceleration,
         "ATC_ACCEL_P_MAX": 100.0 * parameters.angular_acceleration,
@@ -111,6 +177,8 @@ def parameter_file(parameters: Parameters) -> bytes:
         f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
         "# Names, units and the law of a leg differ between versions: load this file",
         "# onto that firmware only, and before the missions.",
+        f"# Gains of PSC_ are those of {AIRFRAME}: carry over the",
+        "# rest, and tune yours until it follows as well.",
         *(f"{name},{values[name]:g}" for name in sorted(values)),
     ]
     return ("\n".join(lines) + "\n").encode("ascii")

@@ -107,6 +107,12 @@ ARMED = 2.33
 """A vehicle must have been armed for so long when its mission starts, else it lifts off
 later [s]: ``ARMING_DELAY_SEC`` is 2.0 s, and the throttle is raised after it."""
 
+ARMED_IN_TIME = (
+    f"arm every vehicle at least {ARMED:g} s before its mission starts, within 10 s: "
+    "else it lifts off late, or disarms"
+)
+"""What an operator must know of arming: it disarms after ``DISARM_DELAY``, 10 s."""
+
 LIFT_OFF = 0.90
 """Time from the start of a mission to lift-off, once armed for that long [s]: take-offs
 to 2.5 m took 3.49 to 3.50 s, of which 2.59 s in the air."""

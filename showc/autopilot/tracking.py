@@ -212,7 +212,7 @@ class _Flight:
         self.aim = np.vstack([stage.level[some] * direction, stage.climb[some]])
         self.goal = profile.length * self.aim
         self.half = 0.5 * profile.length
-        self.loops = Loops(profile, self.aim, parameters.acceleration / parameters.jerk)
+        self.loops = Loops(profile, self.aim, parameters)
         self.loops.state[:] = state
         self.loops.state[TIME] = 0.0
         self.step = 0

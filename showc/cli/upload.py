@@ -95,4 +95,6 @@ def command(
             state = "holds its mission" if vehicle.holds else vehicle.reason
             click.echo(f"drone {vehicle.drone}: {state}")
         click.echo(f"record: {record}")
+        if report.vehicles and report.complete and report.advice:
+            click.echo(f"next: {report.advice}")
     return 0 if report.complete else 1

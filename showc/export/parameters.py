@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from showc.vehicle.presets import ARDUCOPTER
+
 FIRMWARE = "Skybrush ArduCopter, branch CMCopter-4.6"
 """Firmware whose names and units these are."""
 
@@ -16,25 +18,7 @@ SHOW_MODE: dict[str, float] = {
     "SHOW_CTRL_MODE": 3,
     "SHOW_CTRL_RATE": 50,
     "SHOW_TAKEOFF_ALT": 2.5,
-    # The jerk that the position controller allows must be 15 m/s³ or more.
-    "PSC_JERK_XY": 50,
-    "PSC_JERK_Z": 50,
-    "WPNAV_ACCEL": 500,
-    "WPNAV_ACCEL_Z": 500,
-    "WPNAV_SPEED": 1500,
-    "WPNAV_SPEED_UP": 500,
-    "WPNAV_SPEED_DN": 500,
-    "ATC_ACCEL_P_MAX": 260_000,
-    "ATC_ACCEL_R_MAX": 260_000,
-    "ATC_INPUT_TC": 0.1,
-    "ANGLE_MAX": 4500,
-    # Gains: of this airframe only.
-    "PSC_POSXY_P": 1.5,
-    "PSC_VELXY_P": 4,
-    "PSC_VELXY_I": 2,
-    "PSC_VELXY_FF": 0.2,
-    "PSC_POSZ_P": 1.5,
-    "PSC_VELZ_P": 8,
+    **dict(ARDUCOPTER.parameters),
 }
 """Name and value in ArduPilot's units, measured to keep within 0.3 m in calm air."""
 

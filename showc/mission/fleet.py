@@ -10,7 +10,7 @@ import numpy as np
 
 from showc.autopilot.parameters import FIRMWARE, parameter_file, parameters_for
 from showc.autopilot.stage import StageBuilder
-from showc.autopilot.timing import ARMED
+from showc.autopilot.timing import ARMED_IN_TIME
 from showc.errors import ExportError
 from showc.geodesy import SiteFrame
 from showc.mission.clock import MissionClock
@@ -190,11 +190,8 @@ def _warnings(
             f"the missions take {prediction['duration']:.0f} s, the solved show "
             f"{flight.duration:.0f} s, which `showc stream` flies"
         ),
+        ARMED_IN_TIME,
     ]
-    found.append(
-        f"arm every vehicle at least {ARMED:g} s before its mission starts, within "
-        "10 s: else it lifts off late, or disarms"
-    )
     if timeline.legs:
         latest = clock.text(prediction["latest_mission_start"])
         again = "day" if clock.start else "hour"

@@ -36,7 +36,7 @@ _UNBOUNDED = ((-inf, -inf, -inf), (inf, inf, inf))
 # Eleven shows flown with these gains in ArduCopter 4.6.2's simulation, positions,
 # velocities and accelerations sent at 50 Hz: errors of at most 0.3 m level and 0.25 m
 # in height up to the values below, growing beyond them.
-_ARDUCOPTER = Envelope(
+ARDUCOPTER = Envelope(
     level_speed=8.0,
     acceleration=4.2,
     acceleration_up=3.0,
@@ -62,6 +62,7 @@ _ARDUCOPTER = Envelope(
         ("PSC_VELZ_P", 8.0),
     ),
 )
+"""What ArduCopter follows, and its parameters in its own units."""
 
 FORMATION = Preset(
     "625 g quadrotor of the literature on formation flight, with the limits printed "
@@ -90,7 +91,7 @@ FORMATION = Preset(
     # Motors 0.255 m apart across the frame, with propellers of 6 in, the greatest that
     # pass each other. A flat plate's coefficient of 1 and 0.03 m², within a third.
     Body(size=0.41, drag_area=(0.02, 0.04)),
-    _ARDUCOPTER,
+    ARDUCOPTER,
 )
 
 CRAZYFLIE = Preset(

@@ -164,6 +164,9 @@ def _take_card_row(found: _Rows, message: Any) -> None:  # noqa: ANN401 - pymavl
         if message.Name in {"SYSID_THISMAV", "MAV_SYSID"}:
             found.system = int(message.Value)
     elif message.Id in {ARMED, DISARMED}:
+        if not found.armed:
+            # Logs begin with the arming, often just after its event.
+            found.armed.append((-np.inf, message.Id == DISARMED))
         found.armed.append((time, message.Id == ARMED))
 
 

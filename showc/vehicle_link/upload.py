@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from showc.autopilot.timing import ARMED_IN_TIME
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, read_file, write_file
 from showc.progress import Silent
@@ -70,6 +71,8 @@ class UploadReport:
     """UTC at the end, ISO 8601."""
     vehicles: tuple[VehicleRecord, ...]
     """By drone."""
+    advice: str = ""
+    """What the operator must do next; empty: nothing that is known."""
 
     @property
     def complete(self) -> bool:
@@ -82,6 +85,7 @@ class UploadReport:
             "fleet": self.fleet,
             "time": self.time,
             "complete": self.complete,
+            "advice": self.advice,
             "vehicles": [asdict(vehicle) for vehicle in self.vehicles],
         }
 
@@ -166,6 +170,7 @@ def upload_missions(
         fleet.token,
         datetime.now(UTC).isoformat(timespec="seconds"),
         tuple(_record(mission, transfer) for mission, transfer in transfers.items()),
+        ARMED_IN_TIME if fleet.autopilot == "ardupilot" else "",
     )
     if audit is not None:
         _write(audit, {"uploads": [*former, report.to_json()]})

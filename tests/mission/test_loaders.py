@@ -21,7 +21,8 @@ def test_pymavlink_loads_the_parameters(tmp_path):
     path.write_bytes(missions.files["missions/ardupilot.parm"])
     loaded = mavparm.MAVParmDict()
     assert loaded.load(str(path))
-    assert len(loaded) == 17
+    assert len(loaded) == 26
+    assert loaded["PSC_VELXY_P"] == 2.0
     assert loaded["WPNAV_ACCEL"] == 350.0
     assert loaded["ATC_INPUT_TC"] == 0.15
 

@@ -38,3 +38,17 @@ def test_the_log_alone_is_made_and_proved(run_showc, tmp_path):
     (tmp_path / "pair" / "missions").mkdir()
     (tmp_path / "pair" / "missions" / "drone_0001.waypoints").write_text("QGC WPL 110")
     assert run_showc("verify", "pair.mcap", cwd=tmp_path).code == 1
+
+
+def test_the_log_is_written_whatever_becomes_of_the_missions(run_showc, tmp_path):
+    # Slots of minute and second come round within the hour that is held here.
+    (tmp_path / "hour.yaml").write_text(SCRIPT.replace("hold: 1}", "hold: 3600}"))
+    run = run_showc("compile", "hour.yaml", "-o", "hour.mcap", cwd=tmp_path)
+    assert run.code == 1
+    assert run.out.count("no missions were written") == 1
+    assert "--start" in run.out and "--no-missions" in run.out
+    assert (tmp_path / "hour.mcap").stat().st_size > 0
+    assert {path.name for path in (tmp_path / "hour").iterdir()} == {"manifest.json"}
+    # The same was to be had before the solve.
+    foreseen = run_showc("plan", "hour.yaml", cwd=tmp_path)
+    assert "missions: none" in foreseen.out and "--start" in foreseen.out

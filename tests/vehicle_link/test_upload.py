@@ -106,6 +106,8 @@ def test_every_vehicle_holds_its_own_mission(world, tmp_path, flight, autopilot,
     vehicles = [world.add(Vehicle(port, n, autopilot=kind)) for n in (1, 2, 3)]
     report = upload(world, folder, port, audit=audit)
     assert report.complete
+    # How late a vehicle lifts off that was armed too late is known of one of them.
+    assert ("2.33 s before its mission" in report.advice) == (autopilot == "ardupilot")
     assert [v.drone for v in report.vehicles] == [1, 2, 3]
     for vehicle, record in zip(vehicles, report.vehicles, strict=True):
         content = (folder / record.file).read_bytes()

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 FIRMWARE = "ArduCopter 4.6"
 """The firmware whose parameter names, units and leg law are known."""
 
+AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
+"""The airframe whose gains are known."""
+
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
@@ -67,6 +70,7 @@ def _parameters(show: Show) -> dict[str, str]:
     """
     limits = show.limits
     values = {
+        "ANGLE_MAX": 3000,
         "ATC_ACCEL_P_MAX": 110000,
         "ATC_ACCEL_R_MAX": 110000,
         "ATC_INPUT_TC": 0.15,
@@ -76,6 +80,14 @@ def _parameters(show: Show) -> dict[str, str]:
         "LAND_SPEED": 50,
         "LAND_SPEED_HIGH": _heeded(3.0, show.landing.descent_speed),
         "PSC_JERK_XY": 20,
+        "PSC_JERK_Z": 5,
+        "PSC_POSXY_P": 1,
+        "PSC_POSZ_P": 1,
+        "PSC_VELXY_D": 0.25,
+        "PSC_VELXY_FF": 0,
+        "PSC_VELXY_I": 1,
+        "PSC_VELXY_P": 2,
+        "PSC_VELZ_P": 5,
         "WPNAV_ACCEL": max(50, min(350, floor(100.0 * GRAVITY * tan(limits.tilt)))),
         "WPNAV_ACCEL_C": 0,
         "WPNAV_ACCEL_Z": 250,
@@ -99,6 +111,8 @@ def parameter_file(terms: Terms) -> bytes:
         f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
         "# Names, units and the law of a leg differ between versions: load this file",
         "# onto that firmware only, and before the missions.",
+        f"# Gains of PSC_ are those of {AIRFRAME}: carry over the",
+        "# rest, and tune yours until it follows as well.",
         *(f"{name},{terms.parameters[name]}" for name in sorted(terms.parameters)),
     ]
     return ("\n".join(lines) + "\n").encode("ascii")
