@@ -50,7 +50,7 @@ MAY_IMPORT = {
     "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
     | {"light", "log", "geodesy", "verify", "foreign"}
-    | {"safety"},
+    | {"vehicle", "safety"},
 }
 
 # What the rooms of verify may import besides its own reports. The room that reads the
