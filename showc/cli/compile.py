@@ -83,6 +83,13 @@ class UtcTime(click.ParamType[datetime]):
     metavar="tcp://HOST:PORT",
     help="Solve on the workers of this Dask scheduler instead.",
 )
+@click.option(
+    "--effort",
+    type=click.IntRange(1, 100),
+    default=1,
+    show_default=True,
+    help="Work to spend on shorter times where drones are crowded.",
+)
 @click.option("--no-cache", is_flag=True, help="Solve everything again.")
 @click.option(
     "--cache-dir",
@@ -106,6 +113,7 @@ def command(
     autopilot: Literal["ardupilot", "px4"] | None,
     jobs: int | None,
     cluster: str | None,
+    effort: int,
     no_cache: bool,
     cache_dir: Path | None,
     allow_outside: bool,
@@ -143,7 +151,11 @@ def command(
     if start is not None and start_minute is not None:
         raise UsageError("--start names the minute already; leave --start-minute out")
     solve = SolveOptions(
-        jobs=jobs, cluster=cluster, cache=cache_dir, use_cache=not no_cache
+        effort=effort,
+        jobs=jobs,
+        cluster=cluster,
+        cache=cache_dir,
+        use_cache=not no_cache,
     )
     options = CompileOptions(
         solve=solve,
@@ -210,35 +222,36 @@ def summary(compiled: Compiled) -> dict[str, Any]:
 def table(compiled: Compiled) -> str:
     """Lay the result out for people: a line a leg, and where everything lies."""
     manifest = compiled.manifest
-    rows = [("leg", "starts", "takes", "bound", "over", "closest pair")]
+    rows = [("leg", "starts", "takes", "minimum", "over", "bound", "closest pair")]
     for leg in manifest["segments"]:
         certificate = leg["certificate"]
-        bound = certificate["single_drone_minimum"]
+        least, bound = certificate["single_drone_minimum"], certificate["dual_bound"]
         closest = certificate["closest"]
         pair = (
             "{} and {}: {:.2f} m".format(*closest["drones"], closest["distance"])
             if closest
             else ""
         )
-        over = f"{100.0 * certificate['gap']:.1f} %" if bound > 0.0 else ""
+        over = f"{100.0 * certificate['gap']:.2f} %" if least > 0.0 else ""
         rows.append(
             (
                 leg["name"],
                 f"{leg['start']:.3f} s",
                 f"{leg['duration']:.3f} s",
-                f"{bound:.3f} s" if bound > 0.0 else "",
+                f"{least:.3f} s" if least > 0.0 else "",
                 over,
+                f"{bound:.3f} s" if bound > 0.0 else "",
                 pair,
             )
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    widths = [max(len(row[column]) for row in rows) for column in range(7)]
     lines = []
     for row in rows:
         cells = [row[0].ljust(widths[0])]
         cells += [
-            cell.rjust(width) for cell, width in zip(row[1:5], widths[1:5], strict=True)
+            cell.rjust(width) for cell, width in zip(row[1:6], widths[1:6], strict=True)
         ]
-        lines.append("  ".join([*cells, row[5]]).rstrip())
+        lines.append("  ".join([*cells, row[6]]).rstrip())
     minutes, seconds = divmod(manifest["duration"], 60.0)
     lines += [
         "",

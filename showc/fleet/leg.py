@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,12 @@ from showc.fleet.deconfliction.repair import Move, Repair
 from showc.fleet.deconfliction.stretched import StretchedFlights, fly_ways_slowly
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import reversed_order
+from showc.fleet.deconfliction.ways import Crossing
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.limiting import Limiting, limiting_time
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.shared_profile.synchronise import shared_profile
-from showc.fleet.single_drone.single import Aircraft, hover
+from showc.fleet.single_drone.single import Aircraft, hover, minimum_time
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import (
     Certificate,
@@ -32,6 +34,9 @@ from showc.plan.metric import measure
 from showc.script.fence import Fence
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.fleet.shared_profile.profile import Profile
@@ -44,13 +49,30 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
 _STILL = 1e-9
-_GROWTH, _STEP = 2.0, 0.02
-"""Growth of the time over the least one after a failure: a factor, and at least so
-much more, as a share of the least time."""
+_GROWTH = 4.0
+"""Growth of the time allowed over the least one after a failure."""
+_CROWD = 0.1
+"""Pairs left in conflict for each drone from which on a whole crowd is: then the time
+comes down from a slow flight that is known."""
+_FOLLOWED = 128
+"""Drones up to which flights that kept apart are followed at a quicker pace: that takes
+a solve for each of them."""
 _TRIES = 8
 """Common times tried at most, unless none of them has led to a flight."""
-_CLOSE = 0.008
-"""Share of the least time between a failed and a flown time that is near enough."""
+_CLOSE, _CLOSE_SHARE = 0.0015, 0.2
+"""Time between a failed and a flown one that is near enough: a share of the least time,
+and a share of what is flown beyond it."""
+_BOLD = 0.3
+"""Where a slow flight is the best so far, share of the time between a failed one and it
+that is tried: ways flown slowly take far longer than they need."""
+_SOLVES, _SOLVES_EACH = 500, 10
+"""Flights behind half-spaces that are solved at most while shorter times are looked
+for, and how many more for each drone."""
+_SLOWER = 4
+"""Drones at most that prove slower than those that were thought the slowest."""
+
+
+_NONE: Mapping[int, Trajectory] = MappingProxyType({})
 
 
 def whole_milliseconds(time: float) -> float:
@@ -135,6 +157,9 @@ class _Solver:
         self.fence = Fence.of(show.site)
         self.detours: dict[int, Detour] = {}
         self.shortest: dict[int, Trajectory] = {}
+        # What tries at other common times found, and the flights they solved.
+        self.ways: Ways | None = None
+        self.solves = 0
 
     def solve(self) -> LegFlight:
         """Go through the stages."""
@@ -284,7 +309,7 @@ class _Solver:
                 f"{limiting.distance:.2f} m in less under its limits",
             )
         repair = self._repair(time, shared)
-        if repair.run():
+        if repair.done:
             return self._finish(repair, limiting)
         trouble = repair.trouble
         least = self._shortest(self._limiting(solve=True), shared)
@@ -312,41 +337,86 @@ class _Solver:
         best: Repair | StretchedFlights | None = None
         slow: StretchedFlights | None = None
         least, longest = self._times(limiting)
-        lowest = failed = 0.9 * least if self.detours else limiting.time
-        gap = self.options.gap
+        failed, gap, slower, looked = 0.0, self.options.gap, 0, False
         while best is None:
             time = whole_milliseconds(least * (1.0 + gap))
             if slow is not None and time >= slow.duration:
                 best = slow
                 break
             repair = self._repair(time, shared)
-            if repair.run():
+            if repair.done:
                 best = repair
                 break
             self.progress.note(
                 f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
             )
-            if failed == lowest:
-                slow = self._slowly(shared)
-            failed, gap = time, max(_GROWTH * gap, gap + _STEP)
-            if gap > longest and slow is None:
-                raise SolveError(
-                    f"{self.where}: {repair.trouble}, even in {time:.3f} s "
-                    f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
-                    "slowest drone needs); move the formations apart or let the "
-                    "assignment be optimal"
-                )
-        for _ in range(self._tries_left()):
-            middle = whole_milliseconds(0.5 * (failed + best.duration))
-            small = (best.duration - failed) < _CLOSE * limiting.time
-            if small or middle >= best.duration or failed <= limiting.time:
+            late = repair.late
+            if late is not None and late not in self.shortest and slower < _SLOWER:
+                # It may need longer than those that the bounds called the slowest.
+                slower += 1
+                limiting = self._with(limiting, late)
+                least = max(least, limiting.time)
+                continue
+            crowd = repair.left > _CROWD * self.leg.drones.size
+            if slow is None and not looked and (crowd or failed > 0.0):
+                looked, slow = True, self._slowly(shared)
+            failed = time
+            if slow is not None and crowd:
+                best = slow
                 break
-            repair = self._repair(middle, shared)
-            if repair.run():
+            if gap >= longest and slow is None:
+                raise self._parted(time, limiting, repair.trouble)
+            gap = min(_GROWTH * gap, longest)
+        lowest = 0.9 * least if self.detours else limiting.time
+        best = self._narrowed(best, max(failed, lowest), limiting, shared)
+        return self._finish(best, limiting)
+
+    def _narrowed(
+        self,
+        best: Repair | StretchedFlights,
+        failed: float,
+        limiting: Limiting,
+        shared: Profile,
+    ) -> Repair | StretchedFlights:
+        """Halve what lies between a time that failed [s] and the best one flown."""
+        while self._may_try():
+            beyond = best.duration - limiting.time
+            near = max(_CLOSE * limiting.time, _CLOSE_SHARE * beyond)
+            share = 0.5 if isinstance(best, Repair) else _BOLD
+            middle = failed + share * (best.duration - failed)
+            middle = whole_milliseconds(middle)
+            if best.duration - failed < near or middle >= best.duration:
+                break
+            bent = best.bent if self.leg.drones.size <= _FOLLOWED else {}
+            repair = self._repair(middle, shared, bent)
+            if repair.done:
                 best = repair
             else:
                 failed = middle
-        return self._finish(best, limiting)
+        return best
+
+    def _parted(self, time: float, limiting: Limiting, trouble: str) -> SolveError:
+        """Say that the drones cannot be kept apart, even in a time [s]."""
+        return SolveError(
+            f"{self.where}: {trouble}, even in {time:.3f} s "
+            f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
+            "slowest drone needs); move the formations apart or let the "
+            "assignment be optimal"
+        )
+
+    def _with(self, limiting: Limiting, row: int) -> Limiting:
+        """Solve one more drone's least time; it may be the greatest."""
+        start, goal = self.leg.start[row], self.leg.goal[row]
+        task = self.aircraft, start, goal
+        (result,) = self.workers.run(minimum_time, [task], _unheard)
+        self.tried.add("minimum_time_solves")
+        if not result.solved or result.trajectory is None:
+            return limiting
+        self.shortest[row] = result.trajectory
+        if result.duration <= limiting.time:
+            return limiting
+        length = float(np.linalg.norm(goal - start))
+        return replace(limiting, time=result.duration, drone=row, distance=length)
 
     def _times(self, limiting: Limiting) -> tuple[float, float]:
         """Time to begin with [s], and the share of it that may be added at most.
@@ -369,18 +439,23 @@ class _Solver:
         if np.abs(moves - moves[0]).max() > _STILL:
             return None
         repair = self._repair(whole_milliseconds(limiting.time), shared)
-        return repair if repair.run() else None
+        return repair if repair.done else None
 
     def _slowly(self, shared: Profile) -> StretchedFlights | None:
         """Look for a flight that takes its time; it bounds the search from above."""
         found = fly_ways_slowly(
-            self.aircraft,
-            self.leg.start,
-            self.leg.goal,
-            self.leg.others_parked,
-            shared,
-            self.separation,
+            Crossing(
+                self.aircraft,
+                self.separation,
+                self.leg.start,
+                self.leg.goal,
+                self.leg.others_parked,
+                shared,
+                np.zeros(self.leg.drones.size, dtype=bool),
+            )
         )
+        if found is not None:
+            self.ways = found.ways
         if found is None or self.fence is None:
             return found
         for flight in found.trajectories:
@@ -390,12 +465,23 @@ class _Solver:
                 return None
         return found
 
-    def _tries_left(self) -> int:
-        """Shorter times to try once a flight is found, by what was spent on it."""
-        spent = self.tried.counts.get("common_times_tried", 0.0)
-        return max(0, _TRIES - int(spent))
+    def _may_try(self) -> bool:
+        """Whether a shorter time may be tried, by what was spent."""
+        tries = self.tried.counts["common_times_tried"]
+        return tries < self.options.effort * _TRIES and self._solves_left() > 0
 
-    def _repair(self, time: float, shared: Profile) -> Repair:
+    def _solves_left(self) -> int:
+        """Flights behind half-spaces that may still be solved for shorter times."""
+        allowed = self.options.effort * (_SOLVES + _SOLVES_EACH * self.leg.drones.size)
+        return allowed - self.solves
+
+    def _repair(
+        self,
+        time: float,
+        shared: Profile,
+        bent: Mapping[int, Trajectory] = _NONE,
+    ) -> Repair:
+        """Look for flights at a common time; ``done`` tells whether they are found."""
         self.tried.add("common_times_tried")
         move = Move(
             name=self.leg.name,
@@ -409,8 +495,16 @@ class _Solver:
             detours=self.detours,
             fence=self.fence,
             rounds=self.options.repair_rounds,
+            solves=max(self._solves_left(), _SOLVES),
+            ways=self.ways,
+            bent=bent,
         )
-        return Repair(move, time, self.shortest, self.workers, self.progress)
+        repair = Repair(move, time, self.shortest, self.workers, self.progress)
+        repair.run()
+        self.ways = repair.ways
+        solved = ("repair_solves", "solves_without_slack")
+        self.solves += int(sum(repair.counts.get(name, 0.0) for name in solved))
+        return repair
 
     def _finish(
         self, repair: Repair | StretchedFlights, limiting: Limiting
@@ -524,3 +618,7 @@ def pair_names(leg: Leg, first: int, second: int) -> str:
     if second < leg.drones.size:
         return f"{one} and drone {int(leg.drones[second]) + 1}"
     return f"{one} and a parked drone"
+
+
+def _unheard(steps: int) -> None:
+    """Say nothing of a single drone's progress."""

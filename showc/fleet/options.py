@@ -16,11 +16,14 @@ class SolveOptions:
     The results depend on the first block only, never on where the work is done.
     """
 
-    gap: float = 0.008
+    gap: float = 0.001
     """Time first allowed over the greatest single-drone minimum, as a fraction."""
     gap_limit: float = 0.5
     """Extra time, as a fraction, beyond which repair gives up for the shared
     straight-line profile."""
+    effort: int = 1
+    """Work to spend where drones are crowded, from 1: a multiple of what ends the
+    search for shorter times."""
     repair_rounds: int = 40
     """Rounds of half-spaces tried at one common time."""
 

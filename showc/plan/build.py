@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.plan.itinerary import LegKind
     from showc.progress import Progress
-    from showc.script.show import Mark, Show, Transition
+    from showc.script.show import Effect, Mark, Show, Transition
     from showc.vehicle import Limits
 
 
@@ -140,8 +140,28 @@ class _Builder:
         points = np.array(pads.points[: self.show.drones])
         points[:, 2] += height
         colours = np.zeros_like(points)
-        formation = Formation(name, _frozen(points), _frozen(colours), pads.mark)
-        self.added[name] = formation
+        return self._added(name, points, colours, pads.mark)
+
+    def _added(
+        self,
+        name: str,
+        points: FloatArray,
+        colours: FloatArray,
+        mark: Mark,
+        effect: Effect | None = None,
+    ) -> Formation:
+        """Add a formation that the script does not name, under a name of its own.
+
+        A group may be sent to one formation again while the others have moved on: each
+        time all drones together stand elsewhere.
+        """
+        taken = self.show.formations.keys() | self.added.keys()
+        number, free = 1, name
+        while free in taken:
+            number += 1
+            free = f"{name} ({number})"
+        formation = Formation(free, _frozen(points), _frozen(colours), mark, effect)
+        self.added[free] = formation
         return formation
 
     def _whole_fleet(self, transition: Transition) -> tuple[Formation, Assignment]:
@@ -168,10 +188,8 @@ class _Builder:
             reasons.append(given.reason)
         name = " + ".join(f"{t.group} in {t.to}" for t in transitions)
         effects = [t.effect or self.show.formations[t.to].effect for t in transitions]
-        joined = Formation(
-            name, _frozen(points), _frozen(colours), transitions[0].mark, effects[0]
-        )
-        self.added[name] = joined
+        mark = transitions[0].mark
+        joined = self._added(name, points, colours, mark, effects[0])
         return joined, Assignment(self.fleet, np.inf, "; ".join(dict.fromkeys(reasons)))
 
     def _give(

@@ -1,28 +1,36 @@
 """Ways round each other: crowds that straight lines would run into each other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.fleet.deconfliction.ways import bump_over, find_ways
+from showc.fleet.deconfliction.ways import Crossing, bump_over, find_ways
 from showc.fleet.shared_profile.profile import Profile
+from showc.fleet.single_drone.single import Aircraft
 from showc.plan.metric import measure
 from showc.vehicle import PRESETS, Separation
 
-LIMITS = PRESETS["formation-625g"].limits
+PRESET = PRESETS["formation-625g"]
+AIRCRAFT = Aircraft(PRESET.vehicle, PRESET.limits, "held", 0.0)
 PROFILE = Profile(6.0, 3.0, 0.6)
 
 
-def ways_of(start, goal, separation=None, parked=None):
+def ways_of(start, goal, separation=None, parked=None, known=None):
+    pressed = np.zeros(start.shape[0], dtype=bool)
     return find_ways(
-        start,
-        goal,
-        parked,
-        PROFILE,
-        separation or Separation(1.0),
-        LIMITS,
-        np.zeros(start.shape[0], dtype=bool),
+        Crossing(
+            AIRCRAFT,
+            separation or Separation(1.0),
+            start,
+            goal,
+            parked,
+            PROFILE,
+            pressed,
+        ),
+        known,
     )
 
 
@@ -81,6 +89,47 @@ def test_parked_drones_are_flown_around():
 def test_where_all_axes_count_there_is_no_way_round():
     start = np.array([[-5.0, 0.0, 20.0], [5.0, 2.0, 22.0]])
     assert ways_of(start, start[::-1], Separation(1.0, "all-axes")) is None
+
+
+def test_a_drone_that_hovers_in_the_way_moves_aside_where_others_cannot():
+    low, top = (-8.0, -0.55, 19.9), (8.0, 0.55, 20.1)
+    tube = replace(AIRCRAFT.limits, position_min=low, position_max=top)
+    start = np.array([[-6.0, 0.0, 20.0], [0.0, 0.0, 20.0]])
+    goal = np.array([[6.0, 0.0, 20.0], [0.0, 0.0, 20.0]])
+    pressed = np.zeros(2, dtype=bool)
+    aircraft = replace(AIRCRAFT, limits=tube)
+    ways = find_ways(
+        Crossing(aircraft, Separation(1.0), start, goal, None, PROFILE, pressed)
+    )
+    assert ways.broken == 0
+    assert np.all(np.any(ways.aside != 0.0, axis=1))
+    nearest, places = least(start, goal, ways, Separation(1.0))
+    assert nearest >= 1.0
+    assert np.array_equal(places[1, -1], goal[1])
+
+
+@pytest.mark.parametrize("angle", [100.0, 180.0])
+def test_a_cube_as_dense_as_may_be_turns_about_an_odd_axis(angle):
+    steps = np.array(np.meshgrid(*[np.arange(3) - 1.0] * 3)).reshape(3, -1).T
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    a = np.radians(angle)
+    turned = (
+        np.cos(a) * steps
+        + np.sin(a) * np.cross(axis, steps)
+        + (1.0 - np.cos(a)) * np.outer(steps @ axis, axis)
+    )
+    middle = np.array([0.0, 0.0, 20.0])
+    start, goal = 1.1 * steps + middle, 1.1 * turned + middle
+    ways = ways_of(start, goal)
+    assert ways.broken == 0
+    assert least(start, goal, ways, Separation(1.0))[0] >= 1.0
+
+
+def test_known_ways_are_kept_as_they_are():
+    start = np.array([[-5.0, 0.0, 20.0], [5.0, 0.0, 20.0]])
+    ways = ways_of(start, start[::-1])
+    again = ways_of(start, start[::-1], known=ways)
+    assert np.array_equal(again.aside, ways.aside)
 
 
 @settings(max_examples=25, deadline=None)

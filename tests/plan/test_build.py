@@ -176,3 +176,29 @@ def test_two_groups_never_park_on_one_spot(show):
     )
     leg = next(leg for leg in itinerary.legs if leg.kind == "transition")
     assert len({tuple(p) for p in leg.goal}) == 4
+
+
+def test_a_group_sent_to_one_formation_twice_leaves_two_formations(show):
+    far = replace(show, formations={
+        **show.formations, "far": place("far", grid(2, 20.0, 30.0)),
+    })  # fmt: skip
+    itinerary = build_itinerary(
+        replace(
+            far,
+            transitions=(
+                transition("left", group="a"),
+                transition("far", group="a"),
+                transition("pair", group="b"),
+                transition("left", group="a"),
+            ),
+        )
+    )
+    formations = itinerary.show.formations
+    flown = [leg for leg in itinerary.legs if leg.kind == "transition"]
+    assert [leg.to_formation for leg in flown] == [
+        "a in left",
+        "a in far + b in pair",
+        "a in left (2)",
+    ]
+    for leg in flown:
+        assert np.array_equal(formations[leg.to_formation].points, leg.goal)

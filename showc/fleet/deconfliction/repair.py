@@ -8,7 +8,7 @@ moving half-spaces, and only drones of such pairs are solved again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
-from showc.fleet.deconfliction.ways import find_ways
+from showc.fleet.deconfliction.ways import Crossing, find_ways
 from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.walls import PairWalls
+    from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.execution.pool import Workers
     from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.single import Aircraft
@@ -59,6 +60,10 @@ _INTERVAL = 0.15
 _PATIENCE = 6
 _STILL = 1e-9
 _FEW = 32
+"""Kinds of moves below which it is building programs that takes the time."""
+_FEW_LEFT, _FALLING = 8, 0.1
+"""Conflicts up to which every one fewer counts; of more, a tenth has to go in half as
+many rounds. Up to so many, single drones move around all others in the end."""
 _CLEARANCE = 0.04
 _STRAY = 0.02
 """How much farther from the fence walls go each time that they were not enough [m]."""
@@ -97,6 +102,12 @@ class Move:
     fence: Fence | None
     rounds: int
     """Rounds of half-spaces at most."""
+    solves: int
+    """Flights behind half-spaces that may be solved at most, all rounds together."""
+    ways: Ways | None = None
+    """Ways round each other that were found for another common time."""
+    bent: Mapping[int, Trajectory] = field(default_factory=dict)
+    """Flights, by row, that left their lines in another common time and kept apart."""
 
 
 class Repair:
@@ -126,7 +137,12 @@ class Repair:
         self.workers, self.progress, self.name = workers, progress, move.name
         self.names = move.names
         self.trouble = ""
-        self.pair: tuple[int, int] | None = None
+        self.done = False
+        # Fewest conflicts that any round has left.
+        self.left = 0
+        # Of a drone that finds no flight, however far the others are.
+        self.late: int | None = None
+        self.ways = move.ways
         self.counts: dict[str, float] = {}
         self.intervals = int(np.clip(np.ceil(duration / _INTERVAL), 16, 72))
         self.flown: list[Trajectory] = []
@@ -149,6 +165,17 @@ class Repair:
         return tuple(self.flown)
 
     @property
+    def bent(self) -> dict[int, Trajectory]:
+        """Flights that leave their lines, by row."""
+        return {
+            row: flight
+            for row, (flight, kind) in enumerate(
+                zip(self.flown, self.kind, strict=True)
+            )
+            if kind != STRAIGHT
+        }
+
+    @property
     def method(self) -> str:
         """What was done, in words."""
         parts = [
@@ -169,7 +196,8 @@ class Repair:
 
     def run(self) -> bool:
         """Find flights that keep apart; False leaves ``trouble`` saying why not."""
-        return self._base() and self._go_round() and self._apart()
+        self.done = self._base() and self._go_round() and self._apart()
+        return self.done
 
     def _base(self) -> bool:
         """Each drone on its own."""
@@ -257,6 +285,7 @@ class Repair:
                 continue
             if trajectory is None:
                 length = float(np.linalg.norm(self.goal[row] - self.start[row]))
+                self.late = row
                 self.trouble = (
                     f"drone {self.names[row] + 1} finds no flight of its "
                     f"{length:.2f} m in {self.duration:.3f} s: {message}"
@@ -275,17 +304,24 @@ class Repair:
         self.progress.note(
             f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
         )
+        if self.move.bent:
+            return self._follow_bent()
         ways = find_ways(
-            self.start,
-            self.goal,
-            self.parked,
-            self.profile,
-            self.separation,
-            self.aircraft.limits,
-            np.array([kind == OPTIMAL for kind in self.kind]),
+            Crossing(
+                self.aircraft,
+                self.separation,
+                self.start,
+                self.goal,
+                self.parked,
+                self.profile,
+                np.array([kind == OPTIMAL for kind in self.kind]),
+            ),
+            self.move.ways,
+            quickly=True,
         )
         if ways is None:
             return True
+        self.ways = ways
         rows = np.nonzero(np.any(ways.aside != 0.0, axis=1))[0]
         breaks, positions = ways.positions(self.start, self.goal, self.profile)
         flights = fly(
@@ -297,20 +333,35 @@ class Repair:
             self._ways[row] = PiecewisePolynomial(breaks, positions[row])
             if good[index]:
                 self.flown[row], self.kind[row] = flights.trajectory(index), ROUND
+        # One that makes way for others is no obstacle any more.
+        self._hovers[rows] = False
         self._count("ways_round", len(rows))
         return self._near(rows[~good].tolist(), bending=True)
+
+    def _follow_bent(self) -> bool:
+        """Stay near ways that kept apart at another pace."""
+        rows = sorted(self.move.bent)
+        for row in rows:
+            place = self.move.bent[row].state.select(slice(0, 3))
+            pace = self.duration / place.end
+            breaks = place.breaks * pace
+            breaks[-1] = self.duration
+            self._ways[row] = PiecewisePolynomial(breaks, place.coefficients)
+        self._hovers[rows] = False
+        self._count("ways_followed", len(rows))
+        return self._near(rows, bending=True)
 
     def _apart(self) -> bool:
         """Lay half-spaces, round after round, until no pair comes too near."""
         active: dict[tuple[int, int], int] = {}
-        fewest, stalled = np.inf, 0
+        fewest, stalled = len(self.flown) ** 2, 0
         for number in range(self.move.rounds + 1):
             found, astray = self._conflicts(), self._astray()
             count = len(found) + len(astray)
             if not count:
                 return True
             self._say(found, astray)
-            if number == self.move.rounds:
+            if number == self.move.rounds or self._spent():
                 return self._settle()
             self.progress.note(
                 f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
@@ -318,9 +369,11 @@ class Repair:
             pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
             for pair in pairs:
                 active[pair] = active.get(pair, 0) + 1
-            stalled = stalled + 1 if count >= fewest else 0
-            fewest = min(fewest, count)
-            if stalled > _PATIENCE:
+            many = count > _FEW_LEFT
+            wanted = (1.0 - _FALLING) * fewest if many else fewest - 1
+            stalled = stalled + 1 if count > wanted else 0
+            fewest = self.left = min(fewest, count)
+            if stalled > (_PATIENCE // 2 if many else _PATIENCE):
                 return self._settle()
             self._count("repair_rounds", 1)
             for row in astray:
@@ -340,9 +393,9 @@ class Repair:
             )
             return
         worst = int(np.argmin(found.distance))
-        self.pair = int(found.first[worst]), int(found.second[worst])
+        pair = int(found.first[worst]), int(found.second[worst])
         self.trouble = (
-            f"{self._names(*self.pair)} come within {found.distance[worst]:.3f} m "
+            f"{self._names(*pair)} come within {found.distance[worst]:.3f} m "
             f"at {found.time[worst]:.2f} s, the separation is "
             f"{self.separation.distance:.3f} m ({len(found)} pairs in all)"
         )
@@ -383,6 +436,10 @@ class Repair:
         flight = self.move.detours[row].halting(self.aircraft, self.duration)
         return None if flight is None else (STRAIGHT, flight, "")
 
+    def _spent(self) -> bool:
+        """Whether as much was solved as may be."""
+        return self.counts.get("repair_solves", 0.0) >= self.move.solves
+
     def _settle(self) -> bool:
         """Move one drone at a time, around all that are near it, while that helps.
 
@@ -394,7 +451,7 @@ class Repair:
             if not len(found):
                 return not self._astray()
             changed = False
-            if len(found) > _FEW:
+            if len(found) > _FEW_LEFT or self._spent():
                 return False
             for number in np.argsort(found.distance, kind="stable").tolist():
                 pair = int(found.first[number]), int(found.second[number])

@@ -7,28 +7,27 @@ from above, and the search for a shorter one can end at any time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.deconfliction.ways import find_ways
+from showc.fleet.deconfliction.ways import Crossing, find_ways
 from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
     from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.shared_profile.flat import FlatFlights
-    from showc.fleet.shared_profile.profile import Profile
-    from showc.fleet.single_drone.single import Aircraft
     from showc.flight import Trajectory
-    from showc.vehicle import Separation
-
 
 _SLOWEST = 8.0
 """Time over that of the straight lines beyond which no pace is looked for."""
+
+_WIDER = 0.01
+"""Share of the separation by which samples keep farther apart where less was not
+enough."""
 
 _HALVINGS = 8
 """Halvings of the pace: the time is found to a part in 256 of what is searched."""
@@ -42,45 +41,63 @@ class StretchedFlights:
     """[s]."""
     trajectories: tuple[Trajectory, ...]
     """One a drone."""
+    ways: Ways
+    """What they follow."""
     method: str = "ways round each other, flown slowly enough"
     """How it was found, in words."""
     counts: dict[str, float] = field(default_factory=dict)
     """What it took, for the certificate."""
 
+    @property
+    def bent(self) -> dict[int, Trajectory]:
+        """Flights that leave their lines, by row."""
+        rows = np.nonzero(np.any(self.ways.aside != 0.0, axis=1))[0]
+        return {row: self.trajectories[row] for row in rows.tolist()}
 
-def fly_ways_slowly(  # noqa: PLR0917 - geometry of one leg
-    aircraft: Aircraft,
-    start: FloatArray,
-    goal: FloatArray,
-    parked: FloatArray | None,
-    profile: Profile,
-    separation: Separation,
-) -> StretchedFlights | None:
+
+def fly_ways_slowly(crossing: Crossing) -> StretchedFlights | None:
     """Fly ways round each other at the fastest pace that all drones can keep.
 
     Parameters
     ----------
-    start, goal
-        Shape (n, 3), show frame [m].
-    parked
-        Positions of drones that stand still, shape (m, 3) [m].
-    profile
-        The fastest one on which all drones can fly straight.
+    crossing
+        On the fastest profile on which all drones can fly straight.
 
     Returns
     -------
     StretchedFlights or None
         None if no ways were found, or they keep apart at samples only.
     """
-    unhurried = np.zeros(start.shape[0], dtype=bool)
-    ways = find_ways(
-        start, goal, parked, profile, separation, aircraft.limits, unhurried
-    )
+    ways = find_ways(crossing)
     if ways is None or ways.broken:
         return None
+    found = _slowly(crossing, ways)
+    near = _near(crossing, found)
+    if near and found is not None:
+        # What came too near between samples keeps farther apart at them.
+        wider = replace(crossing, margin=_WIDER)
+        ways = find_ways(wider, ways)
+        found = None if ways is None else _slowly(crossing, ways)
+        near = _near(crossing, found)
+    return None if near else found
+
+
+def _near(crossing: Crossing, found: StretchedFlights | None) -> int:
+    """Count pairs that come too near at any instant."""
+    if found is None:
+        return 0
+    separation = crossing.separation
+    tracks = tracks_of(found.trajectories, crossing.parked)
+    return len(conflicts(tracks, separation, separation.distance))
+
+
+def _slowly(crossing: Crossing, ways: Ways) -> StretchedFlights | None:
+    """Fly ways at the fastest pace that keeps all limits."""
+    aircraft, profile = crossing.aircraft, crossing.profile
 
     def flown(pace: float) -> FlatFlights:
-        return _at(aircraft, start, goal, profile.stretched(pace), ways)
+        slower = replace(crossing, profile=profile.stretched(pace))
+        return _at(slower, ways)
 
     def kept(pace: float) -> bool:
         flights = flown(pace)
@@ -100,17 +117,11 @@ def fly_ways_slowly(  # noqa: PLR0917 - geometry of one leg
     flights = flown(duration)
     if not joined(flights).all():
         return None
-    found = tuple(flights.trajectory(row) for row in range(start.shape[0]))
-    near = conflicts(tracks_of(found, parked), separation, separation.distance)
-    return None if len(near) else StretchedFlights(float(duration), found)
+    found = tuple(flights.trajectory(row) for row in range(crossing.start.shape[0]))
+    return StretchedFlights(float(duration), found, ways)
 
 
-def _at(
-    aircraft: Aircraft,
-    start: FloatArray,
-    goal: FloatArray,
-    profile: Profile,
-    ways: Ways,
-) -> FlatFlights:
-    breaks, positions = ways.positions(start, goal, profile)
+def _at(crossing: Crossing, ways: Ways) -> FlatFlights:
+    breaks, positions = ways.positions(crossing.start, crossing.goal, crossing.profile)
+    aircraft = crossing.aircraft
     return fly(aircraft.vehicle, aircraft.heading, breaks, positions)

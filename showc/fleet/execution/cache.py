@@ -107,7 +107,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.goal,
         leg.duration,
         leg.others_parked,
-        [options.gap, options.gap_limit, options.repair_rounds],
+        [options.gap, options.gap_limit, options.effort, options.repair_rounds],
     )
 
 

@@ -170,8 +170,14 @@ class _Walk:
             self.demands.legs.append("legs follow the landing")
 
     def _raised(self, name: str, height: float) -> str:
+        name = self._unused(name)
         self.formations[name] = self.pads + np.array([0.0, 0.0, height])
         return name
+
+    def _unused(self, name: str) -> str:
+        """Name of a formation that the script does not define; a number tells twins."""
+        names = [name, *(f"{name} ({n + 2})" for n in range(len(self.formations)))]
+        return next(one for one in names if one not in self.formations)
 
     def _approach(self, over: str) -> None:
         """To above the pads, unless every drone is there already."""
@@ -206,7 +212,9 @@ class _Walk:
             places = self._whole(segment, first, formation)
             self.colours = _shown(first, formation, places)
         else:
-            joined = " + ".join(f"{one.group} in {one.to}" for one in transitions)
+            joined = self._unused(
+                " + ".join(f"{one.group} in {one.to}" for one in transitions)
+            )
             segment = self._leg("transition", name, joined, None, duration)
             self._groups(segment, transitions)
             self.formations[joined] = segment.goals
