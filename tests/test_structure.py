@@ -37,7 +37,7 @@ MAY_IMPORT = {
     # Which rows a mission may have is known to the verification; nothing else of it.
     "vehicle_link": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "light", "log", "mission", "view"}
-    | {"geodesy", "autopilot"}
+    | {"geodesy", "autopilot", "safety"}
     | {"verify.missions.language"},
     # Where drones may fall is judged without the planner, and without the verifier.
     "safety": FOUNDATION | {"vehicle", "script", "log"},

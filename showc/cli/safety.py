@@ -91,6 +91,10 @@ def command(
             f"{one.name}: at least {one.left:.1f} m left, {one.wanted:.1f} m wanted "
             f"(drone {one.place.drone + 1}, {one.place.time:.1f} s)"
         )
+    click.echo(
+        f"the fleet's clock comes to rest within {case.stops.longest:.2f} s from every "
+        f"second, within {case.stops.sure:.2f} s from any instant"
+    )
     for item in case.findings:
         where = item.place
         said = (

@@ -24,6 +24,7 @@ from showc.safety.ground import (
     within,
 )
 from showc.safety.pieces import flight_pieces
+from showc.safety.stop import Stops, authority_within, stops
 from showc.safety.volumes import Buffers, Flying, buffers
 from showc.script import read_show
 
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
     from showc.safety.pieces import Pieces
     from showc.script.show import Risk, Show
+
+
+STOP_STEP = 1.0
+"""Time between the moments from which stops are worked out [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +110,8 @@ class SafetyCase:
     """What is left to what stands around."""
     impact_speed: float
     """Greatest speed of an impact [m/s]."""
+    stops: Stops
+    """How long the fleet takes to stand still, by the moment of the stop."""
     findings: tuple[Finding, ...]
 
     @property
@@ -164,6 +171,11 @@ class SafetyCase:
             "ballistic": round(self.buffers.ballistic, 3),
             "impact_speed": round(self.impact_speed, 2),
             "impact_energy": round(self.impact_energy, 1),
+            "stops": {
+                "times": self.stops.times.tolist(),
+                "durations": np.round(self.stops.durations, 3).tolist(),
+                "from_any_instant": round(self.stops.sure, 3),
+            },
             "volumes": [
                 {
                     "name": volume.name,
@@ -233,14 +245,19 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         If a trajectory of the log makes no polynomials.
     """
     show = show or show_of(logged)
-    return _Assessment(show, flight_pieces(logged)).case()
+    velocity = [
+        logged.trajectory(drone).state.select([3, 4, 5])
+        for drone in range(logged.drones)
+    ]
+    stopping = stops(velocity, authority_within(show), STOP_STEP)
+    return _Assessment(show, flight_pieces(logged), stopping).case()
 
 
 class _Assessment:
     """Works out one case."""
 
-    def __init__(self, show: Show, pieces: Pieces) -> None:
-        self.show, self.pieces = show, pieces
+    def __init__(self, show: Show, pieces: Pieces, stopping: Stops) -> None:
+        self.show, self.pieces, self.stopping = show, pieces, stopping
         self.risk: Risk = show.site.risk
         boxes = boxes_of(pieces, self.risk.ground)
         fall = Fall(
@@ -282,6 +299,7 @@ class _Assessment:
             hull(self.pieces, self.impacts),
             tuple(self.distances),
             self.impact_speed,
+            self.stopping,
             tuple(sorted(self.findings, key=lambda item: item.severity)),
         )
 

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from showc.progress import Silent
+from showc.safety.stop import Authority
 from showc.vehicle_link.clock import History, Rounds, ShowClock
 from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address
 from showc.vehicle_link.pilot import Phase, Pilot
-from showc.vehicle_link.setpoints import Authority, authority_of
+from showc.vehicle_link.setpoints import authority_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,6 +11,7 @@ import numpy as np
 from showc.autopilot.parameters import GRAVITY
 from showc.errors import UsageError
 from showc.geodesy import SiteFrame
+from showc.safety.stop import Authority, Motion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
 
 GRID = 0.02
 """Step of the times at which the plan's greatest values are looked for [s]."""
-
-NEGLIGIBLE = 1e-3
-"""Speeds below this bound no change of the clock's rate [m/s]: of at most 1 a second,
-which adds a thousandth of a m/s²."""
 
 AUTOPILOT_JERK = 15.0
 """Jerk limit that ArduCopter needs to follow solved flights [m/s³]: with its default of
@@ -54,43 +51,6 @@ class Instant:
             rate * self.velocity,
             rate**2 * self.acceleration + rate_change * self.velocity,
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Authority:
-    """Accelerations that vehicles follow [m/s²]."""
-
-    level: float
-    """Greatest, sideways."""
-    up: float
-    """Greatest, upwards."""
-    down: float
-    """Greatest, downwards."""
-
-    def room(self, velocity: FloatArray, acceleration: FloatArray) -> float:
-        """Return the greatest x >= 0 for which acceleration + x velocity fits.
-
-        Parameters
-        ----------
-        velocity
-            Of each drone, shape (n, 3) [m/s].
-        acceleration
-            Likewise [m/s²]; where it is beyond the authority there is no room.
-        """
-        flat, push = velocity[:, :2], acceleration[:, :2]
-        square = np.sum(flat * flat, axis=1)
-        along = np.sum(flat * push, axis=1)
-        over = np.sum(push * push, axis=1) - self.level**2
-        root = np.sqrt(np.maximum(along**2 - square * over, 0.0))
-        rise, lift = velocity[:, 2], acceleration[:, 2]
-        end = np.where(rise > 0.0, self.up - lift, -self.down - lift)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            level, upright = (root - along) / square, end / rise
-        # Beyond the authority already, and moving further out: no room.
-        level = np.where((over > 0.0) & (along >= 0.0), 0.0, level)
-        level = np.where(square > NEGLIGIBLE**2, level, np.inf)
-        upright = np.where(np.abs(rise) > NEGLIGIBLE, upright, np.inf)
-        return max(0.0, float(min(level.min(), upright.min())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +87,11 @@ class StreamPlan:
             np.array([path(time) for path in self.velocity]),
             np.array([path(time) for path in self.acceleration]),
         )
+
+    @cached_property
+    def motion(self) -> Motion:
+        """How the drones move, as pieces."""
+        return Motion.of(self.velocity)
 
     @cached_property
     def _samples(self) -> tuple[FloatArray, FloatArray]:

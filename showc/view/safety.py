@@ -8,6 +8,7 @@ import numpy as np
 
 from showc.safety.ground import area
 from showc.view.document import clock, document, row, small, table, text
+from showc.view.plot import Curve, line_plot
 from showc.view.sitemap import (
     Frame,
     north_arrow,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.safety.case import Distance, Finding, SafetyCase
+    from showc.safety.stop import Stops
 
 
 COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
@@ -51,6 +53,7 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
+        f"{_stops(case.stops)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -118,6 +121,23 @@ def _distances(distances: tuple[Distance, ...]) -> str:
         )
     heads = ["From … to …", "Left, at least [m]", "Wanted [m]", "Decided by"]
     return "<h3>Distances</h3>" + table(heads, rows, words=words)
+
+
+def _stops(stops: Stops) -> str:
+    """Return how long the fleet takes to stand still."""
+    kept = stops.authority
+    plot = line_plot(
+        "Time until the fleet stands still [s]",
+        stops.times,
+        [Curve("by the second of the show at which the stop begins", stops.durations)],
+    )
+    return (
+        "<h3>Stop</h3><p>One clock drives all drones. Brought to rest it keeps every "
+        f"distance, and accelerations of {kept.level:.1f} m/s² sideways, {kept.up:.1f} "
+        f"up and {kept.down:.1f} down. From every second below the fleet stands within "
+        f"{stops.longest:.2f} s, from any instant within {stops.sure:.2f} s (proved). "
+        f"<code>showc stream</code> stops so.</p>{plot}"
+    )
 
 
 def _volumes(case: SafetyCase) -> str:

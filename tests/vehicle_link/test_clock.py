@@ -12,12 +12,13 @@ from mission.flights import swap_flight
 
 from showc.log.reader import read_log
 from showc.log.writer import write_log
+from showc.safety.stop import Authority
 from showc.vehicle_link.clock import History, ShowClock
-from showc.vehicle_link.setpoints import Authority, stream_plan
+from showc.vehicle_link.setpoints import stream_plan
 
 PERIOD = 0.05
-EDGE = 0.05
-"""What a period's end may lie outside: the plan moves on during a period [m/s²]."""
+EDGE = 1e-3
+"""What the plan itself may do beyond the greatest values on its grid [m/s²]."""
 
 
 @cache
@@ -81,7 +82,7 @@ def test_with_room_a_fleet_rests_within_two_seconds(since):
     assert spent < 2.0
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(since=st.floats(3.0, 20.0))
 def test_a_fleet_flies_back_to_where_it_joined(since):
     plan = swap_plan()

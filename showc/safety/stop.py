@@ -1,0 +1,280 @@
+"""Bringing the one clock of a fleet to rest, proved for every instant of the way.
+
+All drones are where the plan has them at one show time s, whatever its rate r = ds/dt:
+every distance that holds along the plan holds. With the plan's velocity v and
+acceleration a at s a drone flies r v and r² a + r' v. Over a period in which r' is
+constant these are polynomials in s times numbers between the squares of two rates, so
+their Bernstein coefficients keep what the accelerations keep, for both squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.trajectory import restrict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from showc.arrays import FloatArray
+    from showc.script.show import Show
+    from showc.trajectory import PiecewisePolynomial
+
+RATE_CHANGE = 1.0
+"""Fastest change of the shared clock's rate [1/s]: to rest in a second and a half."""
+
+RATE_JERK = 2.0
+"""Fastest change of that change [1/s²]: a quarter of a second of the ramp each way."""
+
+JERK = 10.0
+"""Jerk that a change of rate may add [m/s³]: two thirds of the 15 m/s³ that autopilots
+need to follow solved flights."""
+
+
+NEGLIGIBLE = 1e-3
+"""Speeds below this bound no change of the clock's rate [m/s]: of at most 1 a second,
+which adds a thousandth of a m/s²."""
+
+PERIOD = 0.05
+"""Time between two setpoints of a stop [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Authority:
+    """Accelerations that vehicles follow [m/s²]."""
+
+    level: float
+    """Greatest, sideways."""
+    up: float
+    """Greatest, upwards."""
+    down: float
+    """Greatest, downwards."""
+
+    def room(self, velocity: FloatArray, acceleration: FloatArray) -> float:
+        """Return the greatest x >= 0 for which acceleration + x velocity fits.
+
+        Parameters
+        ----------
+        velocity
+            Of each drone, shape (n, 3) [m/s].
+        acceleration
+            Likewise [m/s²]; where it is beyond the authority there is no room.
+        """
+        flat, push = velocity[:, :2], acceleration[:, :2]
+        square = np.sum(flat * flat, axis=1)
+        along = np.sum(flat * push, axis=1)
+        over = np.sum(push * push, axis=1) - self.level**2
+        root = np.sqrt(np.maximum(along**2 - square * over, 0.0))
+        rise, lift = velocity[:, 2], acceleration[:, 2]
+        end = np.where(rise > 0.0, self.up - lift, -self.down - lift)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            level, upright = (root - along) / square, end / rise
+        # Beyond the authority already, and moving further out: no room.
+        level = np.where((over > 0.0) & (along >= 0.0), 0.0, level)
+        level = np.where(square > NEGLIGIBLE**2, level, np.inf)
+        upright = np.where(np.abs(rise) > NEGLIGIBLE, upright, np.inf)
+        return max(0.0, float(min(level.min(), upright.min())))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Velocities and accelerations of a fleet over show time, in pieces."""
+
+    start: FloatArray
+    """Of each piece, shape (n,) [s]."""
+    end: FloatArray
+    """Of each piece, shape (n,) [s]."""
+    velocity: FloatArray
+    """Bernstein coefficients, shape (n, degree + 1, 3) [m/s]."""
+    acceleration: FloatArray
+    """Bernstein coefficients, shape (n, degree + 1, 3) [m/s²]."""
+
+    @classmethod
+    def of(cls, velocity: Sequence[PiecewisePolynomial]) -> Motion:
+        """Take the motion from the velocities of all drones."""
+        degree = max(speed.degree for speed in velocity)
+        return cls(
+            np.concatenate([speed.breaks[:-1] for speed in velocity]),
+            np.concatenate([speed.breaks[1:] for speed in velocity]),
+            np.concatenate([speed.elevated(degree).coefficients for speed in velocity]),
+            np.concatenate(
+                [speed.derivative().elevated(degree).coefficients for speed in velocity]
+            ),
+        )
+
+    def over(self, first: float, last: float) -> tuple[FloatArray, FloatArray]:
+        """Enclose the motion between two show times in the hulls of rows, (n, 3).
+
+        Row i of the velocities [m/s] and of the accelerations [m/s²] belong together:
+        a polynomial made of both has the same mixture of the rows as coefficients.
+        """
+        met = (self.end >= first) & (self.start <= last)
+        start, end = self.start[met], self.end[met]
+        low = np.clip((first - start) / (end - start), 0.0, 1.0)[:, None, None]
+        high = np.clip((last - start) / (end - start), 0.0, 1.0)[:, None, None]
+        return (
+            restrict(self.velocity[met], low, high).reshape(-1, 3),
+            restrict(self.acceleration[met], low, high).reshape(-1, 3),
+        )
+
+
+class SharedClock:
+    """The show time of a whole fleet, which can be brought to rest and turned back.
+
+    The rate changes as fast as the vehicles' authority leaves room for r' v with every
+    drone, at every instant of a period. At r' = 0 and r <= 1 the plan's own
+    acceleration is never exceeded, so the clock always comes to rest: at the latest
+    where the plan does.
+
+    Parameters
+    ----------
+    motion
+        What the fleet flies.
+    authority
+        What the vehicles follow.
+    start
+        Show time at which the clock stands first [s].
+    greatest_speed
+        Of any drone [m/s].
+    """
+
+    def __init__(
+        self, motion: Motion, authority: Authority, start: float, greatest_speed: float
+    ) -> None:
+        self.time = start
+        self.rate = 0.0
+        self.rate_change = 0.0
+        self._motion, self._authority = motion, authority
+        self._goal = 0.0
+        self._jerk = min(RATE_JERK, JERK / max(greatest_speed, NEGLIGIBLE))
+
+    @property
+    def resting(self) -> bool:
+        """Whether the show stands still and is to stand still."""
+        return self.rate == 0.0 and self._goal == 0.0
+
+    def run(self) -> None:
+        """Let the show begin: from rest, so that the rate may jump."""
+        self.rate = self._goal = 1.0
+
+    def stop(self) -> None:
+        """Bring the show to rest."""
+        self._goal = 0.0
+
+    def turn_back(self, rate: float) -> None:
+        """Fly the plan backwards at ``rate`` > 0."""
+        self._goal = -rate
+
+    def advance(self, span: float) -> None:
+        """Let ``span`` [s] pass, no longer than a period of setpoints."""
+        before = self.rate
+        self.rate_change = 0.0 if before == self._goal else self._change(span)
+        self.rate += self.rate_change * span
+        if (before - self._goal) * (self.rate - self._goal) <= 0.0:
+            self.rate = self._goal
+        self.time += 0.5 * (before + self.rate) * span
+
+    def hold_at(self, time: float) -> None:
+        """Stand still at the show time ``time`` [s], where the plan is at rest."""
+        self.time, self.rate, self.rate_change, self._goal = time, 0.0, 0.0, 0.0
+
+    def _change(self, span: float) -> float:
+        """Return the change of rate for the next ``span`` [s], [1/s]."""
+        left = self._goal - self.rate
+        sign = float(np.sign(left))
+        # So that the change has died away when the rate is reached.
+        wanted = min(RATE_CHANGE, float(np.sqrt(2.0 * self._jerk * abs(left))))
+        wanted = min(wanted, abs(left) / span)
+        present = max(sign * self.rate_change, 0.0)
+        wanted = min(wanted, present + self._jerk * span)
+        rates = [self.rate, self.rate + sign * wanted * span]
+        if rates[0] * rates[1] < 0.0:
+            rates.append(0.0)
+        # Both the show times and the squared rates of the period lie between these,
+        # even where less change is left in the end.
+        ways = [0.0, *(rate * span for rate in rates)]
+        velocity, acceleration = self._motion.over(
+            self.time + min(ways), self.time + max(ways)
+        )
+        for rate in rates:
+            room = self._authority.room(sign * velocity, rate**2 * acceleration)
+            wanted = min(wanted, room)
+        return sign * wanted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stops:
+    """How long the clock takes to rest, by the show time at which the stop begins."""
+
+    times: FloatArray
+    """Show times, shape (n,) [s]."""
+    durations: FloatArray
+    """Time until the fleet stands, shape (n,) [s]."""
+    rests: FloatArray
+    """Show time at which it stands, shape (n,) [s]."""
+    authority: Authority
+    """Accelerations that are kept."""
+
+    @property
+    def longest(self) -> float:
+        """Longest time from a moment of the table until the fleet stands [s]."""
+        return float(self.durations.max())
+
+    @property
+    def sure(self) -> float:
+        """Longest time from any instant at all [s].
+
+        A stop between two moments of the table may wait for the later one.
+        """
+        step = np.diff(self.times, prepend=self.times[0])
+        return float((self.durations + step).max())
+
+
+def authority_within(show: Show) -> Authority:
+    """Return the accelerations that a show's limits allow in every direction at once.
+
+    Where the script limits no acceleration, half the weight is kept for falling; what
+    the tilt makes of the other half is left sideways, and what the greatest thrust then
+    leaves, upwards.
+    """
+    limits, gravity = show.limits, show.vehicle.gravity
+    down = limits.acceleration_down or 0.5 * gravity
+    level = limits.acceleration or (gravity - down) * float(np.tan(limits.tilt))
+    most = min(limits.thrust_max, show.vehicle.thrust_max) / show.vehicle.mass
+    up = (
+        limits.acceleration_up or float(np.sqrt(max(most**2 - level**2, 0.0))) - gravity
+    )
+    return Authority(level, max(up, 0.0), down)
+
+
+def stops(
+    velocity: Sequence[PiecewisePolynomial], authority: Authority, step: float
+) -> Stops:
+    """Stop a fleet's clock from every ``step`` [s] of a show, proved each time.
+
+    Parameters
+    ----------
+    velocity
+        Of each drone, over the whole show, 3 components [m/s].
+    authority
+        What the vehicles follow.
+    step
+        Time between the moments at which stops begin [s].
+    """
+    motion = Motion.of(velocity)
+    fastest = float(np.linalg.norm(motion.velocity, axis=2).max())
+    end = velocity[0].end
+    times = np.arange(velocity[0].start, end, step)
+    durations, rests = np.zeros((2, times.size))
+    for number, time in enumerate(times.tolist()):
+        clock = SharedClock(motion, authority, time, fastest)
+        clock.run()
+        clock.stop()
+        while not clock.resting and clock.time < end:
+            clock.advance(PERIOD)
+            durations[number] += PERIOD
+        rests[number] = min(clock.time, end)
+    return Stops(times, durations, rests, authority)
