@@ -103,7 +103,12 @@ class UtcTime(click.ParamType[datetime]):
     help="Make the log alone, to be flown by showc stream.",
 )
 @click.option("--strict", is_flag=True, help="Do not compile a script with warnings.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the result as JSON, and progress as a line of JSON each.",
+)
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
 def command(
     script: str,
@@ -172,7 +177,7 @@ def command(
             report(result, as_json=False)
 
     try:
-        with progress(quiet=quiet or as_json) as watcher:
+        with progress(quiet=quiet, as_json=as_json) as watcher:
             compiled = compile_script(script, log, options, watcher, accepted=warn)
     except RejectedScriptError as rejected:
         report(rejected.result, as_json=as_json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
@@ -74,6 +75,42 @@ class PlainProgress:
         return f"{self._done} of {self._total}, about {max(left, 0.0):.0f} s left"
 
 
+class JsonProgress:
+    """One JSON object a line on standard error, for programs that wait."""
+
+    def __init__(self, interval: float = 1.0) -> None:
+        self._interval = interval
+        self._title, self._done = "", 0
+        self._total: int | None = None
+        self._spoken = self._begun = time.monotonic()
+
+    def stage(self, title: str, total: int | None = None) -> None:
+        """Say the title, and of how many steps it is."""
+        self._title, self._total, self._done = title, total, 0
+        self._say()
+
+    def advance(self, steps: int = 1) -> None:
+        """Say how far the stage is, at most every second."""
+        self._done += steps
+        if time.monotonic() - self._spoken >= self._interval:
+            self._say()
+
+    def note(self, text: str) -> None:
+        """Say it."""
+        self._say(note=text)
+
+    def _say(self, **more: str) -> None:
+        self._spoken = time.monotonic()
+        line = {
+            "elapsed": round(self._spoken - self._begun, 1),
+            "stage": self._title,
+            "done": self._done,
+            "total": self._total,
+            **more,
+        }
+        click.echo(json.dumps(line, ensure_ascii=False), err=True)
+
+
 class BarProgress:
     """One bar on a terminal: that of the present stage."""
 
@@ -103,16 +140,19 @@ class BarProgress:
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Progress]:
+def progress(*, quiet: bool, as_json: bool = False) -> Iterator[Progress]:
     """Give long work something to report to.
 
-    Bars on a terminal, plain lines elsewhere, silence if ``quiet``; always on standard
-    error, so that standard output is the result alone.
+    Bars on a terminal, plain lines elsewhere, a JSON object a line if ``as_json``,
+    silence if ``quiet``; always on standard error, so that standard output is the
+    result alone.
     """
     from showc.progress import Silent
 
     if quiet:
         yield Silent()
+    elif as_json:
+        yield JsonProgress()
     elif colour_wanted(sys.stderr) and sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import (

@@ -9,13 +9,13 @@ import numpy as np
 
 from showc.errors import SolveError
 from showc.fleet.execution.cache import Cache, leg_key
+from showc.fleet.execution.journal import Journal, journals
 from showc.fleet.execution.pool import InProcess, workers
 from showc.fleet.execution.remembering import Remembering
 from showc.fleet.leg import place, solve_leg
 from showc.fleet.proof import flaw
 from showc.fleet.timetable import timetable
 from showc.flight import Flight, LegFlight
-from showc.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -194,24 +194,12 @@ class _Task:
         return flight
 
 
-class _Notes(Silent):
-    """Keeps what was said worth a line, for a watcher elsewhere."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def note(self, text: str) -> None:
-        """Keep it."""
-        self.lines.append(text)
-
-
-def _alone(task: _Task) -> tuple[LegFlight | SolveError, list[str]]:
+def _alone(task: _Task, journal: Path | None) -> LegFlight | SolveError:
     """Solve a leg in this process; what it refuses is a result like any other."""
-    notes = _Notes()
     try:
-        return task.solve(InProcess(), notes), notes.lines
+        return task.solve(InProcess(), Journal(journal))
     except SolveError as error:
-        return error, notes.lines
+        return error
 
 
 def _side_by_side(
@@ -225,20 +213,26 @@ def _side_by_side(
         That of the first leg that has no solution; the others are kept nevertheless.
     """
     found: dict[str, LegFlight] = {}
-
-    def keep(number: int, outcome: tuple[LegFlight | SolveError, list[str]]) -> None:
-        (flight, notes), task = outcome, tasks[number]
-        for line in notes:
-            progress.note(line)
-        if isinstance(flight, LegFlight):
-            _proved(flight, task.show)
-            progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
-            found[task.key] = flight
-            cache.keep(task.key, flight)
-
     progress.stage(f"solve {len(tasks)} legs side by side", len(tasks))
-    outcomes = crew.run(_alone, [(task,) for task in tasks], progress.advance, keep)
-    for flight, _ in outcomes:
+    with journals([task.leg.name for task in tasks], progress) as kept:
+
+        def keep(number: int, flight: LegFlight | SolveError) -> None:
+            task = tasks[number]
+            kept.close(number)
+            if isinstance(flight, LegFlight):
+                _proved(flight, task.show)
+                progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
+                found[task.key] = flight
+                cache.keep(task.key, flight)
+
+        # Another machine does not see the files of this one.
+        here = tasks[0].options.cluster is None
+        given = [
+            (task, path if here else None)
+            for task, path in zip(tasks, kept.paths, strict=True)
+        ]
+        outcomes = crew.run(_alone, given, progress.advance, keep)
+    for flight in outcomes:
         if isinstance(flight, SolveError):
             raise flight
     return found

@@ -388,6 +388,11 @@ class _Solver:
             if best.duration - failed < near or middle >= best.duration:
                 break
             bent = best.bent if self.leg.drones.size <= _FOLLOWED else {}
+            self.progress.note(
+                f"{self.leg.name}: found {best.duration:.3f} s, "
+                f"{100.0 * (best.duration / limiting.time - 1.0):.1f} % over the "
+                f"least; trying {middle:.3f} s"
+            )
             repair = self._repair(middle, shared, bent)
             if repair.done:
                 best = repair

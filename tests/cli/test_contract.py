@@ -109,6 +109,8 @@ def test_results_go_to_stdout_and_progress_to_stderr(run_showc, compiled, tmp_pa
     run = run_showc("compile", GRID, "-o", tmp_path / "grid.mcap", "--json")
     assert run.code == 0
     assert json.loads(run.out)["manifest"]["drones"] == 6
+    lines = [json.loads(line) for line in run.err.splitlines()]
+    assert lines and all({"elapsed", "stage", "done", "total"} <= set(x) for x in lines)
     plain = run_showc("compile", GRID, "-o", tmp_path / "grid.mcap")
     assert "next: showc verify" in plain.out
     assert "log" in plain.err and "log\n" not in plain.out.splitlines()[0]
