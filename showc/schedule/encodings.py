@@ -3,15 +3,17 @@
 The straight line in the shortest common time comes first. Where the predicted flights
 come too near, the encoding changes: drones leave one after the other, fly in other
 times, along the solved flight's bend, in layers of height, or above the others. The
-quickest that is proved is taken.
+quickest that is proved is taken. What counts is the time until the next leg may begin:
+every stop has delays and slack. Candidates are worked out no sooner than their turn may
+come: what they take at least is known before their flights are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING
+from itertools import count
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -25,15 +27,27 @@ from showc.schedule.separation import TOLERANCE, Closest, closest_encounter
 from showc.schedule.surroundings import Surroundings, leaves, stage_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from showc.arrays import FloatArray
     from showc.autopilot.stage import Lines, Stage, StageBuilder
     from showc.flight import LegFlight
     from showc.plan.itinerary import Leg
     from showc.schedule.headways import Gaps
 
-    Choice = tuple[float, str, "list[Stage] | Callable[[], Iterable[Choice]]"]
+STRETCHES = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
+"""Factors on the times of legs that take longer than they must."""
+
+BRISK = (0.8, 0.6, 0.4)
+"""Factors on the common time in which legs that are short enough are flown."""
+
+CLOSE = 0.15
+"""So near the least time that there is, no other times are looked for [s]."""
+
+MARGINS = (MARGIN, 0.05, 0.1, 0.2, 0.3, 0.4)
+"""How much farther than their gaps releases are apart, if less is not proved [s]."""
+
+WIDER = (0.0, 0.05, 0.1, 0.15, 0.25, 0.5)
+"""How much more room drones get then if the separation goes by axes [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +76,9 @@ def choose_encoding(
     """
     best: Closest | None = None
     outside: int | None = None
-    for name, stages in candidates(leg, flight, builder, around):
+    for worked in candidates(leg, flight, builder, around):
         closest, positions = [], around.positions
-        for stage in stages:
+        for stage in worked.stages:
             out = stage.drones[leaves(stage, around.site)]
             if out.size:
                 outside = outside or int(out[0]) + 1
@@ -82,7 +96,7 @@ def choose_encoding(
             positions = positions.copy()
             positions[stage.drones] = stage.end
         else:
-            return Encoding(name, tuple(stages), tuple(closest))
+            return Encoding(worked.name, worked.stages, tuple(closest))
     raise _refusal(leg, best, around.separation.distance, outside)
 
 
@@ -110,236 +124,304 @@ def _refusal(
     )
 
 
-STRETCHES = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.2, 4.0, 5.0, 6.5, 8.0)
-"""Factors on the times of legs that take longer than they must."""
-
-BRISK = (0.8, 0.6, 0.4)
-"""Factors on the common time in which legs that are short enough are flown."""
-
-CLOSE = 0.15
-"""So near the least time that there is, no other times are looked for [s]."""
-
-MARGINS = (MARGIN, 0.05, 0.1, 0.2, 0.3, 0.4)
-"""How much farther than their gaps releases are apart, if less is not proved [s]."""
-
-WIDER = (0.0, 0.05, 0.1, 0.15, 0.25, 0.5)
-"""How much more room drones get then if the separation goes by axes [m]."""
-
-
 def candidates(
     leg: Leg, flight: LegFlight | None, builder: StageBuilder, around: Surroundings
-) -> Iterator[tuple[str, list[Stage]]]:
+) -> Iterator[Worked]:
     """All encodings: the straight one, then the quickest first."""
-    straight = builder.lines(
+    lines = builder.lines(
         leg.drones, around.positions[leg.drones], leg.goal, leg.limits
     )
     solved = 0.0 if flight is None else flight.duration
-    first = straight.lasting(max(solved, straight.together))
-    yield "straight", [first]
+    first = lines.lasting(max(solved, lines.together))
+    search = _Search(leg, flight, builder, around, lines, first)
+    yield Worked(search.cost([first]), "straight", (first,))
     if first.drones.size == 0:
         return
-    choices = _Choices(leg, flight, builder, around)
-    waiting: list[tuple[float, int, Choice]] = []
-    made = 0
-    for choice in choices.straight(straight, first):
-        heappush(waiting, (choice[0], made := made + 1, choice))
+    waiting: list[tuple[float, int, Worked | Promise]] = []
+    number = count()
+    for promise in search.promises():
+        heappush(waiting, (promise.cost, next(number), promise))
     while waiting:
-        _, _, (_, name, found) = heappop(waiting)
-        if isinstance(found, list):
-            yield name, found
+        _, _, found = heappop(waiting)
+        if isinstance(found, Worked):
+            yield found
             continue
-        for choice in found():
-            heappush(waiting, (choice[0], made := made + 1, choice))
+        for choice in found.kept(search):
+            heappush(waiting, (choice.cost, next(number), choice))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Choices:
-    """Encodings of one leg with what they cost: time until the next may begin.
+class Worked:
+    """Stages in which a leg can be flown."""
 
-    What is not worked out yet stands as a function, with the least that it may cost.
-    """
+    cost: float
+    """Time from the first release until the next leg may begin, about [s]."""
+    name: str
+    """What was done, in words."""
+    stages: tuple[Stage, ...]
+    """In order."""
+
+
+class Promise(Protocol):
+    """Encodings that are worked out no sooner than their turn may come."""
+
+    @property
+    def cost(self) -> float:
+        """The least that any of them may cost [s]."""
+
+    def kept(self, search: _Search) -> Iterable[Worked | Promise]:
+        """Work them out, or put them off further."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """One leg, and how its encodings are judged."""
 
     leg: Leg
     flight: LegFlight | None
     builder: StageBuilder
     around: Surroundings
+    lines: Lines
+    """The straight lines of all drones that move."""
+    first: Stage
+    """These flown in the shortest common time."""
 
-    def straight(self, lines: Lines, first: Stage) -> Iterator[Choice]:
-        """Straight lines, some drones later or in other times; and all other ways."""
-        least, stop = self._cost([first]), self._cost([])
-
-        def others() -> Iterator[Choice]:
-            gaps = self._gaps(first)
-            if gaps.hopeless():
-                return
-            found = list(self._with_waits("straight", [first], [gaps], 0))
-            yield from found
-            if not found or found[0][0] > least + CLOSE:
-                yield least, "straight, own times", partial(brisk, 0)
-            promise = self._longer("straight", [lines], least, 0, stagger=True)
-            yield promise[0], "straight", partial(self._if_apart, [first], promise)
-
-        def brisk(number: int) -> Iterator[Choice]:
-            times = np.maximum(lines.shortest, BRISK[number] * first.duration)
-            stage = lines.lasting(times)
-            name = "straight, own times"
-            found = list(self._with_waits(name, [stage], [self._gaps(stage)], 0))
-            yield from found
-            enough = found and found[0][0] <= least + CLOSE
-            if number + 1 < len(BRISK) and not enough:
-                yield least, name, partial(brisk, number + 1)
-
-        yield least, "straight", others
+    def promises(self) -> Iterator[Promise]:
+        """Promise all encodings but the straight lines themselves."""
+        least = self.cost([self.first])
+        yield _Straight(least)
         for stops in (1, 2):
-            yield least + stops * stop, "bends", partial(self._bends, stops)
-        yield least + 2.0 * stop, "layers", lambda: self._layers(first)
-        yield least + 2.0 * stop, "hops", lambda: self._hops(first)
-
-    def _cost(self, stages: list[Stage]) -> float:
-        """Time [s] from the first release until the next leg may begin, about.
-
-        Of no stages, that of a further stop.
-        """
-        pause = CLOCK_LAG + self.around.pause
-        if not stages:
-            return pause
-        late = self.around.timing.late
-        return sum(stage.finish(late(stage.profile.speed)) + pause for stage in stages)
-
-    def _apart(self, stage: Stage, positions: FloatArray) -> bool:
-        """Whether the stage's drones keep apart if all delays are as expected."""
-        required = self.around.required
-        found = closest_encounter(
-            stage_motion(stage, positions, EXACT),
-            self.around.separation,
-            enough=required,
-            plenty=required + TOLERANCE,
-        )
-        return found is None or found.distance >= required
+            yield _Bent(least + stops * self.stop, stops)
+        yield _Layered(least + 2.0 * self.stop)
+        yield _Above(least + 2.0 * self.stop)
 
     @property
-    def _by_axes(self) -> bool:
+    def stop(self) -> float:
+        """What a further stop costs at least [s]."""
+        return CLOCK_LAG + self.around.pause
+
+    def cost(self, stages: Sequence[Stage]) -> float:
+        """Time from the first release until the next leg may begin, about [s]."""
+        late = self.around.timing.late
+        return sum(
+            stage.finish(late(stage.profile.speed)) + self.stop for stage in stages
+        )
+
+    def apart(self, stages: Sequence[Stage]) -> bool:
+        """Whether the drones keep apart if all delays are as expected."""
+        required, positions = self.around.required, self.around.positions
+        for stage in stages:
+            found = closest_encounter(
+                stage_motion(stage, positions, EXACT),
+                self.around.separation,
+                enough=required,
+                plenty=required + TOLERANCE,
+            )
+            if found is not None and found.distance < required:
+                return False
+            positions = positions.copy()
+            positions[stage.drones] = stage.end
+        return True
+
+    @property
+    def by_axes(self) -> bool:
+        """Whether drones are kept apart as boxes."""
         return self.around.separation.shape in {"any-axis", "all-axes"}
 
-    def _gaps(self, stage: Stage, retry: int = 0) -> Gaps:
+    def gaps(self, stage: Stage, retry: int = 0) -> Gaps:
+        """By how much the stage's drones must leave one after the other."""
         # The proof of the whole stage falls short of the pairs' by its tolerance.
         apart = self.around.required + TOLERANCE
-        if self._by_axes:
+        if self.by_axes:
             # And that of boxes, around where drones may be, short of both.
             apart += WIDER[retry]
         return release_gaps(stage, self.around.separation, self.around.timing, apart)
 
-    def _staggered(
-        self, name: str, make: Callable[[], list[Stage]], least: float
-    ) -> Choice:
-        """Promise stages with waits."""
 
-        def work_out() -> Iterator[Choice]:
-            stages = make()
-            gaps = [self._gaps(stage) for stage in stages]
-            return self._with_waits(name, stages, gaps, 0)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Straight:
+    """Straight lines: some drones later, in times of their own, or all slower."""
 
-        return least, name, work_out
+    cost: float
 
-    def _with_waits(
-        self, name: str, stages: list[Stage], gaps: list[Gaps], retry: int
-    ) -> Iterator[Choice]:
-        waits = [
-            staggered(gap, stage.followed, MARGINS[retry])
-            if gap.drones
-            else np.zeros(0)
-            for stage, gap in zip(stages, gaps, strict=True)
-        ]
-        later = [
-            stage.waiting(wait)
-            for stage, wait in zip(stages, waits, strict=True)
-            if wait is not None
-        ]
-        if len(later) < len(stages):
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        gaps = search.gaps(search.first)
+        if gaps.hopeless():
             return
-        cost = self._cost(later)
-        longest = max(float(stage.wait.max(initial=0.0)) for stage in later)
-        full = f"{name}, staggered by up to {longest:g} s" if longest else name
-        yield cost, full, later
-        if retry + 1 < len(MARGINS):
-            yield cost, name, partial(self._again, name, stages, retry + 1)
+        later = _Staggered(self.cost, "straight", (search.first,))
+        found = list(later.given(search, [gaps]))
+        yield from found
+        if not found or found[0].cost > self.cost + CLOSE:
+            yield _OwnTimes(self.cost, 0)
+        slower = _Slower("straight", (search.lines,), self.cost, 0, staggered=True)
+        yield _IfApart((search.first,), slower)
 
-    def _again(self, name: str, stages: list[Stage], retry: int) -> Iterator[Choice]:
-        gaps = [self._gaps(stage, retry) for stage in stages]
-        return self._with_waits(name, stages, gaps, retry)
 
-    def _bends(self, stops: int) -> Iterator[Choice]:
-        if self.flight is None:
-            return
-        ways = bends(self.leg, self.flight, self.builder, self.around, stops)
-        legs = [lines for _, way in ways for lines in way]
-        quick = iter(flown(legs, [lines.together for lines in legs]))
-        for name, way in ways:
-            yield from self._several(name, way, [next(quick) for _ in way])
+@dataclass(frozen=True, slots=True, eq=False)
+class _OwnTimes:
+    """Straight lines, short ones flown in less than the common time, staggered."""
 
-    def _layers(self, straight: Stage) -> Iterator[Choice]:
-        for name, ways in layers(self.leg, self.builder, self.around, straight):
-            quick = flown(ways, [lines.together for lines in ways])
-            yield from self._several(name, ways, quick)
+    cost: float
+    number: int
+    """Of the factor on the common time."""
 
-    def _hops(self, straight: Stage) -> Iterator[Choice]:
-        for retry in range(len(WIDER) if self._by_axes else 1):
-            gaps = self._gaps(straight, retry)
-            if staggered(gaps, straight.followed) is not None:
-                continue
-            for name, ways in hops(self.leg, self.builder, self.around, straight, gaps):
-                make = partial(flown, ways, [lines.together for lines in ways])
-                yield self._staggered(name, make, self._cost(make()))
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        common = BRISK[self.number] * search.first.duration
+        stage = search.lines.lasting(np.maximum(search.lines.shortest, common))
+        later = _Staggered(self.cost, "straight, own times", (stage,))
+        found = list(later.kept(search))
+        yield from found
+        enough = found and found[0].cost <= self.cost + CLOSE
+        if self.number + 1 < len(BRISK) and not enough:
+            yield _OwnTimes(self.cost, self.number + 1)
 
-    def _several(
-        self, name: str, ways: list[Lines], quick: list[Stage]
-    ) -> Iterator[Choice]:
-        """Ways of several legs: in their shortest times, staggered, in longer ones.
 
-        ``quick`` is how they are flown in their shortest times.
-        """
-        cost = self._cost(quick)
-        yield cost, name, quick
-        yield self._staggered(name, lambda: quick, cost)
-        promise = self._longer(name, ways, cost, 0)
-        yield promise[0], name, partial(self._if_apart, quick, promise)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Staggered:
+    """Stages whose drones leave one after the other."""
 
-    def _if_apart(self, quick: list[Stage], longer: Choice) -> Iterator[Choice]:
-        """Go on to longer times only if they can help.
+    cost: float
+    name: str
+    stages: tuple[Stage, ...]
+    retry: int = 0
+    """How often less room between them was not enough."""
 
-        Time scales a flight nearly without changing its shape: it helps little where
-        drones meet even without any delay.
-        """
-        positions = self.around.positions
-        for stage in quick:
-            if not self._apart(stage, positions):
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        return self.given(
+            search, [search.gaps(stage, self.retry) for stage in self.stages]
+        )
+
+    def given(self, search: _Search, gaps: list[Gaps]) -> Iterator[Worked | Promise]:
+        """Give the drones their releases; none where an order cannot be found."""
+        later = []
+        for stage, gap in zip(self.stages, gaps, strict=True):
+            wait = (
+                staggered(gap, stage.followed, MARGINS[self.retry])
+                if gap.drones
+                else np.zeros(0)
+            )
+            if wait is None:
                 return
-            positions = positions.copy()
-            positions[stage.drones] = stage.end
-        yield longer
+            later.append(stage.waiting(wait))
+        cost = search.cost(later)
+        longest = max(float(stage.wait.max(initial=0.0)) for stage in later)
+        name = f"{self.name}, staggered by up to {longest:g} s"
+        yield Worked(cost, name if longest else self.name, tuple(later))
+        if self.retry + 1 < len(MARGINS):
+            yield _Staggered(cost, self.name, self.stages, self.retry + 1)
 
-    def _longer(
-        self,
-        name: str,
-        ways: list[Lines],
-        cost: float,
-        number: int,
-        *,
-        stagger: bool = False,
-    ) -> Choice:
-        """Promise the ways in longer times than those that ``cost`` [s] is for."""
-        stretch = STRETCHES[number]
-        named = f"{name}, time x {stretch:g}"
-        least = cost + (stretch - 1.0) * sum(lines.together for lines in ways)
 
-        make = partial(flown, ways, [stretch * lines.together for lines in ways])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Slower:
+    """Ways in longer times, one factor after the other."""
 
-        def work_out() -> Iterator[Choice]:
-            if stagger:
-                yield self._staggered(named, make, least)
-            else:
-                yield least, named, make()
-            if number + 1 < len(STRETCHES):
-                yield self._longer(name, ways, cost, number + 1, stagger=stagger)
+    name: str
+    ways: tuple[Lines, ...]
+    quickest: float
+    """Cost of the ways in their shortest times [s]."""
+    number: int
+    """Of the factor on the times."""
+    staggered: bool = False
 
-        return least, named, work_out
+    @property
+    def cost(self) -> float:
+        times = sum(lines.together for lines in self.ways)
+        return self.quickest + (STRETCHES[self.number] - 1.0) * times
+
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        del search
+        stretch = STRETCHES[self.number]
+        times = [stretch * lines.together for lines in self.ways]
+        stages = tuple(flown(self.ways, times))
+        kind = _Staggered if self.staggered else Worked
+        yield kind(self.cost, f"{self.name}, time x {stretch:g}", stages)
+        if self.number + 1 < len(STRETCHES):
+            yield replace(self, number=self.number + 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _IfApart:
+    """Longer times, only if they can help.
+
+    Time scales a flight nearly without changing its shape: it helps little where drones
+    meet even without any delay.
+    """
+
+    quick: tuple[Stage, ...]
+    slower: _Slower
+
+    @property
+    def cost(self) -> float:
+        return self.slower.cost
+
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        if search.apart(self.quick):
+            yield self.slower
+
+
+def _several(
+    search: _Search, name: str, ways: Sequence[Lines], stages: Sequence[Stage]
+) -> Iterator[Worked | Promise]:
+    """Ways of several legs: in their shortest times, staggered, in longer ones.
+
+    ``stages`` is how they are flown in their shortest times.
+    """
+    quick = tuple(stages)
+    cost = search.cost(quick)
+    yield Worked(cost, name, quick)
+    yield _Staggered(cost, name, quick)
+    yield _IfApart(quick, _Slower(name, tuple(ways), cost, 0))
+
+
+def _quickest(ways: Sequence[Lines]) -> list[Stage]:
+    return flown(ways, [lines.together for lines in ways])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bent:
+    """Ways along the solved flight's bend."""
+
+    cost: float
+    stops: int
+    """Corners on the way."""
+
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        if search.flight is None:
+            return
+        ways = bends(
+            search.leg, search.flight, search.builder, search.around, self.stops
+        )
+        quick = iter(_quickest([lines for _, way in ways for lines in way]))
+        for name, way in ways:
+            yield from _several(search, name, way, [next(quick) for _ in way])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layered:
+    """Ways apart in height."""
+
+    cost: float
+
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        found = layers(search.leg, search.builder, search.around, search.first)
+        for name, ways in found:
+            yield from _several(search, name, ways, _quickest(ways))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Above:
+    """Some drones above the others, these one after the other."""
+
+    cost: float
+
+    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
+        first = search.first
+        for retry in range(len(WIDER) if search.by_axes else 1):
+            gaps = search.gaps(first, retry)
+            if staggered(gaps, first.followed) is not None:
+                continue
+            for name, ways in hops(
+                search.leg, search.builder, search.around, first, gaps
+            ):
+                stages = tuple(_quickest(ways))
+                yield _Staggered(search.cost(stages), name, stages)
