@@ -133,5 +133,6 @@ def command(
             f"{report.longest_gap:.2f} s, sent within {report.longest_hold_up:.3f} s"
         )
     outcome = "flown to the end" if report.complete else f"ABORTED: {report.reason}"
-    click.echo(f"{outcome} (show time {report.show_time:.1f} s); log: {record}")
+    kept = f"no log: {report.unrecorded}" if report.unrecorded else f"log: {record}"
+    click.echo(f"{outcome} (show time {report.show_time:.1f} s); {kept}")
     return 0 if report.complete else 1

@@ -482,7 +482,7 @@ class Conductor:
         try:
             self._record.add(pilot.drone, moment, place.position, place.velocity)
         except Exception as error:  # noqa: BLE001 - a full disk stops no show
-            self._record = None
+            self._record.fault, self._record = str(error), None
             self.progress.note(f"the flight is no longer recorded: {error}")
 
     def _send(self, pilot: Pilot, messages: list[Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO, Self
 
@@ -13,7 +14,7 @@ from mcap.writer import Writer
 
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
-from showc.files import open_file
+from showc.files import flush, open_file, stage_for, unwritable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,6 +55,9 @@ class Track:
 class FlownLog:
     """Writes the positions of a fleet as they come in.
 
+    The file takes its name when it is whole: at the end of the ``with`` statement,
+    however that ends. Until then a former one stays.
+
     Parameters
     ----------
     path
@@ -72,11 +76,20 @@ class FlownLog:
 
     def __init__(self, path: Path, drones: tuple[int, ...], epoch: int) -> None:
         self.epoch = epoch
-        self._sequence = 0
+        self.fault = ""
+        """Why the flight is not recorded; empty: nothing hinders it."""
+        self._path, self._sequence = path, 0
+        self._end = ExitStack()
         try:
-            self._stream: BinaryIO = path.open("wb")
+            if path.exists() and not path.is_file():
+                raise UsageError(f"cannot write {str(path)!r}: it is no regular file")
+            if not path.parent.is_dir():
+                raise UsageError(f"cannot write {str(path)!r}: there is no such folder")
+            self._part = self._end.enter_context(stage_for(path)) / path.name
+            self._stream: BinaryIO = self._end.enter_context(self._part.open("wb"))
         except OSError as error:
-            raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+            self._end.close()
+            raise unwritable(path, error) from None
         self._writer = Writer(self._stream)
         self._writer.start(profile="", library=f"showc {__version__}")
         schema = self._writer.register_schema(
@@ -98,13 +111,25 @@ class FlownLog:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._writer.finish()
-        self._stream.close()
+        try:
+            with self._end:
+                if not self.fault:
+                    self._writer.finish()
+                    flush(self._stream)
+                    self._part.replace(self._path)
+        except OSError as error:
+            self.fault = str(unwritable(self._path, error))
 
     def add(
         self, drone: int, time: float, position: FloatArray, velocity: FloatArray
     ) -> None:
-        """Note where ``drone`` is at show ``time`` [s]; (3,) each, show frame."""
+        """Note where ``drone`` is at show ``time`` [s]; (3,) each, show frame.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
         values = [*position.tolist(), *velocity.tolist()]
         body = {"time": round(time, 4)} | {
             name: round(value, 4) for name, value in zip(FIELDS, values, strict=True)

@@ -70,6 +70,8 @@ class StreamReport:
     """Longest time between the moment a setpoint is for and its sending [s]."""
     vehicles: tuple[VehicleFlight, ...]
     """By drone."""
+    unrecorded: str
+    """Why there is no log of what was flown, where one was wanted; empty: there is."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON-able data."""
@@ -135,13 +137,13 @@ def stream_show(
         if flown is None:
             with _signals(stop):
                 reason = conductor.run(None)
-        else:
-            with FlownLog(flown, plan.drones, epoch) as record, _signals(stop):
-                reason = conductor.run(record)
-    return _report(conductor, reason)
+            return _report(conductor, reason, "")
+        with FlownLog(flown, plan.drones, epoch) as record, _signals(stop):
+            reason = conductor.run(record)
+    return _report(conductor, reason, record.fault)
 
 
-def _report(conductor: Conductor, reason: str) -> StreamReport:
+def _report(conductor: Conductor, reason: str, unrecorded: str) -> StreamReport:
     rounds = conductor.rounds
     return StreamReport(
         not reason,
@@ -163,6 +165,7 @@ def _report(conductor: Conductor, reason: str) -> StreamReport:
                 conductor.pilots, conductor.deviation, strict=True
             )
         ),
+        unrecorded,
     )
 
 

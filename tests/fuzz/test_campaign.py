@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pytest
-from fuzz.accidents import compile_again, verify_again
+from fuzz.accidents import compile_again, upload_again, verify_again
 from fuzz.run import CORPUS
 from fuzz.subjects import SUBJECTS, tried
 from repository import ROOT
@@ -63,11 +63,14 @@ def test_what_was_found_stays_mended(path, folder, small):
     assert ending.memory < 3e8
 
 
-@pytest.mark.parametrize("campaign", [compile_again, verify_again])
-def test_commands_that_are_ended_leave_nothing_behind(campaign, tmp_path):
+@pytest.mark.parametrize(
+    ("campaign", "instants"),
+    [(compile_again, 6), (verify_again, 6), (upload_again, 3)],
+)
+def test_commands_that_are_ended_leave_nothing_behind(campaign, instants, tmp_path):
     if not Path("/proc/self/environ").exists():
         pytest.skip("processes are found by /proc")
-    assert list(campaign(tmp_path, 6)) == []
+    assert list(campaign(tmp_path, instants)) == []
 
 
 @pytest.mark.parametrize("step", range(30))

@@ -533,6 +533,32 @@ def test_a_record_that_cannot_be_written_stops_nobody(
         world.add(vehicle)
     report = stream(world, log, port, flown=tmp_path / "flown.mcap")
     assert report.complete, report.reason
+    assert "No space left on device" in report.unrecorded
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_of_a_flight_takes_its_name_when_it_is_whole(tmp_path, monkeypatch):
+    path = tmp_path / "flown.mcap"
+    path.write_bytes(b"former")
+    with FlownLog(path, (0,), 0) as record:
+        record.add(0, 1.0, np.ones(3), np.zeros(3))
+        assert path.read_bytes() == b"former"
+    assert read_flown(path)[0].positions.tolist() == [[1.0, 1.0, 1.0]]
+    whole = path.read_bytes()
+    with pytest.raises(AttributeError), FlownLog(path, (1,), 0) as record:
+        record.add(1, 1.0, np.ones(3), None)
+    assert path.read_bytes() != whole
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    path.write_bytes(whole)
+    with FlownLog(path, (0,), 0) as record:
+        record.add(0, 1.0, np.ones(3), np.zeros(3))
+    assert "No space left on device; former files are whole" in record.fault
+    assert path.read_bytes() == whole
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_stopped_fleet_stays_on_the_plan_and_within_its_limits(
@@ -702,5 +728,5 @@ def test_wrong_usage_is_refused(world, log, port, tmp_path):
         stream(world, log, port, options={"rate": 5.0})
     with pytest.raises(UsageError, match="drone 7 is not in the show of 3"):
         stream(world, log, port, drones=[7])
-    with pytest.raises(UsageError, match="cannot be written"):
+    with pytest.raises(UsageError, match="there is no such folder"):
         stream(world, log, port, flown=tmp_path / "no/such/place.mcap")
