@@ -31,7 +31,7 @@ from showc.script.show import (
     Transition,
 )
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
-from showc.vehicle import Body, Limits, Quadrotor, Separation
+from showc.vehicle import DEFAULT_PRESET, PRESETS, Body, Limits, Quadrotor, Separation
 
 SCRIPT = b"format: 1\nname: synthetic\n"
 MARK = Mark("synthetic.yaml", 1, 1, 1, 10)
@@ -223,6 +223,7 @@ def make_show(
         ),
         vehicle=VEHICLE,
         body=Body(0.4, (0.02, 0.04)),
+        battery=PRESETS[DEFAULT_PRESET].battery,
         limits=LIMITS,
         separation=Separation(separation),
         yaw="held",

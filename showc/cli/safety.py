@@ -95,6 +95,12 @@ def command(
         f"the fleet's clock comes to rest within {case.stops.longest:.2f} s from every "
         f"second, within {case.stops.sure:.2f} s from any instant"
     )
+    energy = case.energy
+    click.echo(
+        f"battery, an estimate: {100.0 * energy.used.max():.0f} % for the show and "
+        f"{100.0 * energy.abort:.0f} % for an abort of "
+        f"{100.0 * show.battery.allowed:.0f} % (drone {energy.worst + 1})"
+    )
     for item in case.findings:
         where = item.place
         said = (

@@ -10,6 +10,7 @@ import numpy as np
 from showc.errors import UsageError
 from showc.log import schema
 from showc.safety.codes import codes
+from showc.safety.energy import Energy, flight_energy
 from showc.safety.fall import Fall, FallTable
 from showc.safety.ground import (
     Footing,
@@ -110,6 +111,8 @@ class SafetyCase:
     """What is left to what stands around."""
     impact_speed: float
     """Greatest speed of an impact [m/s]."""
+    energy: Energy
+    """How the batteries empty."""
     stops: Stops
     """How long the fleet takes to stand still, by the moment of the stop."""
     findings: tuple[Finding, ...]
@@ -171,6 +174,14 @@ class SafetyCase:
             "ballistic": round(self.buffers.ballistic, 3),
             "impact_speed": round(self.impact_speed, 2),
             "impact_energy": round(self.impact_energy, 1),
+            "energy": {
+                "charge_used": round(float(self.energy.used.max()), 4),
+                "charge_of_abort": round(self.energy.abort, 4),
+                "charge_allowed": round(self.show.battery.allowed, 4),
+                "most_energy": round(float(self.energy.energy.max()), 1),
+                "lowest_voltage": round(float(np.nanmin(self.energy.voltage)), 3),
+                "hover_endurance": self.energy.hover_endurance,
+            },
             "stops": {
                 "times": self.stops.times.tolist(),
                 "durations": np.round(self.stops.durations, 3).tolist(),
@@ -299,6 +310,7 @@ class _Assessment:
             hull(self.pieces, self.impacts),
             tuple(self.distances),
             self.impact_speed,
+            self._energy(),
             self.stopping,
             tuple(sorted(self.findings, key=lambda item: item.severity)),
         )
@@ -370,6 +382,42 @@ class _Assessment:
             self.buffers.height - self.flying.height,
             Place(int(self.pieces.drone[first]), float(middle)),
         )
+
+    def _energy(self) -> Energy:
+        show = self.show
+        # Down from the greatest height after the longest stop.
+        descent = self.highest / show.landing.descent_speed
+        found = flight_energy(
+            self.pieces, show.vehicle, show.battery, self.stopping.sure + descent
+        )
+        worst, allowed = found.worst, show.battery.allowed
+        needed = float(found.used[worst]) + found.abort
+        if needed > allowed:
+            self.findings.append(
+                Finding(
+                    "SAF131",
+                    "error",
+                    f"show and abort take {100.0 * needed:.0f} % of the battery, "
+                    f"{100.0 * allowed:.0f} % may be taken (estimate)",
+                    needed - allowed,
+                    Place(worst, float(found.times[-1])),
+                )
+            )
+        lowest = np.nan_to_num(found.voltage, nan=0.0)
+        step, drone = np.unravel_index(int(lowest.argmin()), lowest.shape)
+        least_voltage, wanted = float(lowest[step, drone]), show.battery.voltage_min
+        if least_voltage < wanted:
+            self.findings.append(
+                Finding(
+                    "SAF132",
+                    "error",
+                    f"the voltage under load falls to {least_voltage:.2f} V, at least "
+                    f"{wanted:.2f} V is wanted (estimate)",
+                    wanted - least_voltage,
+                    Place(int(drone), float(found.times[step])),
+                )
+            )
+        return found
 
     def _audience(self) -> None:
         site, risk = self.show.site, self.risk

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.wording import number_text
-from showc.vehicle import PRESETS, Body, Envelope, Limits, Quadrotor, Vector
+from showc.vehicle import PRESETS, Battery, Body, Envelope, Limits, Quadrotor, Vector
 
 if TYPE_CHECKING:
     from showc.script.reader import Reader
@@ -56,6 +56,30 @@ def body_of(settings: Settings) -> Body:
         one, other = settings.numbers("drag_area")
         low, high = min(one, other), max(one, other)
     return Body(_given(settings, "size", body.size), (low, high))
+
+
+def battery_of(aircraft: Settings, vehicle: Quadrotor) -> Battery:
+    """Return what the aircraft flies on: the preset's, with what the script gives.
+
+    Where no hover power is given, the preset's is taken for its weight, and its part
+    that makes thrust grows with the weight to the power of 3/2.
+    """
+    preset = PRESETS[aircraft.text("preset")]
+    base, settings = preset.battery, aircraft.section("battery")
+    idle = _given(settings, "idle_power", base.idle_power)
+    lifting = base.hover_power - base.idle_power
+    weight = vehicle.hover_thrust / preset.vehicle.hover_thrust
+    return Battery(
+        capacity=_given(settings, "capacity", base.capacity),
+        voltage=_given(settings, "voltage", base.voltage),
+        voltage_min=_given(settings, "voltage_min", base.voltage_min),
+        resistance=_given(settings, "resistance", base.resistance),
+        usable=_given(settings, "usable", base.usable),
+        reserve=_given(settings, "reserve", base.reserve),
+        hover_power=_given(settings, "hover_power", idle + lifting * weight**1.5),
+        idle_power=idle,
+        rotor_radius=_given(settings, "rotor_radius", base.rotor_radius),
+    )
 
 
 def limits_of(
@@ -157,4 +181,4 @@ def _can_hover(
     return False
 
 
-__all__ = ["body_of", "envelope_of", "limits_of", "vehicle_of"]
+__all__ = ["battery_of", "body_of", "envelope_of", "limits_of", "vehicle_of"]

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from showc.script.aircraft import body_of, envelope_of, limits_of, vehicle_of
+from showc.script.aircraft import (
+    battery_of,
+    body_of,
+    envelope_of,
+    limits_of,
+    vehicle_of,
+)
 from showc.script.colours import linear_light
 from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
@@ -339,6 +345,7 @@ class Builder:
             site=sketch.site,
             vehicle=vehicle,
             body=body_of(settings.section("vehicle")),
+            battery=battery_of(settings.section("vehicle"), vehicle),
             limits=limits if envelope is None else envelope.within(limits),
             separation=sketch.separation,
             yaw="free" if yaw.text("mode") == "free" else "held",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from showc.arrays import FloatArray
-    from showc.vehicle import Body, Limits, Quadrotor, Separation, Vector
+    from showc.vehicle import Battery, Body, Limits, Quadrotor, Separation, Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,6 +305,8 @@ class Show:
     """What flies."""
     body: Body
     """How it falls."""
+    battery: Battery
+    """What it flies on."""
     limits: Limits
     """What each drone keeps."""
     separation: Separation

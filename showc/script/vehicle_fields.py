@@ -13,6 +13,72 @@ _SPEED = Quantity("m/s", minimum=0.1, maximum=50.0)
 _RATE = Quantity("deg/s", minimum=1.0, maximum=2000.0)
 _TORQUE = Quantity("N m", minimum=1e-6, maximum=100.0)
 
+_PART = Quantity("", minimum=0.0, maximum=1.0)
+
+BATTERY = Section(
+    "battery",
+    "What the aircraft flies on, full at the start.",
+    (
+        Field(
+            "capacity",
+            Quantity("mAh", minimum=10.0, maximum=1e6),
+            "Charge when full.",
+            default_text=_OF_PRESET,
+            examples=(2200, "2.2 Ah"),
+        ),
+        Field(
+            "voltage",
+            Quantity("V", minimum=1.0, maximum=100.0),
+            "Open-circuit voltage when full: 4.2 V a cell.",
+            default_text=_OF_PRESET,
+        ),
+        Field(
+            "voltage_min",
+            Quantity("V", minimum=0.5, maximum=100.0),
+            "Least voltage under load.",
+            default_text=_OF_PRESET,
+        ),
+        Field(
+            "resistance",
+            Quantity("ohm", minimum=0.0, maximum=10.0),
+            "Resistance of battery, wiring and regulators.",
+            default_text=_OF_PRESET,
+        ),
+        Field(
+            "usable",
+            _PART,
+            "Part of the capacity that may be taken.",
+            default_text=_OF_PRESET,
+            examples=("80 %",),
+        ),
+        Field(
+            "reserve",
+            _PART,
+            "Part of the capacity that must be left of the usable one.",
+            default_text=_OF_PRESET,
+            examples=("10 %",),
+        ),
+        Field(
+            "hover_power",
+            Quantity("W", minimum=0.1, maximum=1e5),
+            "Electrical power of hovering, measured best.",
+            default_text="the preset's, by the mass",
+        ),
+        Field(
+            "idle_power",
+            Quantity("W", minimum=0.0, maximum=1e4),
+            "Part of the hover power that does not depend on thrust.",
+            default_text=_OF_PRESET,
+        ),
+        Field(
+            "rotor_radius",
+            Quantity("m", minimum=0.005, maximum=2.0),
+            "Radius of a rotor.",
+            default_text=_OF_PRESET,
+        ),
+    ),
+)
+
 VEHICLE = Section(
     "vehicle",
     "What flies: a preset, or a preset with parameters of its own.",
@@ -81,6 +147,7 @@ VEHICLE = Section(
             default_text=_OF_PRESET,
             examples=([0.02, 0.04],),
         ),
+        Field("battery", BATTERY, BATTERY.description, default={}),
         Field(
             "envelope",
             Choice(("autopilot", "airframe")),

@@ -1,5 +1,6 @@
 """The aircraft: physical parameters, limits, presets, equations of motion."""
 
+from showc.vehicle.battery import Battery
 from showc.vehicle.body import Body
 from showc.vehicle.limits import Envelope, Limits, Separation, SeparationShape, Vector
 from showc.vehicle.presets import DEFAULT_PRESET, PRESETS, Preset
@@ -16,6 +17,7 @@ __all__ = [
     "PRESETS",
     "STANDARD_GRAVITY",
     "STATE_NAMES",
+    "Battery",
     "Body",
     "Envelope",
     "Limits",

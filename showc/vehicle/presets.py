@@ -7,6 +7,7 @@ from math import inf, radians, sqrt
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from showc.vehicle.battery import Battery
 from showc.vehicle.body import Body
 from showc.vehicle.limits import Envelope, Limits
 from showc.vehicle.quadrotor import Quadrotor
@@ -27,6 +28,8 @@ class Preset:
     """Its limits; the flight volume is unbounded, the site sets it."""
     body: Body
     """Its size and drag as it falls; the drag is an estimate."""
+    battery: Battery
+    """What it flies on."""
     envelope: Envelope | None = None
     """What its autopilot follows; None: not measured."""
 
@@ -91,6 +94,19 @@ FORMATION = Preset(
     # Motors 0.255 m apart across the frame, with propellers of 6 in, the greatest that
     # pass each other. A flat plate's coefficient of 1 and 0.03 m², within a third.
     Body(size=0.41, drag_area=(0.02, 0.04)),
+    # Nothing of this was measured: three cells of 2200 mAh, the ideal power of 36 W on
+    # propellers of 6 in at half of it as losses, and 25 mohm for pack and regulators.
+    Battery(
+        capacity=2200.0 * 3.6,
+        voltage=12.6,
+        voltage_min=9.9,
+        resistance=0.025,
+        usable=0.8,
+        reserve=0.1,
+        hover_power=72.0,
+        idle_power=4.0,
+        rotor_radius=0.0762,
+    ),
     ARDUCOPTER,
 )
 
@@ -126,6 +142,20 @@ CRAZYFLIE = Preset(
     # Motors 92 mm apart, propellers of 46 mm; frame, battery and propeller discs show
     # 30 cm² edge-on and 80 cm² flat.
     Body(size=0.138, drag_area=(0.003, 0.008)),
+    # Bitcraze's table of thrust, current and voltage (wiki, misc:investigations:thrust)
+    # over 0 to 33 g: 2.07 W and 4.99 times the ideal power on rotors of 23.1 mm; the
+    # terminal voltage falls by 0.175 V for an ampere.
+    Battery(
+        capacity=250.0 * 3.6,
+        voltage=4.2,
+        voltage_min=3.0,
+        resistance=0.175,
+        usable=0.9,
+        reserve=0.1,
+        hover_power=7.6,
+        idle_power=2.07,
+        rotor_radius=0.0231,
+    ),
 )
 
 PRESETS: Mapping[str, Preset] = MappingProxyType(

@@ -53,7 +53,7 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
-        f"{_stops(case.stops)}"
+        f"{_stops(case.stops)}{_energy(case)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -137,6 +137,50 @@ def _stops(stops: Stops) -> str:
         f"up and {kept.down:.1f} down. From every second below the fleet stands within "
         f"{stops.longest:.2f} s, from any instant within {stops.sure:.2f} s (proved). "
         f"<code>showc stream</code> stops so.</p>{plot}"
+    )
+
+
+def _energy(case: SafetyCase) -> str:
+    """Return how the batteries empty: the drones that take most, and plots."""
+    energy, battery = case.energy, case.show.battery
+    worst = energy.worst
+    order = np.argsort(-energy.used, kind="stable")[:5]
+    rows = [
+        row(
+            [
+                f"drone {drone + 1}",
+                f"{energy.energy[drone] / 3600.0:.2f}",
+                f"{100.0 * energy.used[drone]:.1f}",
+                f"{energy.power[:, drone].max():.1f}",
+                f"{np.nanmin(energy.voltage[:, drone]):.2f}",
+            ],
+            words=frozenset({0}),
+        )
+        for drone in order.tolist()
+    ]
+    heads = [
+        "Takes most", "Energy [Wh]", "Charge [%]", "Greatest power [W]",
+        "Lowest voltage [V]",
+    ]  # fmt: skip
+    plots = line_plot(
+        f"Charge left, drone {worst + 1} [%]",
+        energy.times,
+        [Curve("", 100.0 * energy.left[:, worst])],
+        limits=[100.0 * (1.0 - battery.allowed)],
+    ) + line_plot(
+        f"Least voltage under load, drone {worst + 1} [V]",
+        energy.times,
+        [Curve("", np.nan_to_num(energy.voltage[:, worst]))],
+        limits=[battery.voltage_min],
+    )
+    return (
+        "<h3>Energy</h3><p>An estimate: momentum theory, fitted to a hover power of "
+        f"{battery.hover_power:.1f} W; a battery of {battery.capacity / 3.6:.0f} mAh "
+        f"and {battery.resistance * 1e3:.0f} mΩ, full at the start, which hovers for "
+        f"{energy.hover_endurance / 60.0:.1f} min. An abort after the flight takes "
+        f"{100.0 * energy.abort:.1f} % more; {100.0 * battery.allowed:.0f} % may be "
+        f"taken.</p>{table(heads, rows, words=frozenset({0}))}"
+        f'<div class="maps">{plots}</div>'
     )
 
 

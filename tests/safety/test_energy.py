@@ -1,0 +1,100 @@
+"""Power against measured tables, charge against sums, and what is too little."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from showc.log.reader import read_log
+from showc.safety.case import safety_case, show_of
+from showc.safety.energy import (
+    Power,
+    current,
+    flight_energy,
+    hover_endurance,
+    rotor_thrusts,
+)
+from showc.safety.pieces import flight_pieces
+from showc.vehicle import PRESETS
+
+# Bitcraze wiki, misc:investigations:thrust: current [A], thrust [g], voltage [V].
+MEASURED = np.array(
+    [
+        (1.83, 24.4, 3.71),
+        (2.11, 28.6, 3.67),
+        (2.39, 32.8, 3.65),
+    ]
+)
+CRAZYFLIE = PRESETS["crazyflie-28g"]
+
+
+@pytest.fixture(scope="module")
+def logged(compiled):
+    return read_log(compiled("swap"))
+
+
+def hovering(preset, grams):
+    model = Power.of(preset.battery, preset.vehicle)
+    thrust = np.full((1, 4), grams * 1e-3 * preset.vehicle.gravity / 4.0)
+    return float(model(thrust, np.zeros(1))[0])
+
+
+def test_power_about_hover_is_the_measured_one():
+    power = MEASURED[:, 0] * MEASURED[:, 2]
+    at_weight = np.interp(28.0, MEASURED[:, 1], power)
+    assert hovering(CRAZYFLIE, 28.0) == pytest.approx(at_weight, rel=0.02)
+    for grams, measured in zip(MEASURED[:, 1], power, strict=True):
+        assert hovering(CRAZYFLIE, grams) == pytest.approx(measured, rel=0.05)
+
+
+def test_the_crazyflie_hovers_as_long_as_published():
+    assert hover_endurance(CRAZYFLIE.battery) == pytest.approx(7 * 60.0, rel=0.10)
+
+
+def test_climbing_costs_more_and_descending_no_less_than_hovering():
+    model = Power.of(CRAZYFLIE.battery, CRAZYFLIE.vehicle)
+    thrust = np.full((3, 4), CRAZYFLIE.vehicle.hover_thrust / 4.0)
+    climb, level, descent = model(thrust, np.array([1.0, 0.0, -1.0]))
+    assert climb > level == descent
+    # At least the weight's work over the efficiency.
+    assert climb - level > 0.4 * CRAZYFLIE.vehicle.hover_thrust / model.efficiency
+
+
+def test_rotors_share_the_thrust():
+    vehicle = CRAZYFLIE.vehicle
+    thrusts = rotor_thrusts(vehicle, vehicle.hover_control())
+    assert thrusts == pytest.approx(np.full(4, vehicle.hover_thrust / 4.0))
+
+
+def test_the_voltage_under_load_gives_the_power():
+    battery = CRAZYFLIE.battery
+    drawn = float(current(battery, np.array(1.0), np.array(7.6)))
+    assert drawn * (battery.voltage - battery.resistance * drawn) == pytest.approx(7.6)
+    assert np.isnan(current(battery, np.array(1.0), np.array(1e3)))
+
+
+def test_energy_is_the_integral_of_power_over_the_flight(logged):
+    show = show_of(logged)
+    pieces = flight_pieces(logged)
+    found = flight_energy(pieces, show.vehicle, show.battery, 0.0)
+    model = Power.of(show.battery, show.vehicle)
+    flown = logged.trajectory(0)
+    times = np.linspace(0.0, logged.duration, 20_001)
+    thrusts = rotor_thrusts(show.vehicle, flown.control(times))
+    # The rotors' axis is where the thrust pushes: acceleration less gravity.
+    speed = flown.state.select([3, 4, 5])
+    axis = speed.derivative()(times) + [0.0, 0.0, show.vehicle.gravity]
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    along = np.sum(axis * speed(times), axis=1)
+    whole = np.trapezoid(model(thrusts, along), times)
+    assert found.energy[0] == pytest.approx(whole, rel=1e-3)
+
+
+def test_too_small_a_battery_is_found(logged):
+    show = show_of(logged)
+    small = replace(show, battery=replace(show.battery, capacity=60.0 * 3.6))
+    codes = {item.code for item in safety_case(logged, small).errors}
+    assert {"SAF131"} <= codes
+    weak = replace(show, battery=replace(show.battery, resistance=0.5))
+    assert "SAF132" in {item.code for item in safety_case(logged, weak).errors}
+    assert "SAF131" not in {item.code for item in safety_case(logged, show).findings}
