@@ -46,7 +46,7 @@ MAY_IMPORT = {
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},
     # Most of it imports less: see the rooms of verify.
     "verify": {"errors", "_version", "files", "processes", "script", "vehicle"}
-    | {"light", "log.showc_pb2", "log.scene", "log.layout"},
+    | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
     "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
     | {"light", "log", "geodesy", "verify", "foreign"}
@@ -55,16 +55,17 @@ MAY_IMPORT = {
 
 # What the rooms of verify may import besides its own reports. The room that reads the
 # script is the only one that sees the reader of scripts; what a viewer shows is drawn
-# again by what drew it, and compared.
+# again by what drew it, and compared; the layouts of samples are the log's.
 ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
-    | {"light", "log.showc_pb2", "log.layout"},
+    | {"light", "log.showc_pb2", "log.layout", "log.sample"},
     # What missions must be follows from the script.
-    "verify/missions": {"verify", "errors", "files", "script", "log.showc_pb2"},
-    "verify/samples.py": {"verify", "script", "light", "log.scene"},
+    "verify/missions": {"verify", "errors", "files", "script"}
+    | {"log.showc_pb2", "log.sample"},
+    "verify/samples.py": {"verify", "script", "light", "log.scene", "log.sample"},
     "verify": {"verify", "errors", "_version", "files", "processes"}
-    | {"log.showc_pb2"},
+    | {"log.showc_pb2", "log.schema"},
 }
 
 # What each part of the optimal control core may import, besides the statement of

@@ -4,7 +4,8 @@ Samples are float32 numbers rounded to a grid. Allowed is half a step of the gri
 rounding of float32, and the change of the quantity within the nanosecond to which the
 sample's time is rounded. Where controls jump, between two mesh intervals, the value on
 either side is right. Everything else in a message (names, frames, poses, time stamps,
-layouts) must be to the byte what showc writes.
+layouts) must be to the byte what showc writes: the numbers are taken out, and what the
+log's own encoders make of them is compared.
 """
 
 from __future__ import annotations
@@ -13,50 +14,40 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
+from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
-from google.protobuf.timestamp_pb2 import Timestamp
+from google.protobuf.message import DecodeError
 
 from showc.light.colour import drive_bytes, srgb_bytes
-from showc.log.scene import root_transform, scene_update
-from showc.verify.decode import parse
-from showc.verify.fleet import flown
+from showc.log.sample import DRONE_STATE, GRID, PLACE, POINT, pack_drone_states
+from showc.log.scene import (
+    fleet_transforms,
+    point_cloud,
+    root_transform,
+    scene_update,
+)
+from showc.verify.kernel.bernstein import basis
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
+    from google.protobuf.message import Message
     from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
     from showc.light.program import LightProgram
     from showc.script.show import Show
-    from showc.verify.kernel.show import LoggedShow
-    from showc.verify.logfile import LogFile, Messages
-
+    from showc.verify.kernel.show import LoggedShow, PieceTable
+    from showc.verify.logfile import LogFile
 
 FLEET, PREDICTED, TRANSFORMS = "/fleet/state", "/fleet/predicted", "/tf"
 SCENE, RULES, SEGMENTS = "/show/scene", "/show/rules", "/show/segments"
 GROUP = "samples"
-
-GRIDS = {
-    "position": 2.0**-10,
-    "velocity": 2.0**-10,
-    "attitude": 2.0**-15,
-    "body_rate": 2.0**-12,
-    "thrust": 2.0**-12,
-    "torque": 2.0**-17,
-}
-"""Samples are whole multiples of these (SI units)."""
 
 SMALL_FLEET = 100
 """Fleets up to this size have topics for each drone."""
@@ -76,56 +67,23 @@ PREDICTED_COLOUR = (128, 128, 128, 255)
 _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
 
-_NAMES = (
-    *("x", "y", "z", "red", "green", "blue", "alpha", "vx", "vy", "vz"),
-    *("qx", "qy", "qz", "qw", "wx", "wy", "wz", "u0", "u1", "u2", "u3"),
-)
 _COLOURS = ("red", "green", "blue", "alpha")
-_POINT = np.dtype([(name, "u1" if name in _COLOURS else "<f4") for name in _NAMES])
-_PLACE = np.dtype([(name, _POINT[name]) for name in _NAMES[:7]])
-_NUMBERS = tuple(name for name in _NAMES if name not in _COLOURS)
+_NUMBERS = tuple(name for name in POINT.names or () if name not in _COLOURS)
+_STATE = tuple(name for name in DRONE_STATE.names or () if DRONE_STATE[name] == "<f8")
+_TEMPLATE = pack_drone_states(
+    np.zeros((1, 1, 12)), np.zeros((1, 1, 4)), np.zeros((1, 1, 3))
+)[0]
+"""A ``showc.DroneState`` of zeros: what stands between the numbers."""
 
-_FIELDS = (3, 3, 3, 3, 1, 3, 3)
-"""Numbers in each field of a ``showc.DroneState``; the last is its colour."""
-
-
-def _state_layout() -> np.dtype[np.void]:
-    """Bytes of a ``showc.DroneState``: tags and lengths as "h", numbers as "v"."""
-    parts: list[tuple[str, str]] = []
-    for number, size in enumerate(_FIELDS):
-        heads = 1 if size == 1 else 2
-        parts += [(f"h{len(parts) + k}", "u1") for k in range(heads)]
-        for axis in range(size):
-            if size > 1:
-                parts.append((f"h{len(parts)}", "u1"))
-            parts.append((f"v{number}{axis}", "<f8"))
-    return np.dtype(parts)
-
-
-def _state_heads() -> list[int]:
-    """Return the tags and lengths of that layout, in order."""
-    heads = []
-    for number, size in enumerate(_FIELDS, 1):
-        if size == 1:
-            heads.append(number << 3 | 1)
-        else:
-            heads += [number << 3 | 2, 9 * size]
-            heads += [axis << 3 | 1 for axis in range(1, size + 1)]
-    return heads
-
-
-_STATE, _HEADS = _state_layout(), _state_heads()
-
-Kind = Literal["point", "state", "transform"]
+Kind = Literal["point", "state"]
 
 _QUANTITIES = {
     "point": np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 4, 3, 1, 3]),
     "state": np.repeat([0, 1, 2, 3, 4, 5], [3, 3, 3, 3, 1, 3]),
-    "transform": np.repeat([0, 2], [3, 4]),
 }
-"""Which of ``GRIDS`` each field of a sample has."""
+"""Which of ``GRID`` each field of a sample has."""
 
-_STEPS = np.array(list(GRIDS.values()))
+_STEPS = np.array(list(GRID.values()))
 
 _CHECKS = {
     "VRF120": "topics and times of messages are those of the show",
@@ -137,6 +95,54 @@ _CHECKS = {
     "VRF126": "drawn scene is that of the script",
     "VRF127": "predicted fleet drawn as showc draws it",
 }
+
+
+_AT_ONCE = 4096
+"""Places on polynomials that are evaluated together; bounds the memory."""
+
+
+def flown(show: LoggedShow, times: FloatArray) -> FloatArray:
+    """State and control (16, n, drones) at show times (n,) [s].
+
+    At the joint of two segments the later one counts; before the first one a drone is
+    as at its start, after the last one as at its end.
+    """
+    result = np.empty((16, times.size, show.drones))
+    starts = np.array([segment.start for segment in show.segments])
+    number = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
+    for chosen in np.unique(number).tolist():
+        at = np.flatnonzero(number == chosen)
+        for table in show.segments[chosen].tables:
+            found = evaluate(table, times[at] - starts[chosen])
+            result[:, at[:, None], table.drones] = found
+    return result
+
+
+def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
+    """State and control (16, n, drones of the table) at times (n,) of a segment [s].
+
+    At the joint of two mesh intervals the later one counts.
+    """
+    drones = np.arange(table.drones.size)
+    result = np.empty((16, times.size, drones.size))
+    # Times rise along a drone's rows; an offset for each makes them rise over all.
+    far = 2.0 * (float(table.end.max()) + float(np.abs(times).max(initial=0.0)) + 1.0)
+    keys = table.start + far * np.repeat(drones, np.diff(table.first))
+    step = max(1, _AT_ONCE // drones.size)
+    for begin in range(0, times.size, step):
+        part = times[begin : begin + step, None]
+        row = np.searchsorted(keys, part + far * drones, side="right") - 1
+        row = np.clip(row, table.first[:-1], table.first[1:] - 1)
+        start, end = table.start[row], table.end[row]
+        share = np.clip((part - start) / (end - start), 0.0, 1.0)
+        for some, coefficients in (
+            (slice(0, 12), table.state),
+            (slice(12, 16), table.control),
+        ):
+            weights = basis(coefficients.shape[1] - 1, share)[:, :, None]
+            values = np.matmul(weights, coefficients[row])[:, :, 0]
+            result[some, begin : begin + step] = np.moveaxis(values, -1, 0)
+    return result
 
 
 @dataclass(slots=True)
@@ -159,17 +165,14 @@ class Compared:
             self.value, self.where = other.value, other.where
 
     def see(self, ratio: FloatArray, times: FloatArray, drones: IntArray) -> None:
-        """Look at errors over what is allowed, shape (fields, times, drones)."""
+        """Look at errors over what is allowed, (fields, n), at times of drones."""
         self.samples += ratio.size
-        greatest = float(ratio.max(initial=0.0))
-        if greatest > 1.0:
-            self.bad += int(np.sum(ratio > 1.0))
-        if greatest > self.value:
-            # The first in time, then of the drones, among equals.
-            worst_of = ratio.max(axis=0)
-            time, drone = np.unravel_index(int(np.argmax(worst_of)), worst_of.shape)
-            self.value = greatest
-            self.where = Place(drone=int(drones[drone]) + 1, time=float(times[time]))
+        worst_of = ratio.max(axis=0)
+        self.bad += int(np.sum(ratio > 1.0))
+        if worst_of.max(initial=0.0) > self.value:
+            at = int(np.argmax(worst_of))
+            self.value = float(worst_of[at])
+            self.where = Place(drone=int(drones[at]) + 1, time=float(times[at]))
 
     def check(self, code: str) -> Check:
         """Turn into a check."""
@@ -235,7 +238,6 @@ class Samples:
     ) -> None:
         self.log, self.show, self.lights, self.script = log, show, lights, script
         self.topics = {c.topic: number for number, c in log.channels.items()}
-        self.all = np.arange(show.drones)
         self.single = {
             self.topics[topic]: drone
             for drone in range(show.drones if show.drones <= SMALL_FLEET else 0)
@@ -294,118 +296,126 @@ class Samples:
         if self.script is None:
             scene.odd.append("not compared: the script cannot be read")
             return scene
-        drawn = scene_update(self.show.epoch, self.script)
-        for data, m, offset in self.log.read({self.topics.get(SCENE, -1)}):
-            for start, size in zip(m.payload, m.size, strict=True):
-                if parse(SceneUpdate, data[start : start + size], offset) != drawn:
-                    scene.odd.append("it is another scene")
+        drawn = _bytes(scene_update(self.show.epoch, self.script))
+        if any(data != drawn for _, _, data in self._messages(SCENE)):
+            scene.odd.append("it is another scene")
         return scene
+
+    def _messages(
+        self, *topics: str, share: int = 0, shares: int = 1
+    ) -> Iterator[tuple[int, str, bytes]]:
+        """Time stamps, topics and bytes of the messages on some topics, in order."""
+        channels = {self.topics.get(topic, -1) for topic in topics}
+        for data, m, _ in self.log.read(channels, share, shares):
+            for start, size, time, channel in zip(
+                m.payload.tolist(),
+                m.size.tolist(),
+                m.log_time.tolist(),
+                m.channel.tolist(),
+                strict=True,
+            ):
+                topic = self.log.channels[channel].topic
+                yield time, topic, data[start : start + size]
 
     def fleet(self, share: int) -> Found:
         """Compare the messages of the whole fleet in one share of the file."""
         numbers, colours = Compared(), Compared()
-        for data, m, offset in self.log.read({self.topics[FLEET]}, share, SHARES):
-            points = self._points(data, m, offset, _POINT, numbers)
+        fleet = np.arange(self.show.drones)
+        for time, _, data in self._messages(FLEET, share=share, shares=SHARES):
+            points = self._points(time, data, POINT)
             if points is None:
-                continue
+                numbers.odd.append("a point cloud says other things than showc's do")
+                break
+            times = np.full(fleet.size, (time - self.show.epoch) / 1e9)
             values = np.stack([points[name] for name in _NUMBERS])
-            seconds = self._seconds(m.log_time)
-            self._compare(numbers, values, seconds, self.all, "point")
+            self._compare(numbers, values, times, fleet, "point")
             if self.lights is None:
                 colours.odd.append("not compared: the legs are not the script's")
                 continue
-            light = srgb_bytes(self.lights.linear(seconds))
-            wanted = [*np.moveaxis(light, -1, 0), np.full(points.shape, 255)]
-            off = np.stack(
-                [
-                    np.abs(points[name].astype(np.int64) - shade)
-                    for name, shade in zip(_COLOURS, wanted, strict=True)
-                ]
-            )
-            colours.see(off / COLOUR_ERROR, seconds, self.all)
+            light = srgb_bytes(self.lights.linear(times[:1]))[0]
+            wanted = np.column_stack([light, np.full(fleet.size, 255)]).T
+            found = np.stack([points[name].astype(np.int64) for name in _COLOURS])
+            colours.see(np.abs(found - wanted) / COLOUR_ERROR, times, fleet)
         return {"VRF122": numbers, "VRF125": colours}
 
     def states(self, share: int) -> Found:
         """Compare the messages of single drones in one share of the file."""
         numbers, colours = Compared(), Compared()
         for data, m, _ in self.log.read(set(self.single), share, SHARES):
-            sized = m.size == _STATE.itemsize
-            # Whatever stands where another size does is not compared, but odd.
-            begin = np.where(sized, m.payload, 0)
-            raw = np.frombuffer(data.ljust(_STATE.itemsize, b"\0"), dtype=np.uint8)
-            rows = raw[begin[:, None] + np.arange(_STATE.itemsize)]
-            table = np.ascontiguousarray(rows).view(_STATE)[:, 0]
-            heads = [name for name in _STATE.names or () if name[0] == "h"]
-            for name, value in zip(heads, _HEADS, strict=True):
-                sized &= table[name] == value
-            moments, index = np.unique(m.log_time, return_inverse=True)
-            seconds = self._seconds(moments)
-            owner = np.array([self.single[number] for number in m.channel.tolist()])
-            if not sized.all():
-                row = int(np.argmin(sized))
+            times = (m.log_time - self.show.epoch) / 1e9
+            drones = np.array([self.single[number] for number in m.channel.tolist()])
+            table = np.zeros(m.size.size, dtype=DRONE_STATE)
+            for row in np.flatnonzero(m.size == DRONE_STATE.itemsize).tolist():
+                table[row] = np.frombuffer(data, DRONE_STATE, 1, int(m.payload[row]))[0]
+            again = np.repeat(_TEMPLATE, table.size)
+            for name in _STATE:
+                again[name] = table[name]
+            raw = np.stack([table, again]).view(np.uint8).reshape(2, table.size, -1)
+            odd = np.flatnonzero(np.any(raw[0] != raw[1], axis=1))
+            if odd.size:
                 numbers.odd.append("a sample is not laid out as showc's are")
-                numbers.value = np.inf
-                numbers.where = Place(
-                    drone=int(owner[row]) + 1, time=float(seconds[index[row]])
-                )
-                continue
-            every = [table[name] for name in _STATE.names or () if name[0] == "v"]
-            grid = np.full((len(every), moments.size, self.show.drones), np.nan)
-            # Undefined numbers must not pass for drones that have no samples.
-            grid[:, index, owner] = np.nan_to_num(np.stack(every), nan=np.inf)
-            drones = np.unique(owner)
-            self._compare(numbers, grid[:16, :, drones], seconds, drones, "state")
+                at = Place(drone=int(drones[odd[0]]) + 1, time=float(times[odd[0]]))
+                numbers.value, numbers.where = np.inf, at
+                break
+            values = np.stack([table[name] for name in _STATE])
+            self._compare(numbers, values[:16], times, drones, "state")
             if self.lights is None:
                 colours.odd.append("not compared: the legs are not the script's")
                 continue
-            light = drive_bytes(self.lights.linear(seconds)[:, drones])
-            off = np.abs(grid[16:, :, drones] * 255.0 - np.moveaxis(light, -1, 0))
-            off = np.where(np.isnan(grid[16:, :, drones]), 0.0, off)
-            colours.see(off / COLOUR_ERROR, seconds, drones)
+            moments, index = np.unique(times, return_inverse=True)
+            light = drive_bytes(self.lights.linear(moments))[index, drones]
+            off = np.abs(values[16:] * 255.0 - light.T)
+            off = np.where(np.isnan(off), np.inf, off)
+            colours.see(off / COLOUR_ERROR, times, drones)
         return {"VRF123": numbers, "VRF125": colours}
 
     def frames(self) -> Found:
-        """Compare the frames of the drones, and of the show."""
-        worst, first = Compared(), True
-        for data, m, offset in self.log.read({self.topics.get(TRANSFORMS, -1)}):
-            for start, size, time in zip(
-                m.payload.tolist(), m.size.tolist(), m.log_time.tolist(), strict=True
-            ):
-                message = parse(FrameTransforms, data[start : start + size], offset)
-                if first:
-                    first = False
-                    root = (
-                        [root_transform(time, self.script.site)] if self.script else []
-                    )
-                    if message != FrameTransforms(transforms=root):
-                        worst.odd.append("the show's own frame is not the script's")
-                    continue
-                values = []
-                for frame in message.transforms:
-                    t, q = frame.translation, frame.rotation
-                    values.append((t.x, t.y, t.z, q.x, q.y, q.z, q.w))
-                    # What else the frame says must be what showc writes.
-                    t.CopyFrom(Vector3())
-                    q.CopyFrom(Quaternion())
-                if message != self._frames(time):
-                    worst.odd.append("frames are not those of the drones")
-                    continue
-                table = np.array(values).T[:, None]
-                seconds = self._seconds(np.array([time]))
-                self._compare(worst, table, seconds, self.all, "transform")
-        return {"VRF124": worst}
+        """Compare the frames of the drones with the points of the fleet, and the root.
+
+        The points are held against the polynomials by themselves.
+        """
+        found = Compared()
+        if self.script is None:
+            found.odd.append("not compared: the script cannot be read")
+            return {"VRF124": found}
+        root = FrameTransforms(
+            transforms=[root_transform(self.show.epoch, self.script.site)]
+        )
+        wanted, frames, count = {self.show.epoch: [_bytes(root)]}, list[bytes](), 0
+        small = self.show.drones <= SMALL_FLEET
+        # Of one time frames and points may come in any order.
+        for time, messages in groupby(
+            self._messages(TRANSFORMS, *([FLEET] if small else [])),
+            key=lambda message: message[0],
+        ):
+            expected = wanted.pop(time, [])
+            frames = []
+            for _, topic, data in messages:
+                points = self._points(time, data, POINT) if topic == FLEET else None
+                if topic == TRANSFORMS:
+                    frames.append(data)
+                elif points is not None:
+                    drones = range(self.show.drones)
+                    expected.append(_bytes(fleet_transforms(time, points, drones)))
+            count += len(frames)
+            if any(frame != one for frame, one in zip(frames, expected, strict=False)):
+                found.odd.append("frames are not those of the drones")
+            if len(frames) > len(expected):
+                found.odd.append("there are more frames than samples")
+        return {"VRF124": found}
 
     def predicted(self) -> Found:
         """Check how the predicted fleet is drawn; where, is the missions' matter."""
         if PREDICTED not in self.topics:
             return {}
         worst = Compared()
-        for data, m, offset in self.log.read({self.topics[PREDICTED]}):
-            points = self._points(data, m, offset, _PLACE, worst)
-            if points is not None and any(
-                np.any(points[name] != value)
-                for name, value in zip(_COLOURS, PREDICTED_COLOUR, strict=True)
-            ):
+        for time, _, data in self._messages(PREDICTED):
+            points = self._points(time, data, PLACE)
+            if points is None:
+                worst.odd.append("a point cloud says other things than showc's do")
+                break
+            colours = zip(_COLOURS, PREDICTED_COLOUR, strict=True)
+            if any(np.any(points[name] != value) for name, value in colours):
                 worst.odd.append("it has another colour")
         rate = self.show.rules.log_rate
         found = self.log.times(self.topics[PREDICTED]) - self.show.epoch
@@ -414,67 +424,14 @@ class Samples:
             worst.odd.append("its samples are not at the steps of the log rate")
         return {"VRF127": worst}
 
-    def _frames(self, time: int) -> FrameTransforms:
-        """Frames of all drones without their places."""
-        return FrameTransforms(
-            transforms=[
-                FrameTransform(
-                    timestamp=_stamp(time),
-                    parent_frame_id="map",
-                    child_frame_id=f"drone_{drone + 1:04d}",
-                    translation=Vector3(),
-                    rotation=Quaternion(),
-                )
-                for drone in range(self.show.drones)
-            ]
-        )
-
     def _points(
-        self,
-        data: bytes,
-        m: Messages,
-        offset: int,
-        layout: np.dtype[np.void],
-        found: Compared,
+        self, time: int, data: bytes, layout: np.dtype[np.void]
     ) -> NDArray[np.void] | None:
-        """Return points (times, drones) of a chunk; None if they are laid out oddly."""
-        template = PointCloud(
-            frame_id="map",
-            pose=Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
-            point_stride=layout.itemsize,
-            fields=[
-                PackedElementField(
-                    name=name,
-                    offset=entry[1],
-                    type=PackedElementField.UINT8
-                    if entry[0].itemsize == 1
-                    else PackedElementField.FLOAT32,
-                )
-                for name, entry in (layout.fields or {}).items()
-            ],
-        )
-        points = np.empty((m.size.size, self.show.drones), dtype=layout)
-        for row, (start, size, time) in enumerate(
-            zip(m.payload.tolist(), m.size.tolist(), m.log_time.tolist(), strict=True)
-        ):
-            cloud = parse(PointCloud, data[start : start + size], offset)
-            content = cloud.data
-            cloud.ClearField("data")
-            template.timestamp.CopyFrom(_stamp(time))
-            if cloud != template:
-                found.odd.append("a point cloud says other things than showc's do")
-                return None
-            if len(content) != points[row].nbytes:
-                found.odd.append(
-                    f"a point cloud does not hold {points.shape[1]} drones"
-                )
-                return None
-            points[row] = np.frombuffer(content, dtype=layout)
+        """Points (drones,) of a message; None if it is not what showc makes of them."""
+        points = points_of(data, layout)
+        if points.size != self.show.drones or _bytes(point_cloud(time, points)) != data:
+            return None
         return points
-
-    def _seconds(self, times: IntArray) -> FloatArray:
-        """Show time of time stamps [s]."""
-        return np.asarray((times - self.show.epoch) / 1e9)
 
     def _compare(
         self,
@@ -484,35 +441,43 @@ class Samples:
         drones: IntArray,
         kind: Kind,
     ) -> None:
-        """Compare values (fields, times, drones); NaN in states means: not logged."""
-        ratio = self._ratio(values, self._flown(times, drones), kind)
-        late = np.flatnonzero(ratio.max(axis=(0, 2), initial=0.0) > 1.0)
-        for index in late.tolist():
-            one = slice(index, index + 1)
-            for side in (-_SIDE, _SIDE):
-                other = self._flown(times[one] + side, drones)
-                again = self._ratio(values[:, one], other, kind)
-                ratio[:, one] = np.minimum(ratio[:, one], again)
+        """Compare values (fields, n) at show times (n,) of ``drones`` (n,)."""
+        ratio = _ratio(values, self._at(times, drones), kind)
+        late = np.flatnonzero(ratio.max(axis=0) > 1.0)
+        for side in (-_SIDE, _SIDE) if late.size else ():
+            other = self._at(times[late] + side, drones[late])
+            again = _ratio(values[:, late], other, kind)
+            ratio[:, late] = np.minimum(ratio[:, late], again)
         worst.see(ratio, times, drones)
 
-    def _flown(self, times: FloatArray, drones: IntArray) -> FloatArray:
-        """State and control of some drones, shape (16, times, drones)."""
-        return flown(self.show, times)[..., drones]
+    def _at(self, times: FloatArray, drones: IntArray) -> FloatArray:
+        """State and control (16, n) of ``drones`` (n,) at show times (n,) [s]."""
+        moments, index = np.unique(times, return_inverse=True)
+        return flown(self.show, moments)[:, index, drones]
 
-    def _ratio(self, values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
-        """Error over what is allowed, shape of ``values``; 0 where not logged."""
-        expected = _expected(flown, kind)
-        quantity = _QUANTITIES[kind]
-        fixed = 0.5 * _STEPS[quantity] + _drift(flown)[quantity] + 1e-9
-        ratio = np.abs(values - expected)
-        allowed = np.abs(expected, out=expected)
-        allowed *= 2.0**-23 + 1e-9
-        allowed += fixed[:, None, None]
-        ratio /= allowed
-        ratio[np.isnan(ratio)] = np.inf
-        if kind == "state":
-            ratio[np.isnan(values)] = 0.0
-        return ratio
+
+def points_of(data: bytes, layout: np.dtype[np.void]) -> NDArray[np.void]:
+    """Points of a message, in its order; none if it holds no whole ones."""
+    try:
+        content = PointCloud.FromString(data).data
+    except DecodeError:
+        return np.empty(0, layout)
+    whole = len(content) % layout.itemsize == 0
+    return np.frombuffer(content if whole else b"", layout)
+
+
+def _bytes(message: Message) -> bytes:
+    return message.SerializeToString(deterministic=True)
+
+
+def _ratio(values: FloatArray, flown: FloatArray, kind: Kind) -> FloatArray:
+    """Error over what is allowed, shape of ``values``; infinite where undefined."""
+    expected = _expected(flown, kind)
+    quantity = _QUANTITIES[kind]
+    fixed = 0.5 * _STEPS[quantity] + _drift(flown)[quantity] + 1e-9
+    allowed = fixed[:, None] + np.abs(expected) * (2.0**-23 + 1e-9)
+    ratio = np.abs(values - expected) / allowed
+    return np.asarray(np.where(np.isnan(ratio), np.inf, ratio))
 
 
 def _drift(flown: FloatArray) -> FloatArray:
@@ -524,18 +489,11 @@ def _drift(flown: FloatArray) -> FloatArray:
     return 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
 
 
-def _stamp(time: int) -> Timestamp:
-    return Timestamp(seconds=time // 1_000_000_000, nanos=time % 1_000_000_000)
-
-
 def _expected(flown: FloatArray, kind: Kind) -> FloatArray:
     """Fields (fields, ...) of a sample from states and controls (16, ...)."""
     if kind == "state":
         return flown.copy()
-    turned = _quaternion(*flown[6:9])
-    if kind == "transform":
-        return np.concatenate([flown[:3], turned])
-    return np.concatenate([flown[:6], turned, flown[9:]])
+    return np.concatenate([flown[:6], _quaternion(*flown[6:9]), flown[9:]])
 
 
 def _quaternion(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:

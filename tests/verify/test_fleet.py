@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.verify.fleet import evaluate
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.show import PieceTable
+from showc.verify.samples import evaluate
 
 
 def random_table(seed):

@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
-from showc.verify.decode import parse
+from showc.log.sample import PLACE
 from showc.verify.missions.law import CLOCK_LAG
 from showc.verify.missions.legs import joined
 from showc.verify.report import Check, Place
-from showc.verify.sample import point_layout, points_of
+from showc.verify.samples import points_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +35,6 @@ BESIDE, BESIDE_FAST = 0.3, 0.06
 """How far beside its part of a line a drone may be drawn [m], and by how much more for
 each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
 
-PLACES = ("x", "y", "z")
-
 BLOCK = 8192
 """Places that are looked at together: they fit the processor's cache."""
 
@@ -49,18 +46,15 @@ def check_drawn(log: LogFile, show: LoggedShow, missions: list[MissionLegs]) -> 
     }
     tubes = _Tubes(missions)
     worst, where, count, last = 0.0, Place(), 0, -np.inf
-    layout: np.dtype[np.void] | None = None
-    for data, m, offset in log.read(channels):
+    for data, m, _ in log.read(channels):
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
-        drawn = np.empty((3, times.size, show.drones))
+        drawn = np.full((3, times.size, show.drones), np.nan)
         for row, (start, size) in enumerate(
             zip(m.payload.tolist(), m.size.tolist(), strict=True)
         ):
-            cloud = parse(PointCloud, data[start : start + size], offset)
-            layout = layout or point_layout(cloud, offset, PLACES)
-            points = points_of(cloud, layout, show.drones, offset)
-            for axis, name in enumerate(PLACES):
-                drawn[axis, row] = points[name]
+            points = points_of(data[start : start + size], PLACE)
+            if points.size == show.drones:
+                drawn[:, row] = [points[name] for name in ("x", "y", "z")]
         for first in range(0, times.size, max(1, BLOCK // show.drones)):
             rows = slice(first, first + max(1, BLOCK // show.drones))
             over = tubes.outside(times[rows], drawn[:, rows])

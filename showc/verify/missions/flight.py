@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +13,18 @@ from showc.verify.missions.legs import DAY, HOUR, Clock
 from showc.verify.missions.separation import (
     RESOLUTION,
     Nearest,
+    OverlappingLegsError,
     nearest_timed,
     nearest_untimed,
 )
 from showc.verify.missions.space import ROUNDING as BOUNDARY
 from showc.verify.missions.space import Inside, inside_fence, inside_volume
-from showc.verify.missions.stretches import OverlappingLegsError
 from showc.verify.report import Check, Place, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import FloatArray
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import MissionLegs
 
@@ -141,96 +140,58 @@ def check_flight(
     return [*checks, _as_claimed(timed, described)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Stops:
-    """Where one drone ends its moves."""
-
-    rows: IntArray
-    """Place of the mission that is the end of each move, shape (n,)."""
-    holds: FloatArray
-    """For how long the log holds it there, shape (n,) [s]."""
-
-
 def _check_ends(
     missions: Sequence[MissionLegs], show: LoggedShow
-) -> tuple[Check, list[_Stops]]:
+) -> tuple[Check, list[list[int]]]:
     """Whether each mission visits the ends of its drone's moves in order.
 
-    Also returns which places those are, as far as they were found.
+    Also returns which places of each mission those are, as far as they were found.
     """
-    worst, where, count, found = 0.0, Place(), 0, list[_Stops]()
-    notes: tuple[str, ...] = ()
-    for drone, (mission, moves) in enumerate(zip(missions, _moves(show), strict=True)):
-        off = np.abs(mission.places[None] - moves.ends[:, None]) / PLACE_RESOLUTION
-        ratios = off.max(axis=2)
-        rows, at = [], 0
-        for number, ratio in enumerate(ratios):
+    moves = [segment for segment in show.segments if not segment.holds]
+    ends = [moves[0].ends()[0], *(move.ends()[1] for move in moves)]
+    names = ["the pad", *(f"the end of “{move.message.name}”" for move in moves)]
+    worst, where, note, found = 0.0, Place(), "", list[list[int]]()
+    for drone, mission in enumerate(missions):
+        stops = np.stack([one[drone, :3] for one in ends])
+        off = np.abs(mission.places[None] - stops[:, None]) / PLACE_RESOLUTION
+        rows: list[int] = []
+        for name, ratio in zip(names, off.max(axis=2), strict=True):
+            at = rows[-1] if rows else 0
             fits = np.flatnonzero(ratio[at:] <= 1.0)
             # The pad is the first place, and the last one is the landing.
-            first = number == 0 and fits.size > 0 and fits[0] == 0
-            if not (first or (number > 0 and fits.size)):
+            if not fits.size or (not rows and fits[0] > 0):
                 worst, where = float(ratio[at:].min(initial=np.inf)), Place(drone + 1)
-                notes = (f"no item flies to {moves.names[number]} in its turn",)
+                note = f"no item flies to {name} in its turn"
                 break
-            at += int(fits[0])
-            rows.append(at)
-            worst = max(worst, float(ratio[at]))
+            rows.append(at + int(fits[0]))
+            worst = max(worst, float(ratio[rows[-1]]))
         else:
-            if at != len(mission.places) - 1:
+            if rows[-1] != len(mission.places) - 1:
                 worst, where = np.inf, Place(drone + 1)
-                notes = ("flies on after its landing in the log",)
-        count += len(rows)
-        ended = np.array(rows[1:], dtype=np.int64)
-        found.append(_Stops(ended, moves.holds[: ended.size]))
-        if notes:
+                note = "flies on after its landing in the log"
+        found.append(rows)
+        if note:
             break
-    notes = notes or (f"{count:,} places, to 1e-7 degrees and 1.2 cm of height",)
-    verdict: Verdict = (
-        "pass" if worst <= 1.0 and len(found) == len(missions) else "fail"
-    )
-    unit = "of the resolution"
+    places = f"{sum(map(len, found)):,} places, to 1e-7 degrees and 1.2 cm of height"
+    verdict: Verdict = "fail" if note or len(found) != len(missions) else "pass"
+    unit, notes = "of the resolution", (note or places,)
     return Check("VRF404", GROUP, ENDS, verdict, worst, 1.0, unit, where, notes), found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Moves:
-    """The moves of one drone in the log."""
-
-    ends: FloatArray
-    """Where it stands first, and the end of each move, shape (n + 1, 3) [m]."""
-    names: list[str]
-    """What these are called."""
-    holds: FloatArray
-    """For how long it is held after each move, shape (n,) [s]."""
-
-
-def _moves(show: LoggedShow) -> list[_Moves]:
-    """Return the moves of every drone in the log, in order."""
-    ends: list[list[FloatArray]] = [[] for _ in range(show.drones)]
-    names: list[list[str]] = [[] for _ in range(show.drones)]
-    holds: list[list[float]] = [[] for _ in range(show.drones)]
-    for segment in sorted(show.segments, key=lambda one: one.start):
-        first, last = segment.ends()
-        for drone in range(show.drones):
-            if segment.holds:
-                if holds[drone]:
-                    holds[drone][-1] += segment.duration
-                continue
-            if not ends[drone]:
-                ends[drone].append(first[drone, :3])
-                names[drone].append("the pad")
-            ends[drone].append(last[drone, :3])
-            names[drone].append(f"the end of “{segment.message.name}”")
-            holds[drone].append(0.0)
-    return [
-        _Moves(np.array(rows).reshape(-1, 3), labels, np.array(times))
-        for rows, labels, times in zip(ends, names, holds, strict=True)
-    ]
+def _holds(show: LoggedShow) -> FloatArray:
+    """For how long the fleet is held after each move of the log, shape (n,) [s]."""
+    found: list[float] = []
+    for segment in show.segments:
+        if not segment.holds:
+            found.append(0.0)
+        elif found:
+            found[-1] += segment.duration
+    return np.array(found)
 
 
 def _check_slots(
     missions: Sequence[MissionLegs],
-    stops: Sequence[_Stops],
+    stops: Sequence[list[int]],
     show: LoggedShow,
     pause: float,
 ) -> Check:
@@ -241,12 +202,13 @@ def _check_slots(
     waits no longer than that, so no slot is an hour late.
     """
     worst, where, note = np.inf, Place(), ""
-    legs, climbed = [], 0.0
+    legs, climbed, holds = [], 0.0, _holds(show)
     for drone, (mission, own) in enumerate(zip(missions, stops, strict=False)):
         surely = mission.profiles.followed(mission.profiles.late)
         likely = mission.profiles.followed(0.0)
         held = np.zeros(mission.release.size)
-        held[own.rows - 1] = own.holds
+        ended = np.array(own[1:], dtype=np.int64)
+        held[ended - 1] = holds[: ended.size]
         free = LIFT_OFF + float(likely[:2].sum()) + 2.0 * SPREAD + pause
         climbed, line = max(climbed, free), int(mission.lines[1])
         for leg in np.flatnonzero(np.isfinite(mission.release)).tolist():

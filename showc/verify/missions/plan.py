@@ -12,6 +12,7 @@ import numpy as np
 from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MISSION, MissionFormatError
 from showc.verify.missions.terms import CRUISE
+from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,8 +93,7 @@ def check_plan(
             "points": [[home[0], home[1], terms.rally_height]],
         },
     }
-    different = _difference(plan, wanted, "")
-    if different:
+    for different in unlike(plan, wanted, "plan", rounding=0.0):
         raise MissionFormatError(different)
 
 
@@ -141,29 +141,6 @@ def _entry(number: int, item: Item) -> dict[str, Any]:
             "AltitudeMode": 1,
         }
     return entry
-
-
-def _difference(found: Any, wanted: Any, path: str) -> str:  # noqa: ANN401 - any JSON
-    """Name the first place where two documents differ; empty if none does."""
-    if isinstance(wanted, dict) and isinstance(found, dict):
-        for key in sorted(found.keys() ^ wanted.keys()):
-            missing = "is missing" if key in wanted else "does not belong here"
-            return f"{path}{key} {missing}"
-        inside = (
-            _difference(found[key], wanted[key], f"{path}{key}.") for key in wanted
-        )
-        return next(filter(None, inside), "")
-    if isinstance(wanted, list) and isinstance(found, list):
-        if len(found) != len(wanted):
-            return f"{path}: {len(found)} entries, the mission has {len(wanted)}"
-        differences = (
-            _difference(one, other, f"{path}{number}.")
-            for number, (one, other) in enumerate(zip(found, wanted, strict=True))
-        )
-        return next(filter(None, differences), "")
-    # True is no 1 here; 1 and 1.0 are one number.
-    same = found == wanted and isinstance(found, bool) == isinstance(wanted, bool)
-    return "" if same else f"{path[:-1]} is {str(found)[:40]!r}, not {wanted!r}"
 
 
 def _check_fence(found: Any, site: Site) -> None:  # noqa: ANN401 - any JSON

@@ -1,10 +1,11 @@
-"""Differences of two messages, field by field, in words."""
+"""Differences of two documents or messages, in words."""
 
 from __future__ import annotations
 
-import math
 from itertools import islice
 from typing import TYPE_CHECKING, Any
+
+from google.protobuf.json_format import MessageToDict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,51 +20,48 @@ _MOST = 5
 """Differences that are named."""
 
 
-def same(found: float, wanted: float) -> bool:
-    """Whether two numbers are one but for rounding."""
-    return bool(abs(found - wanted) <= TOLERANCE * max(1.0, abs(wanted)))
+def same(found: float, wanted: float, rounding: float = TOLERANCE) -> bool:
+    """Whether two numbers are one but for rounding; a whole one may be huge."""
+    try:
+        return bool(abs(found - wanted) <= rounding * max(1.0, abs(wanted)))
+    except OverflowError:
+        return False
 
 
 def differences(found: Message, wanted: Message) -> tuple[str, ...]:
-    """Return what differs, at most a few lines; empty if nothing does."""
-    if found == wanted:
-        return ()
-    lines = list(islice(_differences(found, wanted, ""), _MOST))
-    return tuple(lines) or _unknown(found, wanted)
+    """Return what differs between two messages, at most a few lines."""
+    one, other = (
+        MessageToDict(
+            message,
+            preserving_proto_field_name=True,
+            always_print_fields_with_no_presence=True,
+        )
+        for message in (found, wanted)
+    )
+    return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), _MOST))
 
 
-def _unknown(found: Message, wanted: Message) -> tuple[str, ...]:
-    """Numbers that differ by rounding are fine; fields that are not known are not."""
-    known = type(found)()
-    known.CopyFrom(found)
-    known.DiscardUnknownFields()
-    if known.ByteSize() != found.ByteSize():
-        return (f"{wanted.DESCRIPTOR.name} holds fields that are not known",)
-    return ()
-
-
-def _differences(found: Message, wanted: Message, path: str) -> Iterator[str]:
-    for field in wanted.DESCRIPTOR.fields:
-        where = f"{path}{field.name}"
-        one, other = getattr(found, field.name), getattr(wanted, field.name)
-        if field.is_repeated:
-            if len(one) != len(other):
-                yield f"{where}: the log has {len(one)}, the script {len(other)}"
-                continue
-            pairs = [
-                (f"{where}[{at}]", *pair)
-                for at, pair in enumerate(zip(one, other, strict=True))
-            ]
-        else:
-            pairs = [(where, one, other)]
-        for name, left, right in pairs:
-            if field.message_type is not None:
-                yield from _differences(left, right, f"{name}.")
-            elif not _equal(left, right):
-                yield f"{name}: the log says {left!r}, the script {right!r}"
-
-
-def _equal(found: Any, wanted: Any) -> bool:  # noqa: ANN401 - whatever a field holds
-    if isinstance(wanted, float):
-        return math.isfinite(found) and same(found, wanted)
-    return bool(found == wanted)
+def unlike(
+    found: Any,  # noqa: ANN401 - JSON
+    wanted: Any,  # noqa: ANN401 - JSON
+    path: str,
+    rounding: float = TOLERANCE,
+) -> Iterator[str]:
+    """Yield where two JSON values differ, but for the rounding of numbers."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key in sorted(wanted.keys() | found.keys()):
+            if key not in found or key not in wanted:
+                yield f"{path}.{key} {'is missing' if key in wanted else 'is unknown'}"
+            else:
+                yield from unlike(found[key], wanted[key], f"{path}.{key}", rounding)
+    elif isinstance(wanted, list) and isinstance(found, list):
+        if len(found) != len(wanted):
+            yield f"{path} has {len(found)} entries, not {len(wanted)}"
+        for at, pair in enumerate(zip(found, wanted, strict=False)):
+            yield from unlike(*pair, f"{path}[{at}]", rounding)
+    else:
+        # True is no 1 here; 1 and 1.0 are one number.
+        numbers = {type(found), type(wanted)} <= {int, float}
+        near = numbers and same(found, wanted, rounding)
+        if not near and (type(found) is not type(wanted) or found != wanted):
+            yield f"{path} is {str(found)[:40]!r}, not {wanted!r}"

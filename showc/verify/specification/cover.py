@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from showc.log import showc_pb2 as pb
 from showc.log.layout import layout_json
-from showc.verify.kernel.show import LARGEST
+from showc.log.sample import GRID
 from showc.verify.report import Check, Place
-from showc.verify.samples import GRIDS
-from showc.verify.specification.compare import same
+from showc.verify.specification.compare import same, unlike
 from showc.verify.specification.script import LAYOUT, MANIFEST
 
 if TYPE_CHECKING:
@@ -136,7 +135,7 @@ def _metadata(
         "script": anchor.name,
         "script_sha256": _sha256(log.attachment(script)),
         "manifest_sha256": _sha256(log.attachment(MANIFEST)),
-        **{f"grid_{name}": step for name, step in GRIDS.items()},
+        **{f"grid_{name}": step for name, step in GRID.items()},
     }
     for key in sorted(wanted.keys() | found.keys()):
         if key not in found:
@@ -244,30 +243,9 @@ def _manifest(
         if key not in found:
             yield f"{key} is missing"
         elif key in wanted:
-            yield from _unlike(found[key], wanted[key], key)
+            yield from unlike(found[key], wanted[key], key)
         elif key not in FREE:
             yield f"{key!r} is no part of a manifest"
-
-
-def _unlike(found: Any, wanted: Any, path: str) -> Iterator[str]:  # noqa: ANN401 - JSON
-    """Yield where two JSON values differ."""
-    if isinstance(wanted, dict) and isinstance(found, dict):
-        for key in sorted(wanted.keys() | found.keys()):
-            if key not in found or key not in wanted:
-                yield f"{path}.{key} is {'missing' if key not in found else 'unknown'}"
-            else:
-                yield from _unlike(found[key], wanted[key], f"{path}.{key}")
-    elif isinstance(wanted, list) and isinstance(found, list):
-        if len(found) != len(wanted):
-            yield f"{path} has {len(found)} entries, not {len(wanted)}"
-        for at, pair in enumerate(zip(found, wanted, strict=False)):
-            yield from _unlike(*pair, f"{path}[{at}]")
-    elif isinstance(wanted, float) and isinstance(found, (int, float)):
-        # A whole number can be too large for a float.
-        if abs(found) > LARGEST or not same(float(found), wanted):
-            yield f"{path} is {found!r}, not {wanted!r}"
-    elif type(found) is not type(wanted) or found != wanted:
-        yield f"{path} is {found!r}, not {wanted!r}"
 
 
 def _leg(segment: Segment) -> dict[str, Any]:
