@@ -29,41 +29,22 @@ STRAIGHT = 0.05
 
 
 def bends(
-    leg: Leg,
-    flight: LegFlight,
-    builder: StageBuilder,
-    around: Surroundings,
-    stops: int,
+    leg: Leg, flight: LegFlight, builder: StageBuilder, around: Surroundings
 ) -> list[tuple[str, list[Lines]]]:
-    """Straight legs along the solved flight, or outside it, with some ``stops``."""
+    """Two straight legs along the solved flight, or outside it."""
     start, goal = around.positions[leg.drones], leg.goal
     low, high = np.array(leg.limits.position_min), np.array(leg.limits.position_max)
-    solved = [
-        np.array(
-            [
-                trajectory.state(stop / (stops + 1) * flight.duration)[:3]
-                for trajectory in flight.trajectories
-            ]
-        )
-        for stop in range(1, stops + 1)
-    ]
-    lines = [_nearest_on_line(places, start, goal) for places in solved]
-    aside = [
-        np.linalg.norm(a - b, axis=1).max() for a, b in zip(solved, lines, strict=True)
-    ]
-    if max(aside) < STRAIGHT:
+    middle = 0.5 * flight.duration
+    solved = np.array([path.state(middle)[:3] for path in flight.trajectories])
+    line = _nearest_on_line(solved, start, goal)
+    if np.linalg.norm(solved - line, axis=1).max() < STRAIGHT:
         return []
-    corners = [
-        [
-            np.clip(line + bend * (places - line), low, high)
-            for places, line in zip(solved, lines, strict=True)
-        ]
+    ways = [
+        [start, np.clip(line + bend * (solved - line), low, high), goal]
         for bend in BENDS
     ]
-    names = [f"{stops + 1} legs, bend x {bend:g}" for bend in BENDS]
-    ways = [[start, *places, goal] for places in corners]
-    found = builder.ways(leg.drones, ways, leg.limits)
-    return list(zip(names, found, strict=True))
+    names = [f"2 legs, bend x {bend:g}" for bend in BENDS]
+    return list(zip(names, builder.ways(leg.drones, ways, leg.limits), strict=True))
 
 
 def layers(

@@ -190,8 +190,7 @@ class _Search:
         """Promise all encodings but the straight lines themselves."""
         least = self.cost([self.first])
         yield _Straight(least)
-        for stops in (1, 2):
-            yield _Bent(least + stops * self.stop, stops)
+        yield _Bent(least + self.stop)
         yield _Layered(least + 2.0 * self.stop)
         yield _Above(least + 2.0 * self.stop)
 
@@ -207,21 +206,16 @@ class _Search:
             stage.finish(late(stage.profile.speed)) + self.stop for stage in stages
         )
 
-    def apart(self, stages: Sequence[Stage]) -> bool:
+    def apart(self, stage: Stage) -> bool:
         """Whether the drones keep apart if all delays are as expected."""
-        required, positions = self.around.required, self.around.positions
-        for stage in stages:
-            found = closest_encounter(
-                stage_motion(stage, positions, EXACT),
-                self.around.separation,
-                enough=required,
-                plenty=required + TOLERANCE,
-            )
-            if found is not None and found.distance < required:
-                return False
-            positions = positions.copy()
-            positions[stage.drones] = stage.end
-        return True
+        required = self.around.required
+        found = closest_encounter(
+            stage_motion(stage, self.around.positions, EXACT),
+            self.around.separation,
+            enough=required,
+            plenty=required + TOLERANCE,
+        )
+        return found is None or found.distance >= required
 
     @property
     def by_axes(self) -> bool:
@@ -253,8 +247,7 @@ class _Straight:
         yield from found
         if not found or found[0].cost > self.cost + CLOSE:
             yield _OwnTimes(self.cost, 0)
-        slower = _Slower("straight", (search.lines,), self.cost, 0, staggered=True)
-        yield _IfApart((search.first,), slower)
+        yield _Slower(self.cost, search.lines.together)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,64 +306,40 @@ class _Staggered:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Slower:
-    """Ways in longer times, one factor after the other."""
+    """Straight lines in longer times, staggered: the same delays cost less distance.
 
-    name: str
-    ways: tuple[Lines, ...]
+    In wind that is what some fleets need. Time scales a flight nearly without changing
+    its shape: it helps little where drones meet even without any delay.
+    """
+
     quickest: float
-    """Cost of the ways in their shortest times [s]."""
-    number: int
-    """Of the factor on the times."""
-    staggered: bool = False
+    """Cost of the straight lines in their shortest time [s]."""
+    together: float
+    """That time [s]."""
+    number: int = 0
+    """Of the factor on the time."""
 
     @property
     def cost(self) -> float:
-        times = sum(lines.together for lines in self.ways)
-        return self.quickest + (STRETCHES[self.number] - 1.0) * times
+        return self.quickest + (STRETCHES[self.number] - 1.0) * self.together
 
-    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
-        del search
+    def kept(self, search: _Search) -> Iterator[Promise]:
+        if self.number == 0 and not search.apart(search.first):
+            return
         stretch = STRETCHES[self.number]
-        times = [stretch * lines.together for lines in self.ways]
-        stages = tuple(flown(self.ways, times))
-        kind = _Staggered if self.staggered else Worked
-        yield kind(self.cost, f"{self.name}, time x {stretch:g}", stages)
+        stage = search.lines.lasting(stretch * self.together)
+        yield _Staggered(self.cost, f"straight, time x {stretch:g}", (stage,))
         if self.number + 1 < len(STRETCHES):
             yield replace(self, number=self.number + 1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _IfApart:
-    """Longer times, only if they can help.
-
-    Time scales a flight nearly without changing its shape: it helps little where drones
-    meet even without any delay.
-    """
-
-    quick: tuple[Stage, ...]
-    slower: _Slower
-
-    @property
-    def cost(self) -> float:
-        return self.slower.cost
-
-    def kept(self, search: _Search) -> Iterator[Worked | Promise]:
-        if search.apart(self.quick):
-            yield self.slower
-
-
 def _several(
-    search: _Search, name: str, ways: Sequence[Lines], stages: Sequence[Stage]
+    search: _Search, name: str, stages: Sequence[Stage]
 ) -> Iterator[Worked | Promise]:
-    """Ways of several legs: in their shortest times, staggered, in longer ones.
-
-    ``stages`` is how they are flown in their shortest times.
-    """
-    quick = tuple(stages)
-    cost = search.cost(quick)
-    yield Worked(cost, name, quick)
-    yield _Staggered(cost, name, quick)
-    yield _IfApart(quick, _Slower(name, tuple(ways), cost, 0))
+    """Ways of several legs, all at once and staggered."""
+    cost = search.cost(stages)
+    yield Worked(cost, name, tuple(stages))
+    yield _Staggered(cost, name, tuple(stages))
 
 
 def _quickest(ways: Sequence[Lines]) -> list[Stage]:
@@ -382,18 +351,14 @@ class _Bent:
     """Ways along the solved flight's bend."""
 
     cost: float
-    stops: int
-    """Corners on the way."""
 
     def kept(self, search: _Search) -> Iterator[Worked | Promise]:
         if search.flight is None:
             return
-        ways = bends(
-            search.leg, search.flight, search.builder, search.around, self.stops
-        )
+        ways = bends(search.leg, search.flight, search.builder, search.around)
         quick = iter(_quickest([lines for _, way in ways for lines in way]))
         for name, way in ways:
-            yield from _several(search, name, way, [next(quick) for _ in way])
+            yield from _several(search, name, [next(quick) for _ in way])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -405,7 +370,7 @@ class _Layered:
     def kept(self, search: _Search) -> Iterator[Worked | Promise]:
         found = layers(search.leg, search.builder, search.around, search.first)
         for name, ways in found:
-            yield from _several(search, name, ways, _quickest(ways))
+            yield from _several(search, name, _quickest(ways))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
