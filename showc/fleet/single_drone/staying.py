@@ -14,7 +14,7 @@ import numpy as np
 from showc.fleet.deconfliction.walls import NODES
 from showc.fleet.single_drone.avoiding import avoid
 from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
-from showc.fleet.single_drone.single import follow, hover
+from showc.fleet.single_drone.single import follow, hover, minimum_time
 from showc.fleet.single_drone.spline import follow_spline
 from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from showc.fleet.single_drone.single import Aircraft
 
 
-_MOMENT = 1.5e-3
-"""Time left over after a flight in which nothing but hovering is worth it [s]: what
-rounding up to whole milliseconds leaves."""
+_MOMENT, _SHARE = 1.5e-3, 3e-3
+"""Time left over after a flight in which nothing but hovering is worth it: what
+rounding up to whole milliseconds leaves [s], or such a share of the time."""
 STRAIGHT, ROUND, SPLINE, OPTIMAL = "straight", "round", "spline", "optimal control"
 Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
@@ -54,7 +54,7 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
         here already, so that all processes build it at the same time.
     """
     duration = reference.end
-    if shortest is not None and 0.0 <= duration - shortest.state.end < _MOMENT:
+    if shortest is not None and _nearly(shortest.state.end, duration):
         return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
     if shortest is None and not bending:
         found = follow_spline(aircraft, start, goal, reference, intervals)
@@ -63,10 +63,24 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
     flight = avoid(aircraft, start, goal, reference, NO_WALLS, shortest=shortest)
     if flight is not None:
         return OPTIMAL, flight, ""
+    if reference.components > 1:
+        return OPTIMAL, None, "no flight near the way was found"
+    if shortest is None:
+        # With so little time that its least is worth knowing.
+        least = minimum_time(aircraft, start, goal)
+        if least.trajectory is not None:
+            shortest = least.trajectory
+            if _nearly(least.duration, duration):
+                return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
     result = follow(
         aircraft, start, goal, duration, reference=reference, shortest=shortest
     )
     return OPTIMAL, result.trajectory if result.solved else None, result.message
+
+
+def _nearly(least: float, duration: float) -> bool:
+    """Whether a time [s] leaves next to nothing over a drone's least one [s]."""
+    return 0.0 <= duration - least < max(_MOMENT, _SHARE * duration)
 
 
 def _lingering(
