@@ -41,7 +41,7 @@ from showc.cli.vehicles import connect_option, drones_option, signing_key_option
 @click.option(
     "--lead",
     type=click.FloatRange(0.0, 1.0),
-    default=0.05,
+    default=0.0,
     show_default=True,
     help="How much before its moment a setpoint leaves, in seconds: the lag of the "
     "autopilot and of the link.",
@@ -59,6 +59,12 @@ from showc.cli.vehicles import connect_option, drones_option, signing_key_option
     is_flag=True,
     help="Raise ArduCopter's limits that are too small for the show; they get their "
     "values back after the landing.",
+)
+@click.option(
+    "--set-gains",
+    is_flag=True,
+    help="Fly with the gains that trajectories were measured with, until the landing: "
+    "those of ArduCopter's simulated quadrotor. Leave it out where vehicles are tuned.",
 )
 @signing_key_option
 @click.option(
@@ -78,6 +84,7 @@ def command(
     lead: float,
     after_stop: Literal["hold", "land", "return"],
     set_parameters: bool,
+    set_gains: bool,
     signing_key: Path | None,
     flown: Path | None,
     as_json: bool,
@@ -107,6 +114,7 @@ def command(
         lead=lead,
         after_stop=after_stop,
         set_parameters=set_parameters,
+        set_gains=set_gains,
         key=None if signing_key is None else read_key(signing_key),
     )
     with progress(quiet=quiet or as_json) as watcher:

@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.progress import Silent
 from showc.safety.stop import Authority
+from showc.vehicle.presets import ARDUCOPTER
 from showc.vehicle_link.clock import History, Rounds, ShowClock
 from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address
 from showc.vehicle_link.pilot import Phase, Pilot
@@ -42,6 +43,13 @@ LANDING_TIME = 60.0
 DESCENT_SPEED = 0.5
 """Slowest mean speed of a landing [m/s]: ArduCopter's last ten metres by default."""
 
+GAINS = {
+    name: value
+    for name, value in ARDUCOPTER.parameters
+    if not name.startswith("WPNAV_")
+}
+"""Gains with which ArduCopter was measured to follow; its limits depend on the show."""
+
 HOLDING_TIME = 10.0
 """Time in which they must have taken over the hold, or their parameters back [s]."""
 
@@ -58,14 +66,17 @@ class StreamOptions:
     """Greatest age of a vehicle's position [s]."""
     ready_timeout: float = 60.0
     """Time in which all vehicles must be ready [s]."""
-    lead: float = 0.05
+    lead: float = 0.0
     """How much earlier than its moment a setpoint leaves [s]: ArduCopter followed
-    position, velocity and acceleration with a lag of 0.02 to 0.08 s."""
+    position, velocity and acceleration within 0.02 s; a link's delay is to be added."""
     after_stop: AfterStop = "hold"
     """What a stopped fleet does: hover, land where it is, or fly back the way it came
     and land on its pads."""
     set_parameters: bool = False
     """Whether parameters of ArduCopter that are too small for the show are raised."""
+    set_gains: bool = False
+    """Whether ArduCopter flies with the gains that the envelope was measured with:
+    those of a simulated quadrotor."""
     systems: Mapping[int, int] | None = None
     """MAVLink system id of a drone (counting from 1) where it is not its number."""
     key: bytes | None = None
@@ -128,6 +139,7 @@ class Conductor:
                 corridor=options.corridor,
                 needs=plan.arducopter_needs(),
                 writes=options.set_parameters,
+                gains=GAINS if options.set_gains else None,
             )
             for index, drone in enumerate(plan.drones)
         ]
@@ -491,5 +503,5 @@ class Conductor:
 
 
 def _raised(pilot: Pilot) -> dict[str, float]:
-    """Parameters of a vehicle that were raised, at what they were raised to."""
-    return {name: pilot.needs[name] for name in pilot.raised}
+    """Parameters of a vehicle that were changed, at what they were changed to."""
+    return {name: pilot.flown(name) for name in pilot.raised}

@@ -119,6 +119,8 @@ class Pilot:
         Least values of the parameters that following the show needs, by name.
     writes
         Whether parameters that are less may be raised, until the vehicle has landed.
+    gains
+        Parameters that are given these values for as long, whatever they were.
     """
 
     def __init__(
@@ -132,12 +134,17 @@ class Pilot:
         corridor: float,
         needs: Mapping[str, float],
         writes: bool = False,
+        gains: Mapping[str, float] | None = None,
     ) -> None:
         self.drone = drone
         self.vehicle = vehicle
         self.frame = frame
         self.start, self.pad, self.corridor = start, pad, corridor
         self.needs, self.writes = dict(needs), writes
+        self.gains = {
+            name: max(value, self.needs.get(name, value))
+            for name, value in (gains or {}).items()
+        }
         self.phase = Phase.UNHEARD
         self.reason = ""
         self.tells = Telemetry(frame)
@@ -145,7 +152,7 @@ class Pilot:
         self.parameters: dict[str, float] = {}
         """What it says of the parameters that matter."""
         self.raised: dict[str, float] = {}
-        """Former values of parameters that were raised."""
+        """Former values of parameters that were changed."""
         self._orders: dict[int, _Order] = {}
         self._asked_for = list(POSITION_INTERVALS)
         self._questions: Questions | None = None
@@ -172,9 +179,11 @@ class Pilot:
 
     def _wanted(self, name: str) -> float:
         """Value that is being written."""
-        if self.phase is Phase.WRITING:
-            return single(self.needs[name])
-        return self.raised[name]
+        return self.flown(name) if self.phase is Phase.WRITING else self.raised[name]
+
+    def flown(self, name: str) -> float:
+        """Return the value with which the show is flown, of a changed parameter."""
+        return single(self.gains.get(name, self.needs.get(name, 0.0)))
 
     # --- towards the show -----------------------------------------------------------
 
@@ -232,13 +241,14 @@ class Pilot:
         if self.tells.ardupilot and self.needs:
             self.phase = Phase.CHECKING
             self._questions = Questions(
-                list(self.needs), lambda name: read_parameter(self.vehicle, name)
+                list(self.needs | self.gains),
+                lambda name: read_parameter(self.vehicle, name),
             )
         else:
             self.phase = Phase.UNREADY
 
     def _look_at_parameters(self, now: float) -> list[Any]:
-        """Read the parameters that matter; raise those that are less than needed."""
+        """Read the parameters that matter; change those with which it cannot follow."""
         questions = self._questions
         assert questions is not None  # noqa: S101 - made when the phase began
         if questions.open:
@@ -246,17 +256,22 @@ class Pilot:
             if questions.exhausted is not None:
                 self.fail(
                     f"does not answer for parameter {questions.exhausted}; wanted "
-                    f"at least {self.needs[questions.exhausted]:g}"
+                    f"at least {self.flown(questions.exhausted):g}"
                 )
             return out
         short = {
             name: value
             for name, value in self.parameters.items()
-            if value < single(self.needs[name])
+            if name in self.needs and value < single(self.needs[name])
         }
-        if not short:
+        other = {
+            name: value
+            for name, value in self.parameters.items()
+            if name in self.gains and value != self.flown(name)
+        }
+        if not short and not other:
             self.phase = Phase.UNREADY
-        elif not self.writes:
+        elif not self.writes and short.keys() - other.keys():
             found = ", ".join(
                 f"{name} {value:g} (wanted {self.needs[name]:g})"
                 for name, value in short.items()
@@ -265,10 +280,10 @@ class Pilot:
                 f"cannot follow the show: {found}; set them, or give --set-parameters"
             )
         else:
-            self.phase, self.raised = Phase.WRITING, dict(short)
+            self.phase, self.raised = Phase.WRITING, short | other
             self._questions = Questions(
-                list(short),
-                lambda name: set_parameter(self.vehicle, name, self.needs[name]),
+                list(self.raised),
+                lambda name: set_parameter(self.vehicle, name, self.flown(name)),
             )
         return []
 

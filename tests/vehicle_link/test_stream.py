@@ -28,6 +28,7 @@ from showc.log.reader import read_log
 from showc.log.writer import write_log
 from showc.progress import Silent
 from showc.vehicle_link.compare import compare_flown
+from showc.vehicle_link.conductor import GAINS
 from showc.vehicle_link.flown import FlownLog, read_flown
 from showc.vehicle_link.setpoints import stream_plan
 from showc.vehicle_link.stream import StreamOptions, stream_show
@@ -406,6 +407,26 @@ def test_parameters_are_raised_for_the_show_and_given_back(world, flight, log, p
     assert during[-1]["PSC_JERK_XY"] == 15.0
     assert during[-1]["WPNAV_ACCEL_Z"] > 100.0
     assert all(vehicle.parameters == STOCK for vehicle in vehicles)
+
+
+def test_gains_are_set_for_the_show_and_given_back(world, flight, log, port):
+    tuned = ABLE | {name: 1.0 for name in GAINS if name not in ABLE}
+    vehicles = [world.add(v) for v in fleet(flight, port, parameters=tuned)]
+    during = []
+    step = vehicles[0].on_set_position_target_local_ned
+
+    def note(message, now):
+        during.append(dict(vehicles[0].parameters))
+        step(message, now)
+
+    vehicles[0].on_set_position_target_local_ned = note
+    # They are wanted whatever a vehicle has; its limits suffice as they are.
+    report = stream(world, log, port, options={"set_gains": True})
+    assert report.complete, report.reason
+    single = {name: np.float32(value) for name, value in GAINS.items()}
+    assert {name: during[-1][name] for name in GAINS} == pytest.approx(single)
+    assert during[-1]["WPNAV_ACCEL"] == ABLE["WPNAV_ACCEL"]
+    assert all(vehicle.parameters == tuned for vehicle in vehicles)
 
 
 def test_a_parameter_that_is_not_there_is_named(world, flight, log, port):

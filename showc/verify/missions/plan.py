@@ -11,7 +11,6 @@ import numpy as np
 
 from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MISSION, MissionFormatError
-from showc.verify.missions.terms import CRUISE
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
@@ -77,8 +76,8 @@ def check_plan(
             "version": 2,
             "firmwareType": FIRMWARE[terms.autopilot],
             "vehicleType": 2,
-            "cruiseSpeed": CRUISE,
-            "hoverSpeed": CRUISE,
+            "cruiseSpeed": terms.cruise,
+            "hoverSpeed": terms.cruise,
             "globalPlanAltitudeMode": 1,
             "plannedHomePosition": home,
             "items": [_entry(n, item) for n, item in enumerate(mission.items, 1)],

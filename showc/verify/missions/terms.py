@@ -18,8 +18,8 @@ AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
-CRUISE = 8.0
-"""Fastest leg of any mission [m/s]."""
+CRUISE, WINDY = 8.0, 4.8
+"""Fastest leg of any mission [m/s], in calm air and where the script states wind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,8 @@ class Terms:
     """Whose missions they are: ``ardupilot`` or ``px4``."""
     wind: float
     """In which they keep time [m/s]."""
+    cruise: float
+    """Fastest leg [m/s]."""
     start_minute: int
     """Minute of any hour at which they begin, where no start time is named."""
     servos: tuple[int, ...]
@@ -52,6 +54,7 @@ class Terms:
         return cls(
             mission.autopilot,
             show.site.wind,
+            WINDY if show.site.wind else CRUISE,
             mission.start_minute,
             mission.light_servos or (),
             mission.light_pwm,
