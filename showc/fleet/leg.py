@@ -20,6 +20,7 @@ from showc.fleet.deconfliction.ways import Crossing
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.limiting import Limiting, limiting_time
 from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.motion import fly_motion
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.single import Aircraft, hover, minimum_time
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
 _STILL = 1e-9
+SHORTEST_MOTION = 0.5
+"""Least time of a motion [s]."""
 _GROWTH = 4.0
 """Growth of the time allowed over the least one after a failure."""
 _CROWD = 0.1
@@ -165,6 +168,8 @@ class _Solver:
         """Go through the stages."""
         leg = self.leg
         self._check_ends()
+        if leg.motion:
+            return self._moving()
         self._find_detours()
         self._check_order()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
@@ -231,6 +236,57 @@ class _Solver:
             duration, 0.0, 0.0, None, nearest, "hold: every drone hovers", {}
         )
         return LegFlight(self.leg, duration, trajectories, certificate)
+
+    def _moving(self) -> LegFlight:
+        """Fly a formation that moves while it is held."""
+        leg, duration = self.leg, whole_milliseconds(self.leg.duration or 0.0)
+        if duration < SHORTEST_MOTION:
+            raise SolveError(
+                f"{self.where}: a motion in {duration:.3f} s; hold the formation for "
+                f"{SHORTEST_MOTION:g} s or more"
+            )
+        moved = fly_motion(leg, self.aircraft, duration)
+        if wrong := moved.trouble():
+            raise SolveError(f"{self.where}: {wrong}")
+        flights = moved.trajectories
+        if self.fence is not None:
+            for row, flight in enumerate(flights):
+                way = flight.state.coefficients[..., :2]
+                time = self.fence.first_breach(way, flight.state.breaks)
+                if time is not None:
+                    raise SolveError(
+                        f"{self.where}: drone {leg.drones[row] + 1} comes nearer to "
+                        f"the fence than {self.fence.margin:.2f} m at {time:.2f} s of "
+                        "its motion; make the motion smaller, or move the formation"
+                    )
+        met = conflicts(
+            tracks_of(flights, leg.others_parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
+        if len(met):
+            nearest = int(np.argmin(met.distance))
+            names = pair_names(leg, int(met.first[nearest]), int(met.second[nearest]))
+            raise SolveError(
+                f"{self.where}: {names} come within {met.distance[nearest]:.3f} m at "
+                f"{met.time[nearest]:.2f} s of the motion, the separation is "
+                f"{self.separation.distance:.3f} m; spread the formation, or make the "
+                "motion smaller"
+            )
+        certificate = Certificate(
+            duration,
+            0.0,
+            0.0,
+            None,
+            self._closest(flights),
+            f"moving formation: polynomials within {moved.error:.1e} m of the motion",
+            {
+                "drones": float(leg.drones.size),
+                "intervals": float(flights[0].state.intervals),
+                "motion_error": moved.error,
+            },
+        )
+        return LegFlight(leg, duration, flights, certificate)
 
     def _upright(self) -> LegFlight:
         """Fly launch and landing: straight up or down, upright."""

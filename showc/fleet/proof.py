@@ -37,6 +37,8 @@ JOINED = 1e-6
 that the leg asks for [m, m/s, rad, rad/s]."""
 _MILLISECOND = 1e-3
 """Durations are whole numbers of these [s]."""
+_LOOKS, _FOLLOWED = 301, 1e-4
+"""Instants at which a motion is looked at, and distance that is let be there [m]."""
 _RECORDED = 1e-5
 """Greatest difference between the recorded closest encounter and the tracks [m]."""
 
@@ -66,7 +68,20 @@ def flaw(flight: LegFlight, show: Show) -> str:
             trajectory, show.heading, *ends
         ):
             return f"drone {int(leg.drones[row]) + 1}: {wrong}"
-    return _limits(flight, show) or _separation(flight, show)
+    return _motion(flight) or _limits(flight, show) or _separation(flight, show)
+
+
+def _motion(flight: LegFlight) -> str:
+    """Look at drones of a moving formation: they follow its motion."""
+    leg, times = flight.leg, np.linspace(0.0, flight.duration, _LOOKS)
+    for one in leg.motion:
+        wanted = one.derivatives(leg.start[one.rows], flight.duration, times)[0]
+        for column, row in enumerate(one.rows.tolist()):
+            flown = flight.trajectories[row].state(times)[:, :3]
+            away = float(np.linalg.norm(flown - wanted[:, column], axis=1).max())
+            if not away <= _FOLLOWED:
+                return f"drone {row + 1} is {away:.3g} m off its formation's motion"
+    return ""
 
 
 def _form(trajectory: Trajectory, duration: float) -> str:

@@ -127,7 +127,7 @@ def _late(
 def _lengthen(legs: list[Leg], wait: float, show: Show) -> None:
     """Let the drones stand longer where they are, by ``wait`` [s]."""
     last = legs[-1]
-    if last.kind == "hold":
+    if last.kind in {"hold", "motion"}:
         legs[-1] = replace(last, duration=round((last.duration or 0.0) + wait, 3))
         return
     legs.append(

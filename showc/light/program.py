@@ -110,7 +110,7 @@ class LightProgram:
         spans = []
         for start, flown in zip(flight.starts, flight.legs, strict=True):
             leg = flown.leg
-            holding = leg.kind == "hold"
+            holding = leg.kind in {"hold", "motion"}
             begin = present[leg.drones]
             span = LightSpan(
                 start=float(start),

@@ -28,6 +28,7 @@ KINDS = {
     "approach": pb.Segment.APPROACH,
     "land": pb.Segment.LAND,
     "hold": pb.Segment.HOLD,
+    "motion": pb.Segment.MOTION,
 }
 
 

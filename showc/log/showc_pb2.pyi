@@ -154,11 +154,13 @@ class Segment(_message.Message):
         APPROACH: _ClassVar[Segment.Kind]
         LAND: _ClassVar[Segment.Kind]
         HOLD: _ClassVar[Segment.Kind]
+        MOTION: _ClassVar[Segment.Kind]
     LAUNCH: Segment.Kind
     TRANSITION: Segment.Kind
     APPROACH: Segment.Kind
     LAND: Segment.Kind
     HOLD: Segment.Kind
+    MOTION: Segment.Kind
     INDEX_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]

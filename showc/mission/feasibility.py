@@ -22,6 +22,7 @@ from showc.mission.encode import lights_left_out
 from showc.mission.items import item_budget
 from showc.schedule.encodings import choose_encoding
 from showc.schedule.surroundings import Surroundings
+from showc.schedule.timeline import refuse_motions
 
 if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary, Leg
@@ -65,6 +66,7 @@ def _of_show(show: Show, legs: tuple[Leg, ...]) -> list[str]:
     """Return what forbids missions of this show altogether."""
     found = []
     try:
+        refuse_motions(legs)
         tube(show.site.wind)
         budget = item_budget("ardupilot", show.mission.board)
         moves = sum(leg.kind not in {"hold", "launch", "land"} for leg in legs)

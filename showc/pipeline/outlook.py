@@ -74,6 +74,10 @@ def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
 def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # noqa: FBT001
     from showc.fleet.timetable import straight_time  # noqa: PLC0415 - heavy
 
+    if leg.motion:
+        time = leg.duration or 0.0
+        reason = "solved before" if cached else "moving formation: in closed form"
+        return LegOutlook(leg.index, leg.name, not cached, reason, time, time, start)
     way = np.linalg.norm(leg.goal - leg.start, axis=1)
     if not (way > _STILL).any():
         duration = leg.duration or 0.0

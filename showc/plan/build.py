@@ -14,6 +14,7 @@ import numpy as np
 from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
+from showc.plan.motion import moving_places
 from showc.progress import Silent
 from showc.script.show import Formation, chapters
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.plan.itinerary import LegKind
+    from showc.plan.motion import MovingPlaces
     from showc.progress import Progress
     from showc.script.show import Effect, Mark, Show, Transition
     from showc.vehicle import Limits
@@ -80,6 +82,8 @@ class _Builder:
         self.position = np.array(show.formations[show.pads].points[: show.drones])
         self.colours = np.zeros((show.drones, 3))
         self.parking = np.full(show.drones, PARKED)
+        self.placed: list[tuple[Transition, IntArray, IntArray]] = []
+        self.motions = 0
 
     def launch(self) -> None:
         """Straight up from the pads."""
@@ -116,7 +120,7 @@ class _Builder:
             ),
         )
         hold = max(transition.hold for transition in transitions)
-        self._hold(name, hold, mark, index)
+        self._hold(name, hold, mark, index, self._moving())
 
     def land(self) -> None:
         """To above the pads, and straight down."""
@@ -166,7 +170,25 @@ class _Builder:
 
     def _whole_fleet(self, transition: Transition) -> tuple[Formation, Assignment]:
         formation = self.show.formations[transition.to]
-        return formation, self._give(transition, formation, self.fleet)
+        given = self._give(transition, formation, self.fleet)
+        self.placed = [(transition, self.fleet, given.places)]
+        return formation, given
+
+    def _moving(self) -> tuple[MovingPlaces, ...]:
+        """Return what the drones do over the hold after a chapter."""
+        found = []
+        for transition, members, places in self.placed:
+            if transition.motion:
+                standing = places != PARKED
+                moving = moving_places(
+                    members[standing],
+                    places[standing],
+                    self.show.formations[transition.to],
+                    transition.motion,
+                    self.show.formations,
+                )
+                found.append(moving)
+        return tuple(found)
 
     def _groups(
         self, transitions: Sequence[Transition]
@@ -174,6 +196,7 @@ class _Builder:
         """Join the goals of all groups into one formation with a place per drone."""
         points, colours = self.position.copy(), self.colours.copy()
         reasons = []
+        self.placed = []
         for transition in transitions:
             members = np.asarray(self.show.groups[str(transition.group)])
             formation = self.show.formations[transition.to]
@@ -182,6 +205,7 @@ class _Builder:
             shown = (
                 formation.colours if transition.colours is None else transition.colours
             )
+            self.placed.append((transition, members, given.places))
             placed = given.places != PARKED
             colours[members[placed]] = shown[given.places[placed]]
             colours[members[~placed]] = 0.0
@@ -284,20 +308,40 @@ class _Builder:
         duration: float,
         mark: Mark | None = None,
         transition: int | None = None,
+        motion: tuple[MovingPlaces, ...] = (),
     ) -> None:
-        if duration > 0.0:
+        goal, reached = self._carried(motion)
+        if duration > 0.0 or motion:
             self._append(
-                kind="hold",
+                kind="motion" if motion else "hold",
                 name=f"hold after {name}",
-                goal=self.position,
-                to_formation=self.formation,
+                goal=goal,
+                to_formation=reached,
                 places=self.places,
                 limits=self.show.limits,
                 duration=duration,
                 mark=mark,
                 transition=transition,
                 assignment="",
+                motion=motion,
             )
+        self.formation, self.position = reached, goal
+
+    def _carried(self, motion: tuple[MovingPlaces, ...]) -> tuple[FloatArray, str]:
+        """Where the drones stand after a motion, and what that formation is called."""
+        if not any(one.moves_on for one in motion):
+            return self.position, self.formation
+        self.motions += 1
+        before = (
+            self.show.formations.get(self.formation, None) or self.added[self.formation]
+        )
+        goal, points = self.position.copy(), before.points.copy()
+        for one in motion:
+            goal[one.rows] = one.ends(self.position[one.rows])
+            points[self.places[one.rows]] = goal[one.rows]
+        name = f"{before.name} after motion {self.motions}"
+        self.added[name] = replace(before, name=name, points=_frozen(points))
+        return goal, name
 
     def _append(
         self,
@@ -313,6 +357,7 @@ class _Builder:
         transition: int | None,
         assignment: str,
         asked: _Asked | None = None,
+        motion: tuple[MovingPlaces, ...] = (),
     ) -> None:
         index = len(self.legs)
         wanted = asked or _Asked()
@@ -335,6 +380,7 @@ class _Builder:
                 assignment=assignment,
                 arrive=wanted.arrive,
                 depart=wanted.depart,
+                motion=motion,
                 pace=wanted.pace,
             )
         )

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
+    from showc.plan.motion import MovingPlaces
     from showc.script.show import Mark, Show
     from showc.vehicle import Limits
 
 
-LegKind = Literal["launch", "transition", "approach", "land", "hold"]
+LegKind = Literal["launch", "transition", "approach", "land", "hold", "motion"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +28,8 @@ class Leg:
     name: str
     """For people."""
     kind: LegKind
-    """``approach`` is the move from the last formation to above the pads."""
+    """``approach`` is the move from the last formation to above the pads, ``motion`` a
+    formation that moves while it is held."""
     drones: IntArray
     """Drones that take part, counting from 0, shape (n,), increasing; read-only."""
     start: FloatArray
@@ -58,6 +60,8 @@ class Leg:
     """Show time at which the script wants it to end [s]."""
     depart: float | None = None
     """Show time at which the script wants it to start [s]."""
+    motion: tuple[MovingPlaces, ...] = ()
+    """What drones of a ``motion`` do; the others hover."""
     pace: float = 1.0
     """How many times its straight flight's time it takes, if there is so much."""
 

@@ -32,6 +32,8 @@ from showc.schedule.separation import Closest, Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray
     from showc.autopilot.stage import Stage, StageBuilder
     from showc.autopilot.tracking import Tracks
@@ -133,6 +135,7 @@ def build_timeline(
         If the predicted flights of a leg cannot be kept apart, or the show is not one
         launch, transitions and one landing.
     """
+    refuse_motions([item.leg for item in flight.legs])
     moves = [item for item in flight.legs if item.leg.kind != "hold"]
     if (
         len(moves) < 2
@@ -145,6 +148,23 @@ def build_timeline(
             f"found {', '.join(item.leg.kind for item in moves)}"
         )
     return _Layout(flight, builder, progress, jobs).run(moves)
+
+
+def refuse_motions(legs: Sequence[Leg]) -> None:
+    """Refuse formations that move while they are held.
+
+    Raises
+    ------
+    ExportError
+        If there is one: a mission has straight legs and slots, nothing else.
+    """
+    moving = [leg.name for leg in legs if leg.kind == "motion"]
+    if moving:
+        more = f", and {len(moving) - 1} more" if len(moving) > 1 else ""
+        raise ExportError(
+            f"a mission cannot carry a formation that moves: “{moving[0]}”{more}; fly "
+            "the log with `showc stream`"
+        )
 
 
 class _Layout:

@@ -21,6 +21,7 @@ from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.formations import FormationError
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.motions import formations_of, motions_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
 from showc.script.scalars import suggestion
@@ -32,6 +33,7 @@ from showc.script.show import (
     Launch,
     Mark,
     MissionOptions,
+    Motion,
     Music,
     Show,
     Source,
@@ -175,6 +177,8 @@ class Builder:
         for item in self._transitions():
             if "to" in item:
                 self._known(item.text("to"), item.mark_of("to"))
+            for name in formations_of(item):
+                self._known(name, item.mark_of("motion"))
 
     def _transitions(self) -> list[Settings]:
         if "transitions" not in self.settings:
@@ -266,7 +270,30 @@ class Builder:
             at=at,
             start=start,
             pace=settings.number("pace"),
+            motion=self._motion(settings, formation, sketch),
         )
+
+    def _motion(
+        self, settings: Settings, formation: Formation, sketch: Sketch
+    ) -> tuple[Motion, ...]:
+        """Return what a formation does over its hold, if that can be done."""
+        try:
+            motion = motions_of(settings)
+        except FormationError as fault:
+            mark = settings.mark_of("motion")
+            self.reader.say(fault.code, str(fault), mark, help_text=fault.help)
+            return ()
+        for name in formations_of(settings):
+            other = sketch.formations.get(name)
+            if other is not None and len(other.points) != len(formation.points):
+                self.reader.say(
+                    "SHW205",
+                    f"`{formation.name}` has {len(formation.points)} places, "
+                    f"`{name}`, which it becomes, {len(other.points)}",
+                    settings.mark_of("motion"),
+                    help_text="give both the same number of places",
+                )
+        return motion
 
     def _times(
         self, settings: Settings

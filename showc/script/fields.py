@@ -23,6 +23,7 @@ from showc.script.kinds import (
     Text,
     Time,
 )
+from showc.script.motions import MOTION
 from showc.script.site_fields import SITE
 from showc.script.vehicle_fields import LIMITS, VEHICLE
 
@@ -162,6 +163,18 @@ TRANSITION = Section(
             default="linear",
         ),
         Field("effect", EFFECT, "Effect over the hold, instead of the formation's."),
+        Field(
+            "motion",
+            Items(MOTION, 1, 20),
+            "What the formation does while it is held, each on top of those before it. "
+            "It begins and ends at rest.",
+            examples=(
+                [
+                    {"rotate": {"angle": "360 deg"}},
+                    {"wave": {"amplitude": 2, "period": 6}},
+                ],
+            ),
+        ),
         Field("name", Text(80), "Name for people.", default_text="`from -> to`"),
     ),
     short="to",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Label
 from showc.script.gallery import MAX_PLACES
+from showc.script.motions import formations_of
 from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
@@ -171,7 +172,8 @@ def needed_counts(
         group = item.text("group") if "group" in item else None
         size = len(groups.get(group, ())) if group is not None else drones
         name = item.text("to")
-        needed[name] = max(needed.get(name, 0), size)
+        for flown in (name, *formations_of(item)):
+            needed[flown] = max(needed.get(flown, 0), size)
         waiting = max(waiting, size - (gallery.own_count(name) or size))
     if parking is not None and gallery.own_count(parking) is None:
         needed.setdefault(parking, waiting)

@@ -45,7 +45,7 @@ each type documents; with a fixed assignment drone 1 flies to place 1.
 """
 
 _ORDER = (
-    "origin", "volume", "colour", "transform", "rotate", "effect",
+    "origin", "volume", "colour", "transform", "rotate", "effect", "motion",
 )  # fmt: skip
 
 
@@ -61,6 +61,8 @@ def script_reference() -> str:
     inner = [name for name in sections if name not in {"show", "formation"}]
     for name in (name for name in inner if name not in _ORDER):
         lines += _chapter(sections[name], 2)
+        if name == "transition":
+            lines += _chapter(sections["motion"], 3)
         if name == "site":
             lines += _chapter(sections["origin"], 3) + _chapter(sections["volume"], 3)
     lines += [_FORMATIONS.rstrip("\n"), "", *_table(FORMATION.fields)]

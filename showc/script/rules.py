@@ -14,6 +14,7 @@ import numpy as np
 from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
+from showc.script.motions import formations_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, closest_between, crowded
 from showc.script.wording import number_text
@@ -414,6 +415,7 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
 def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
     """Find formations that nothing uses (SHW118)."""
     used = {item.text("to") for item in transitions_of(sketch)}
+    used |= {name for item in transitions_of(sketch) for name in formations_of(item)}
     used |= {sketch.pads, sketch.parking or ""}
     if "formations" not in sketch.settings or "transitions" not in sketch.settings:
         return

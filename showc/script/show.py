@@ -175,6 +175,90 @@ class Formation:
 
 
 @dataclass(frozen=True, slots=True)
+class Rotate:
+    """Turn about an axis, once over the whole hold."""
+
+    angle: float
+    """By how much, right-handed [rad]."""
+    axis: Vector
+    """Unit vector, show frame."""
+    about: Vector | None
+    """Point of the axis [m]; None: the middle of the formation."""
+    ramp: float
+    """Time to speed up, and to slow down [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Breathe:
+    """Grow to a size and back, again and again."""
+
+    scale: float
+    """Greatest size, as a share of the formation's own."""
+    period: float
+    """Time of one breath [s]."""
+    about: Vector | None
+    """Point that stays [m]; None: the middle of the formation."""
+    ramp: float
+    """Time to reach the full motion, and to leave it [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """Swing to and fro along an axis, later the further along a direction."""
+
+    amplitude: float
+    """Greatest distance from the place [m]."""
+    axis: Vector
+    """Along which drones swing, unit vector."""
+    period: float
+    """Time of one swing [s]."""
+    direction: Vector
+    """Where the wave runs, unit vector."""
+    wavelength: float
+    """Distance from crest to crest [m]; infinite: all swing alike."""
+    ramp: float
+    """Time to reach the full motion, and to leave it [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Orbit:
+    """Circle about the place, later the further along a direction."""
+
+    radius: float
+    """Of the circle [m]."""
+    axis: Vector
+    """Normal of the circle, unit vector; right-handed."""
+    period: float
+    """Time of one turn [s]."""
+    direction: Vector
+    """Along which drones lag behind, unit vector."""
+    wavelength: float
+    """Distance over which they lag a whole turn [m]; infinite: all circle alike."""
+    ramp: float
+    """Time to reach the full motion, and to leave it [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """Move as a whole from point to point, at rest in each."""
+
+    points: tuple[Vector, ...]
+    """Displacements from where it stands [m]; times go by the length of the ways."""
+
+
+@dataclass(frozen=True, slots=True)
+class Morph:
+    """Become other formations one after the other, at rest in each."""
+
+    through: tuple[str, ...]
+    """Their names; each takes an equal share of the time, place i going to place i."""
+
+
+Motion = Rotate | Breathe | Wave | Orbit | Travel | Morph
+"""What a formation does while it is held."""
+
+
+@dataclass(frozen=True, slots=True)
 class Transition:
     """One move of the fleet, or of a group, and the hold after it."""
 
@@ -205,6 +289,9 @@ class Transition:
     """Show time of the departure [s]; None: when it comes."""
     pace: float = 1.5
     """Share of the straight flight's time that the move may take, at least 1."""
+
+    motion: tuple[Motion, ...] = ()
+    """What the formation does over the hold, each on top of those before it."""
 
     @property
     def timed(self) -> bool:

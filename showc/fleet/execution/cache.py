@@ -107,6 +107,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.goal,
         leg.duration,
         leg.others_parked,
+        leg.motion,
         [options.gap, options.gap_limit, options.effort, options.repair_rounds],
     )
 
@@ -130,7 +131,11 @@ SOLVING = ("vehicle", "ocp", "fleet")
 
 def _source_digest() -> str:
     package = Path(__file__).parents[2]
-    files = [package / "trajectory.py", package / "plan" / "metric.py"]
+    files = [
+        package / "trajectory.py",
+        package / "plan" / "metric.py",
+        package / "plan" / "motion.py",
+    ]
     for part in SOLVING:
         files += sorted((package / part).rglob("*.py"))
     return digest([path.read_bytes() for path in files])

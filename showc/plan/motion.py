@@ -1,0 +1,301 @@
+"""Where the places of a moving formation are at any time, with three derivatives.
+
+Over a hold of time T, with the ramp r (T / 2 at most) and the step of degree seven
+S(u) = 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7, the strength E of a motion is S(t / r) at the
+beginning, 1, and S((T - t) / r) at the end; G is its integral over T - r, from 0 to 1.
+Both have three continuous derivatives, so states are continuous, and the motion begins
+and ends at rest. A place x becomes, n being the axis and w = t / period - x . direction
+/ wavelength:
+
+- rotate: R(n, angle G) (x - c) + c
+- breathe: c + (1 + (scale - 1) E (1 - cos 2 pi w) / 2) (x - c), w = t / period
+- wave: x + n amplitude E sin 2 pi w
+- orbit: x + radius E (a cos 2 pi w + b sin 2 pi w), a and b spanning the circle's plane
+- travel, morph: x + the displacements, one after the other, each times S of its share
+
+Derivatives are those of truncated Taylor series (Griewank and Walther 2008, Evaluating
+Derivatives, chapter 13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import tau
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.show import Breathe, Morph, Rotate, Travel, Wave
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.script.show import Formation, Motion
+
+ORDER = 4
+"""Taylor coefficients that are carried: the value and three derivatives."""
+
+_STEP = (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0)
+"""S, by powers of u."""
+_AREA = tuple(0.0 if k == 0 else _STEP[k - 1] / k for k in range(9))
+"""Its integral from 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovingPlaces:
+    """Drones that move with a formation while it is held."""
+
+    rows: IntArray
+    """Which drones, counting from 0, shape (n,)."""
+    motions: tuple[Motion, ...]
+    """What they do, each on top of those before it."""
+    middle: FloatArray
+    """The middle of the box around the formation, shape (3,) [m]."""
+    frames: tuple[FloatArray, ...]
+    """For each motion that goes through displacements, those, (m, n or 1, 3) [m]; an
+    empty array for the others."""
+
+    @property
+    def moves_on(self) -> bool:
+        """Whether the drones end elsewhere than they began."""
+        return any(isinstance(one, Rotate | Travel | Morph) for one in self.motions)
+
+    def borders(self, duration: float) -> FloatArray:
+        """Return the times [s] at which a higher derivative jumps, ends included."""
+        found = [0.0, duration]
+        for motion, frames in zip(self.motions, self.frames, strict=True):
+            if isinstance(motion, Travel | Morph):
+                found += (duration * _shares(motion, frames)).tolist()
+            else:
+                ramp = min(motion.ramp, 0.5 * duration)
+                found += [ramp, duration - ramp]
+        return np.unique(np.round(found, 9))
+
+    def derivatives(
+        self, places: FloatArray, duration: float, times: FloatArray
+    ) -> FloatArray:
+        """Position, velocity, acceleration and jerk, shape (4, times, n, 3) (SI).
+
+        Parameters
+        ----------
+        places
+            Where the drones stand before, shape (n, 3) [m].
+        duration
+            Of the hold [s].
+        times
+            Since its start, shape (times,) [s].
+        """
+        series = np.zeros((ORDER, times.size, *places.shape))
+        series[0] = places
+        for motion, frames in zip(self.motions, self.frames, strict=True):
+            series = self._moved(series, motion, frames, duration, times)
+        factorials = np.array([1.0, 1.0, 2.0, 6.0]).reshape(-1, 1, 1, 1)
+        return np.asarray(series * factorials)
+
+    def ends(self, places: FloatArray) -> FloatArray:
+        """Where the drones stand afterwards, shape (n, 3) [m], whatever the time."""
+        return np.asarray(self.derivatives(places, 1.0, np.ones(1))[0, 0])
+
+    def _moved(
+        self,
+        series: FloatArray,
+        motion: Motion,
+        frames: FloatArray,
+        duration: float,
+        times: FloatArray,
+    ) -> FloatArray:
+        if isinstance(motion, Travel | Morph):
+            return _displaced(series, motion, frames, duration, times)
+        strength, progress = _envelope(motion.ramp, duration, times)
+        clock = np.zeros((ORDER, times.size, 1))
+        clock[0, :, 0] = times
+        clock[1] = 1.0
+        if isinstance(motion, Rotate):
+            centre = self._centre(motion.about)
+            return _turned(series, centre, motion, motion.angle * progress)
+        if isinstance(motion, Breathe):
+            _, cosine = _sine_cosine(tau / motion.period * clock)
+            size = 0.5 * (motion.scale - 1.0) * _product(strength, _less(cosine))
+            size[0] += 1.0
+            centre = self._centre(motion.about)
+            offset = _shifted(series, -centre)
+            return _shifted(_product(size[..., None], offset), centre)
+        turns = tau / motion.period * clock
+        if np.isfinite(motion.wavelength):
+            lag = series @ np.asarray(motion.direction)
+            turns = turns - tau / motion.wavelength * lag
+        sine, cosine = _sine_cosine(turns)
+        if isinstance(motion, Wave):
+            swing = motion.amplitude * _product(strength, sine)
+            return np.asarray(series + swing[..., None] * np.asarray(motion.axis))
+        first, second = plane_of(np.asarray(motion.axis))
+        across = motion.radius * _product(strength, cosine)
+        along = motion.radius * _product(strength, sine)
+        return np.asarray(
+            series + across[..., None] * first + along[..., None] * second
+        )
+
+    def _centre(self, about: tuple[float, float, float] | None) -> FloatArray:
+        return self.middle if about is None else np.asarray(about)
+
+
+def moving_places(
+    rows: IntArray,
+    places: IntArray,
+    formation: Formation,
+    motions: tuple[Motion, ...],
+    formations: Mapping[str, Formation],
+) -> MovingPlaces:
+    """Return how drones move with a formation.
+
+    Parameters
+    ----------
+    rows
+        Which drones, counting from 0, shape (n,).
+    places
+        Place of each in ``formation``, shape (n,).
+    formation
+        What is held.
+    motions
+        What it does.
+    formations
+        Those that it may become, by name.
+    """
+    low, high = formation.points.min(axis=0), formation.points.max(axis=0)
+    frames = []
+    for motion in motions:
+        shift = np.zeros((0, 1, 3))
+        if isinstance(motion, Travel):
+            ways = np.array([(0.0, 0.0, 0.0), *motion.points])
+            shift = np.diff(ways, axis=0)[:, None, :]
+        elif isinstance(motion, Morph):
+            shapes = [formation, *(formations[name] for name in motion.through)]
+            shift = np.diff([one.points[places] for one in shapes], axis=0)
+        frames.append(shift)
+    return MovingPlaces(rows, motions, 0.5 * (low + high), tuple(frames))
+
+
+def plane_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors that span the plane of a normal, right-handed with it.
+
+    The first comes from the coordinate axis that is furthest from the normal, the
+    first of several.
+    """
+    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = axis - (axis @ normal) * normal
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+def _shares(motion: Travel | Morph, frames: FloatArray) -> FloatArray:
+    """Shares of the time at which displacements begin and end, (m + 1,)."""
+    parts = np.ones(len(frames))
+    if isinstance(motion, Travel):
+        parts = np.linalg.norm(frames[:, 0], axis=1)
+        if not parts.any():
+            parts[:] = 1.0
+    return np.concatenate([[0.0], np.cumsum(parts) / parts.sum()])
+
+
+def _displaced(
+    series: FloatArray,
+    motion: Travel | Morph,
+    frames: FloatArray,
+    duration: float,
+    times: FloatArray,
+) -> FloatArray:
+    shares = duration * _shares(motion, frames)
+    result = series.copy()
+    for begin, end, shift in zip(shares[:-1], shares[1:], frames, strict=True):
+        if end <= begin:
+            continue
+        share = np.zeros((ORDER, times.size, 1))
+        share[0, :, 0] = np.clip((times - begin) / (end - begin), 0.0, 1.0)
+        inside = (times > begin) & (times < end)
+        share[1, inside, 0] = 1.0 / (end - begin)
+        result += _polynomial(_STEP, share)[..., None] * shift
+    return result
+
+
+def _envelope(
+    ramp: float, duration: float, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Strength E and progress G, each of shape (4, times, 1)."""
+    ramp = min(ramp, 0.5 * duration)
+    rising, falling = times < ramp, times > duration - ramp
+    share = np.zeros((ORDER, times.size, 1))
+    share[0, :, 0] = np.where(
+        rising, times / ramp, np.where(falling, (duration - times) / ramp, 1.0)
+    )
+    share[1, :, 0] = np.where(rising, 1.0 / ramp, np.where(falling, -1.0 / ramp, 0.0))
+    strength = _polynomial(_STEP, share)
+    area = ramp * _polynomial(_AREA, share)
+    # Between the ramps the strength is 1; the area of a ramp is half its time.
+    middle = np.zeros_like(area)
+    middle[0, :, 0] = times - 0.5 * ramp
+    middle[1] = 1.0
+    ending = -area
+    ending[0] += duration - ramp
+    which = np.where(rising, 0, np.where(falling, 2, 1))
+    progress = np.choose(which[None, :, None], [area, middle, ending])
+    return strength, progress / (duration - ramp)
+
+
+def _turned(
+    series: FloatArray, centre: FloatArray, motion: Rotate, angle: FloatArray
+) -> FloatArray:
+    """Rodrigues' formula, the angle a series of shape (4, times, 1)."""
+    axis = np.asarray(motion.axis)
+    sine, cosine = _sine_cosine(angle)
+    offset = _shifted(series, -centre)
+    along = (offset @ axis)[..., None] * axis
+    turned = (
+        _product(cosine[..., None], offset)
+        + _product(sine[..., None], np.cross(axis, offset))
+        + _product(_less(cosine)[..., None], along)
+    )
+    return _shifted(turned, centre)
+
+
+def _shifted(series: FloatArray, by: FloatArray) -> FloatArray:
+    result = series.copy()
+    result[0] += by
+    return result
+
+
+def _less(cosine: FloatArray) -> FloatArray:
+    """1 - cos as a series."""
+    result = -cosine
+    result[0] += 1.0
+    return result
+
+
+def _product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Product of two truncated series along the first axis."""
+    return np.stack(
+        [
+            np.sum([one[j] * other[k - j] for j in range(k + 1)], axis=0)
+            for k in range(ORDER)
+        ]
+    )
+
+
+def _polynomial(powers: tuple[float, ...], argument: FloatArray) -> FloatArray:
+    """Horner's rule on a series."""
+    result = np.zeros_like(argument)
+    for factor in reversed(powers):
+        result = _product(result, argument)
+        result[0] += factor
+    return result
+
+
+def _sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sine and cosine of a series, by their differential equation."""
+    sine, cosine = np.zeros_like(angle), np.zeros_like(angle)
+    sine[0], cosine[0] = np.sin(angle[0]), np.cos(angle[0])
+    for k in range(1, ORDER):
+        for j in range(1, k + 1):
+            sine[k] += j / k * angle[j] * cosine[k - j]
+            cosine[k] -= j / k * angle[j] * sine[k - j]
+    return sine, cosine
