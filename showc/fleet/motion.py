@@ -59,31 +59,29 @@ class MovingFlight:
 
     def trouble(self) -> str:
         """Say which limit the motion breaks, and what to do; empty if none."""
-        use, share = self.use, self.use.greatest
-        row = int(np.argmax(share))
-        drone = f"drone {row + 1}"
+        use = self.use
         if use.outside.any():
-            drone = f"drone {int(np.argmax(use.outside)) + 1}"
             return (
-                f"{drone} leaves the flight volume during the motion; make the motion "
-                "smaller, or move the formation"
+                f"drone {int(np.argmax(use.outside)) + 1} leaves the flight volume "
+                "during the motion; make the motion smaller, or move the formation"
+            )
+        parts = {
+            "greatest speed": use.velocity,
+            "greatest tilt": use.tilt,
+            "greatest body rate": use.rate,
+            "greatest thrust or torque": use.power,
+            "greatest acceleration or level speed": use.acceleration,
+        }
+        name = max(parts, key=lambda one: float(parts[one].max()))
+        row = int(np.argmax(parts[name]))
+        if parts[name][row] > 1.0 + SLACK:
+            return (
+                f"drone {row + 1} would need {parts[name][row]:.2f} times the {name} "
+                "during the motion; let it take longer (`hold`, `period`, `ramp`), or "
+                "make it smaller"
             )
         if use.weak.any():
             return "the motion asks for less thrust than there must be; make it slower"
-        if share[row] > 1.0 + SLACK:
-            parts = {
-                "greatest speed": use.velocity[row],
-                "greatest tilt": use.tilt[row],
-                "greatest body rate": use.rate[row],
-                "greatest thrust or torque": use.power[row],
-                "greatest acceleration or level speed": use.acceleration[row],
-            }
-            name = max(parts, key=lambda one: parts[one])
-            return (
-                f"{drone} would need {share[row]:.2f} times the {name} during the "
-                "motion; let it take longer (`hold`, `period`, `ramp`), or make it "
-                "smaller"
-            )
         if not (self.error <= _CLOSE and self.missed <= POSITION_ACCURACY):
             return (
                 f"the motion is too quick to be followed: off by {self.error:.1e} m, "
@@ -97,15 +95,17 @@ def fly_motion(leg: Leg, aircraft: Aircraft, duration: float) -> MovingFlight:
     width = _WIDEST
     for _ in range(_HALVINGS):
         found = _flown(leg, aircraft, duration, width)
+        if width < _TIGHT and found.use.greatest.max() > _HOPELESS:
+            return found
         fine = found.error <= _CLOSE and found.missed <= _SAFE * POSITION_ACCURACY
         if fine and found.use.greatest.max() <= 1.0:
             return found
         width *= 0.5
-        if fine and found.use.greatest.max() > _HOPELESS:
-            return found
     return found
 
 
+_TIGHT = 0.3
+"""Width of intervals whose coefficients enclose a flight tightly [s]."""
 _HOPELESS = 1.3
 """Use of a limit that no narrower enclosure brings down to 1."""
 
@@ -140,8 +140,10 @@ def _flown(leg: Leg, aircraft: Aircraft, duration: float, width: float) -> Movin
     position[:, 0, 0], position[:, -1, -1] = leg.start, leg.goal
     flights = fly(aircraft.vehicle, aircraft.heading, breaks, position)
     trajectories = tuple(flights.trajectory(row) for row in range(leg.drones.size))
-    missed = float(replay(aircraft.vehicle, trajectories).position.max())
     use = use_of_limits(aircraft.vehicle, leg.limits, flights)
+    missed = np.inf
+    if use.greatest.max() <= _HOPELESS:
+        missed = float(replay(aircraft.vehicle, trajectories).position.max())
     return MovingFlight(trajectories, flights, use, error, missed)
 
 

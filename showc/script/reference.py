@@ -45,7 +45,8 @@ each type documents; with a fixed assignment drone 1 flies to place 1.
 """
 
 _ORDER = (
-    "origin", "volume", "colour", "transform", "rotate", "effect", "motion",
+    "origin", "volume", "colour", "transform", "rotate", "effect",
+    "motion", "rotating", "breathing", "waving", "orbiting",
 )  # fmt: skip
 
 
@@ -62,7 +63,8 @@ def script_reference() -> str:
     for name in (name for name in inner if name not in _ORDER):
         lines += _chapter(sections[name], 2)
         if name == "transition":
-            lines += _chapter(sections["motion"], 3)
+            for inner_name in ("motion", "rotating", "breathing", "waving", "orbiting"):
+                lines += _chapter(sections[inner_name], 3)
         if name == "site":
             lines += _chapter(sections["origin"], 3) + _chapter(sections["volume"], 3)
     lines += [_FORMATIONS.rstrip("\n"), "", *_table(FORMATION.fields)]

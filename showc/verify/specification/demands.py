@@ -17,6 +17,7 @@ from showc.light.program import LightProgram, LightSpan
 from showc.log import showc_pb2 as pb
 from showc.verify.report import Check, Place
 from showc.verify.specification.compare import differences, same
+from showc.verify.specification.motion import FOLLOWED, astray, at_rest, held
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,7 +47,7 @@ PARKED = -1
 """Place of a drone that waits in the parking formation."""
 
 _SHAPES = {"sphere": 0, "ellipsoid": 1, "any-axis": 2, "all-axes": 3}
-_KINDS = ("launch", "transition", "approach", "land", "hold")
+_KINDS = ("launch", "transition", "approach", "land", "hold", "motion")
 
 
 @dataclass(slots=True)
@@ -61,6 +62,8 @@ class Demands:
     """Goals that are not admissible."""
     times: list[str] = field(default_factory=list)
     """Arrivals and departures at other times than the script asks for."""
+    motions: list[str] = field(default_factory=list)
+    """Formations that do not move as they should while they are held."""
     lights: LightProgram | None = None
     """Light of the fleet; None if the legs are not those of the script."""
 
@@ -71,6 +74,7 @@ class Demands:
             ("VRF204", "legs are those that the script asks for", self.legs),
             ("VRF205", "places are given out as the script allows", self.places),
             ("VRF206", "arrivals and departures when the script asks", self.times),
+            ("VRF207", "formations move as the script says", self.motions),
         )
         return [
             Check(
@@ -138,6 +142,8 @@ class _Walk:
         }
         self.limits: list[pb.Limits] = []
         self.spans: list[LightSpan] = []
+        self.placed: list[tuple[Transition, IntArray, IntArray]] = []
+        self.carried = 0
 
     def run(self) -> None:
         """Go from the pads to the pads."""
@@ -222,7 +228,11 @@ class _Walk:
         self._arrive(segment, self.colours, first.fade)
         self._on_time(segment, transitions)
         hold = max(one.hold for one in transitions)
-        self._hold(name, hold, first.effect or formation.effect, grows=grows)
+        effect = first.effect or formation.effect
+        if any(one.motion for one in transitions):
+            self._moving(name, hold, effect, grows=grows)
+        else:
+            self._hold(name, hold, effect, grows=grows)
 
     def _on_time(self, segment: Segment, transitions: Sequence[Transition]) -> None:
         """Hold the times of a move against those that the script asks for."""
@@ -243,6 +253,7 @@ class _Walk:
         """Places of the whole fleet, checked."""
         self.parking[:] = PARKED
         places = self._given(segment, transition, formation, self.fleet)
+        self.placed = [(transition, self.fleet, places)]
         if not np.array_equal(places, segment.message.places):
             self._wrong(segment, "the places claimed are not those of the goals")
         return places
@@ -251,12 +262,14 @@ class _Walk:
         """Check the goals of each group; the others stay where they are."""
         others = np.ones(self.show.drones, dtype=bool)
         colours = self.colours.copy()
+        self.placed = []
         for transition in transitions:
             members = np.asarray(self.show.groups[str(transition.group)])
             others[members] = False
             formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
             places = self._given(segment, transition, formation, members)
+            self.placed.append((transition, members, places))
             colours[members] = _shown(transition, formation, places)
         self._reach(segment, self.position, others)
         self.colours = colours
@@ -352,13 +365,63 @@ class _Walk:
         if duration <= 0.0 and not (grows and self._is_next(title)):
             return
         segment = self._leg("hold", title, self.at, None, None if grows else duration)
-        if grows and segment.duration < round(duration, 3) - MOMENT:
-            self.demands.legs.append(
-                f"“{title}” lasts {segment.duration!r} s, the script asks for "
-                f"{duration!r} s or more"
-            )
+        self._lasts(segment, duration)
         self._reach(segment, self.position)
         self._same_places(segment)
+        self._shine(segment, self.lit, "linear", effect)
+
+    def _lasts(self, segment: Segment, least: float) -> None:
+        if segment.duration < round(least, 3) - MOMENT:
+            self.demands.legs.append(
+                f"“{segment.message.name}” lasts {segment.duration!r} s, the script "
+                f"asks for {least!r} s or more"
+            )
+
+    def _moving(
+        self, name: str, duration: float, effect: Effect | None, *, grows: bool
+    ) -> None:
+        """Take a hold during which drones move, and look at where they are."""
+        show, standing = self.show, np.ones(self.show.drones, dtype=bool)
+        parts = []
+        for transition, members, places in self.placed:
+            if transition.motion:
+                there = places != PARKED
+                formation = show.formations[transition.to]
+                moved = members[there]
+                parts.append(
+                    held(
+                        transition.motion,
+                        moved,
+                        places[there],
+                        formation,
+                        show.formations,
+                    )
+                )
+                standing[moved] = False
+        to, goals = self.at, self.position.copy()
+        if any(one.moves_on for one in parts):
+            self.carried += 1
+            to = f"{self.at} after motion {self.carried}"
+            points = np.array(self.formations[self.at])
+            before = np.array(self.logged.segments[self.next - 1].message.places)
+            for one in parts:
+                goals[one.drones] = one.at(np.ones(1), 1.0)[0]
+                points[before[one.drones]] = goals[one.drones]
+            self.formations[to] = points
+        still = self.fleet[standing]
+        parts.append(at_rest(still, self.position[still]))
+        wanted = None if grows else duration
+        segment = self._leg("motion", f"hold after {name}", to, None, wanted)
+        self._lasts(segment, duration)
+        self._reach(segment, goals)
+        self._same_places(segment)
+        off, drone = astray(segment, parts)
+        if not off <= FOLLOWED:
+            self.demands.motions.append(
+                f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m from "
+                f"where the motion wants it, {FOLLOWED:g} m is allowed"
+            )
+        self.at, self.position = to, segment.goals
         self._shine(segment, self.lit, "linear", effect)
 
     def _is_next(self, name: str) -> bool:

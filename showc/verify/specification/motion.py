@@ -1,0 +1,324 @@
+"""Moving formations: where the script wants each drone at every instant of a motion.
+
+Over a hold of time T, with the ramp r (T / 2 at most) and S(u) = 35 u^4 - 84 u^5 + 70
+u^6 - 20 u^7, a motion has the strength E, which is S(t / r), 1, S((T - t) / r), and the
+progress G, its integral over T - r. What each motion makes of a place is said at
+:func:`_carried`, in the order of the script.
+
+**Bound.** Let e be what is logged less what is asked, |e''| <= A. Between two instants
+at a distance of h, |e| is at most the greater of its values there, plus A h^2 / 8 (the
+error of linear interpolation, in the direction of e). A is the greatest second
+difference of the logged polynomials plus a bound on the motion, which the chain rule
+gives from |S'| <= 35/16 and |S''| <= 7.52. So a few instants prove all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, isinf, sqrt, tau
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.show import Breathe, Morph, Orbit, Rotate, Travel, Wave
+from showc.verify.kernel.bernstein import basis
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.script.show import Formation, Motion
+    from showc.verify.kernel.show import PieceTable, Segment
+
+FOLLOWED = 1e-3
+"""Greatest distance from the place that the motion asks for, at any instant [m]: as
+near as a place of a formation must be reached."""
+
+_REST = 4e-4
+"""Share of it that is left to what happens between two instants [m]."""
+_MOST = 200_000
+"""Instants of one motion at which a look gives up."""
+_SLOPE, _BEND = 35.0 / 16.0, 7.52
+"""Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """Drones that hold a formation, and what it does meanwhile."""
+
+    drones: IntArray
+    """Which drones, counting from 0, shape (n,)."""
+    places: FloatArray
+    """Where they stand before, shape (n, 3) [m]."""
+    motions: tuple[Motion, ...]
+    """What they do, in order."""
+    shapes: tuple[FloatArray, ...]
+    """Places of the formation and of those it becomes, each (n, 3) [m]: those of the
+    first morph, then of the next."""
+    middle: FloatArray
+    """The middle of the box around the formation, (3,) [m]."""
+
+    @property
+    def moves_on(self) -> bool:
+        """Whether they end elsewhere than they began."""
+        return any(isinstance(one, Rotate | Travel | Morph) for one in self.motions)
+
+    def at(self, times: FloatArray, duration: float) -> FloatArray:
+        """Where the script wants them at times (m,) [s], shape (m, n, 3) [m]."""
+        found = np.broadcast_to(self.places, (times.size, *self.places.shape))
+        shapes = self.shapes
+        for motion in self.motions:
+            if isinstance(motion, Morph):
+                count = len(motion.through) + 1
+                found = _along(found, np.array(shapes[:count]), times, duration)
+                shapes = shapes[count:]
+            else:
+                found = _carried(found, motion, self.middle, times, duration)
+        return np.asarray(found)
+
+
+def at_rest(drones: IntArray, places: FloatArray) -> Held:
+    """Say that drones stay where they are."""
+    return Held(drones, places, (), (), np.zeros(3))
+
+
+def held(
+    transition_motions: tuple[Motion, ...],
+    drones: IntArray,
+    places: IntArray,
+    formation: Formation,
+    formations: Mapping[str, Formation],
+) -> Held:
+    """Say how drones, each at its place of a formation, are to move with it."""
+    shapes: list[FloatArray] = []
+    for motion in transition_motions:
+        if isinstance(motion, Morph):
+            shapes.append(formation.points[places])
+            shapes += [formations[name].points[places] for name in motion.through]
+    box = formation.points
+    return Held(
+        drones,
+        formation.points[places],
+        transition_motions,
+        tuple(shapes),
+        (box.min(axis=0) + box.max(axis=0)) / 2.0,
+    )
+
+
+def _step(share: FloatArray) -> FloatArray:
+    u = np.clip(share, 0.0, 1.0)
+    return np.asarray(u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3))
+
+
+def _strength(times: FloatArray, ramp: float, duration: float) -> FloatArray:
+    ramp = min(ramp, duration / 2.0)
+    return _step(np.minimum(times, duration - times) / ramp)
+
+
+def _progress(times: FloatArray, ramp: float, duration: float) -> FloatArray:
+    """Integral of the strength: 7 u^5 - 14 u^6 + 10 u^7 - 5/2 u^8 over a ramp."""
+    ramp = min(ramp, duration / 2.0)
+
+    def area(time: FloatArray) -> FloatArray:
+        u = np.clip(time / ramp, 0.0, 1.0)
+        return ramp * u**5 * (7.0 - 14.0 * u + 10.0 * u**2 - 2.5 * u**3)
+
+    whole = np.clip(times - ramp, 0.0, duration - 2.0 * ramp)
+    falling = 0.5 * ramp - area(np.minimum(duration - times, ramp))
+    return np.asarray((area(times) + whole + falling) / (duration - ramp))
+
+
+def _carried(
+    found: FloatArray,
+    motion: Rotate | Breathe | Wave | Orbit | Travel,
+    middle: FloatArray,
+    times: FloatArray,
+    duration: float,
+) -> FloatArray:
+    """Return places (m, n, 3) after one motion.
+
+    ``rotate``: turned about the axis by the angle times G. ``breathe``: from the point
+    that stays, times 1 + (scale - 1) E (1 - cos) / 2. ``wave``: along the axis by the
+    amplitude times E sin. ``orbit``: by the radius times E (cos, sin) in the plane of
+    the normal. The phase is 2 pi (t / period - x . direction / wavelength). ``travel``:
+    from displacement to displacement, each by S of its share of the way.
+    """
+    if isinstance(motion, Travel):
+        ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None, :]
+        return _along(found, ways, times, duration, by_length=True)
+    strength = _strength(times, motion.ramp, duration)[:, None]
+    if isinstance(motion, Rotate):
+        centre = middle if motion.about is None else np.array(motion.about)
+        angle = motion.angle * _progress(times, motion.ramp, duration)
+        half = angle[:, None] / 2.0
+        # Quaternions: v + 2 w (q x v) + 2 q x (q x v).
+        axis = np.sin(half)[..., None] * np.array(motion.axis)
+        offset = found - centre
+        cross = np.cross(axis, offset)
+        turned = offset + 2.0 * (
+            np.cos(half)[..., None] * cross + np.cross(axis, cross)
+        )
+        return np.asarray(centre + turned)
+    if isinstance(motion, Breathe):
+        centre = middle if motion.about is None else np.array(motion.about)
+        swell = (1.0 - np.cos(tau * times / motion.period))[:, None] / 2.0
+        size = 1.0 + (motion.scale - 1.0) * strength * swell
+        return np.asarray(centre + size[..., None] * (found - centre))
+    lag = 0.0 if isinf(motion.wavelength) else found @ np.array(motion.direction)
+    phase = tau * (times[:, None] / motion.period - lag / motion.wavelength)
+    if isinstance(motion, Wave):
+        swing = motion.amplitude * strength * np.sin(phase)
+        return np.asarray(found + swing[..., None] * np.array(motion.axis))
+    normal = np.array(motion.axis)
+    # The coordinate axis furthest from the normal, made square to it.
+    first = np.zeros(3)
+    first[int(np.argmin(np.abs(normal)))] = 1.0
+    first -= (first @ normal) * normal
+    first /= np.sqrt(first @ first)
+    circle = np.cos(phase)[..., None] * first + np.sin(phase)[..., None] * np.cross(
+        normal, first
+    )
+    return np.asarray(found + (motion.radius * strength)[..., None] * circle)
+
+
+def _spans(shapes: FloatArray, *, by_length: bool) -> FloatArray:
+    """Shares of the time from one of the shapes (m + 1, n, 3) to the next, (m,)."""
+    parts = np.ones(len(shapes) - 1)
+    if by_length:
+        lengths = np.linalg.norm(np.diff(shapes[:, 0], axis=0), axis=1)
+        parts = lengths if lengths.any() else parts
+    return np.asarray(parts / parts.sum())
+
+
+def _along(
+    found: FloatArray,
+    shapes: FloatArray,
+    times: FloatArray,
+    duration: float,
+    *,
+    by_length: bool = False,
+) -> FloatArray:
+    """Add the way through shapes (m + 1, n, 3), from the first one."""
+    begin = 0.0
+    result = np.array(found)
+    for span, way in zip(
+        _spans(shapes, by_length=by_length) * duration,
+        np.diff(shapes, axis=0),
+        strict=True,
+    ):
+        if span > 0.0:
+            share = _step((times - begin) / span)
+            result += share[:, None, None] * way
+            begin += span
+    return result
+
+
+def _restless(one: Held, duration: float) -> float:
+    """Bound on the acceleration that a motion asks of any of its drones [m/s²]."""
+    off = one.places - one.middle
+    reach = float(np.sqrt((off**2).sum(axis=1)).max(initial=0.0))
+    speed = bend = 0.0
+    shapes = one.shapes
+    for motion in one.motions:
+        if isinstance(motion, Travel | Morph):
+            by_length = isinstance(motion, Travel)
+            if isinstance(motion, Travel):
+                ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None, :]
+            else:
+                count = len(motion.through) + 1
+                ways, shapes = np.array(shapes[:count]), shapes[count:]
+            spans = _spans(ways, by_length=by_length) * duration
+            steps = np.linalg.norm(np.diff(ways, axis=0), axis=2).max(axis=1)
+            moving = spans > 0.0
+            spans, steps = spans[moving], steps[moving]
+            speed += float((_SLOPE * steps / spans).max())
+            bend += float((_BEND * steps / spans**2).max())
+            reach += float(steps.sum())
+            continue
+        ramp = min(motion.ramp, duration / 2.0)
+        rise, curve = _SLOPE / ramp, _BEND / ramp**2
+        if isinstance(motion, Rotate | Breathe):
+            centre = one.middle if motion.about is None else np.array(motion.about)
+            away = float(np.linalg.norm(centre - one.middle))
+            arm = reach + away
+            if isinstance(motion, Rotate):
+                rate = abs(motion.angle) / (duration - ramp)
+                bend += 2.0 * rate * speed + (rise * rate + rate**2) * arm
+                speed += rate * arm
+                reach = arm + away
+            else:
+                size, turn = abs(motion.scale - 1.0), tau / motion.period
+                first = size * (rise + turn / 2.0)
+                second = size * (curve + rise * turn + turn**2 / 2.0)
+                largest = max(1.0, motion.scale)
+                bend = largest * bend + 2.0 * first * speed + second * arm
+                speed = largest * speed + first * arm
+                reach = largest * arm + away
+            continue
+        size = motion.amplitude if isinstance(motion, Wave) else motion.radius
+        lag = tau / motion.wavelength
+        turn = tau / motion.period + lag * speed
+        bend += size * (curve + 2.0 * rise * turn + turn**2 + lag * bend)
+        speed += size * (rise + turn)
+        reach += size
+    return bend
+
+
+def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
+    """Bound the distance of drones from where a motion wants them.
+
+    Returns
+    -------
+    tuple[float, int]
+        The bound over all instants of the segment [m], infinite where too many
+        instants would be needed, and the drone with the greatest.
+    """
+    worst, which = 0.0, 0
+    for one in parts:
+        asked = _restless(one, segment.duration) if one.motions else 0.0
+        for table in segment.tables:
+            columns = np.flatnonzero(np.isin(table.drones, one.drones))
+            if not columns.size:
+                continue
+            bend = asked + _bend(table)
+            step = sqrt(8.0 * _REST / max(bend, 1e-9))
+            count = max(2, ceil(segment.duration / min(step, segment.duration)) + 1)
+            if not count <= _MOST:
+                return np.inf, int(table.drones[columns[0]])
+            times = np.linspace(0.0, segment.duration, count)
+            rest = bend * (times[1] - times[0]) ** 2 / 8.0
+            for column in columns.tolist():
+                drone = int(table.drones[column])
+                row = np.flatnonzero(one.drones == drone)
+                alone = Held(
+                    one.drones[row],
+                    one.places[row],
+                    one.motions,
+                    tuple(shape[row] for shape in one.shapes),
+                    one.middle,
+                )
+                flown = _positions(table.only(column), times)
+                wanted = alone.at(times, segment.duration)[:, 0]
+                off = float(np.sqrt(((flown - wanted) ** 2).sum(axis=1)).max()) + rest
+                if not off <= worst:
+                    worst, which = off, drone
+    return worst, which
+
+
+def _bend(table: PieceTable) -> float:
+    """Greatest acceleration of the logged positions, by their coefficients [m/s²]."""
+    degree = table.state.shape[1] - 1
+    if degree < 2:
+        return 0.0
+    width = (table.end - table.start)[:, None, None]
+    second = degree * (degree - 1) * np.diff(table.state[:, :, :3], n=2, axis=1)
+    return float(np.sqrt(((second / width**2) ** 2).sum(axis=2)).max())
+
+
+def _positions(table: PieceTable, times: FloatArray) -> FloatArray:
+    """Positions (m, 3) of the only drone of a table at times (m,) [s]."""
+    row = np.searchsorted(table.start, times, side="right") - 1
+    row = np.clip(row, 0, table.start.size - 1)
+    share = (times - table.start[row]) / (table.end[row] - table.start[row])
+    weights = basis(table.state.shape[1] - 1, np.clip(share, 0.0, 1.0))
+    return np.asarray(np.einsum("mk,mkc->mc", weights, table.state[row, :, :3]))

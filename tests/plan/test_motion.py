@@ -1,0 +1,91 @@
+"""Motions of formations: smooth, at rest at both ends, and where they should end."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from showc.plan.motion import moving_places
+from showc.script.show import (
+    Breathe,
+    Formation,
+    Mark,
+    Morph,
+    Orbit,
+    Rotate,
+    Travel,
+    Wave,
+)
+
+MARK = Mark("show.yaml", 1, 1, 1, 2)
+PLACES = np.array([(8.0, 0, 20), (0, 8, 21), (-8, 0, 22), (0, -8, 23)])
+SHAPES = {
+    "ring": Formation("ring", PLACES, np.ones((4, 3)), MARK),
+    "big": Formation("big", 1.5 * PLACES, np.ones((4, 3)), MARK),
+}
+X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+MOTIONS = {
+    "rotate": Rotate(2.0, (0.6, 0.0, 0.8), None, 3.0),
+    "about a point": Rotate(-1.0, Z, (5.0, 5.0, 0.0), 30.0),
+    "breathe": Breathe(1.4, 5.0, None, 2.0),
+    "wave": Wave(1.0, Z, 4.0, X, 12.0, 3.0),
+    "orbit": Orbit(1.5, (0.0, 0.6, 0.8), 6.0, X, float("inf"), 3.0),
+    "travel": Travel(((3.0, 0, 0), (3.0, 4, 0), (0.0, 0, 0))),
+    "morph": Morph(("big", "ring", "big")),
+}
+TIME = 20.0
+
+
+def moving(*names):
+    motions = tuple(MOTIONS[name] for name in names)
+    everyone = np.arange(4)
+    return moving_places(everyone, everyone, SHAPES["ring"], motions, SHAPES)
+
+
+@given(st.lists(st.sampled_from(sorted(MOTIONS)), min_size=1, max_size=4))
+@settings(max_examples=30)
+def test_derivatives_are_those_of_the_motion(names):
+    motion = moving(*names)
+    times = np.linspace(0.5, TIME - 0.5, 41) + 0.0123
+    step = 1e-4
+    exact = motion.derivatives(PLACES, TIME, times)
+    before = motion.derivatives(PLACES, TIME, times - step)
+    after = motion.derivatives(PLACES, TIME, times + step)
+    for order in range(3):
+        slope = (after[order] - before[order]) / (2.0 * step)
+        assert np.abs(slope - exact[order + 1]).max() < 1e-4 * (
+            1.0 + np.abs(exact[order + 1]).max()
+        )
+
+
+@given(st.lists(st.sampled_from(sorted(MOTIONS)), min_size=1, max_size=4))
+@settings(max_examples=30)
+def test_motions_begin_and_end_at_rest(names):
+    motion = moving(*names)
+    ends = motion.derivatives(PLACES, TIME, np.array([0.0, TIME]))
+    assert np.abs(ends[1:]).max() < 1e-9
+    assert np.abs(ends[0, 0] - PLACES).max() < 1e-12
+    # Where it ends does not depend on how long it takes.
+    assert np.abs(ends[0, 1] - motion.ends(PLACES)).max() < 1e-12
+
+
+def test_what_comes_back_and_what_does_not():
+    for name in ("breathe", "wave", "orbit"):
+        assert not moving(name).moves_on
+        assert np.abs(moving(name).ends(PLACES) - PLACES).max() < 1e-12
+    assert np.abs(moving("morph").ends(PLACES) - 1.5 * PLACES).max() < 1e-12
+    turned = moving("rotate").ends(PLACES)
+    middle = 0.5 * (PLACES.min(axis=0) + PLACES.max(axis=0))
+    kept = np.linalg.norm(turned - middle, axis=1)
+    assert kept == pytest.approx(np.linalg.norm(PLACES - middle, axis=1))
+    assert np.abs(turned - PLACES).max() > 1.0
+
+
+def test_a_breath_reaches_its_size_and_a_rotation_its_even_rate():
+    times = np.linspace(0.0, TIME, 4001)
+    breath = moving("breathe").derivatives(PLACES, TIME, times)[0]
+    middle = 0.5 * (PLACES.min(axis=0) + PLACES.max(axis=0))
+    size = np.linalg.norm(breath[:, 0] - middle, axis=1)
+    assert size.max() / size[0] == pytest.approx(1.4, abs=1e-4)
+    speed = np.linalg.norm(moving("rotate").derivatives(PLACES, TIME, times)[1], axis=2)
+    assert np.ptp(speed[800:3200], axis=0).max() < 1e-9

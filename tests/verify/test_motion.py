@@ -1,0 +1,140 @@
+"""Moving formations are proved from the script, by a derivation of verify's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from verified import loaded
+
+from showc.errors import SolveError
+from showc.pipeline.compile import CompileOptions, compile_script
+from showc.script import load_show
+from showc.script.show import Rotate
+from showc.verify import verify_log
+from showc.verify.specification.demands import hold_against
+
+SCRIPT = """\
+showc: 1
+name: Moving
+drones: 4
+separation: 1.5
+launch: {altitude: 8, hold: 1}
+groups: {pair: [1, 2]}
+formations:
+  ring: {type: circle, radius: 6, centre: [0, 0, 16]}
+  big: {type: circle, radius: 8, centre: [0, 0, 18]}
+  row: {type: line, length: 5, centre: [16, 0, 14]}
+transitions:
+  - to: ring
+    hold: 16
+    motion:
+      - rotate: 120 deg
+      - {wave: {amplitude: 0.6, period: 6, wavelength: 15}}
+      - breathe: {scale: 1.2, period: 8}
+  - to: ring
+    assignment: fixed
+    hold: 14
+    motion: [{morph: [big]}, {travel: [[0, 3, 0], [0, 0, 0]]}]
+  - to: row
+    group: pair
+    hold: 12
+    motion: [{orbit: {radius: 0.8, axis: x, wavelength: 20}}]
+  - {to: big, at: 90}
+"""
+MOVING = (3, 5, 7)
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("moving")
+    script = folder / "moving.yaml"
+    script.write_text(SCRIPT)
+    compile_script(script, folder / "output.mcap", CompileOptions(missions=False))
+    return folder
+
+
+def test_motions_are_proved_from_the_script(compiled):
+    verification = verify_log(compiled / "output.mcap", script=compiled / "moving.yaml")
+    assert verification.failures() == set()
+    _, logged = loaded(compiled / "output.mcap")
+    kinds = [
+        segment.message.Kind.Name(segment.message.kind) for segment in logged.segments
+    ]
+    assert [at for at, kind in enumerate(kinds) if kind == "MOTION"] == list(MOVING)
+    # The last arrival is in time, although a formation moves before it.
+    ends = [one.end for one in logged.segments if one.message.name.endswith("-> big")]
+    assert ends[0] == 90.0
+
+
+def test_the_error_of_the_polynomials_is_stated(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    for number in MOVING:
+        stated = logged.segments[number].message.certificate.statistics
+        assert 0.0 < stated["motion_error"] <= 1e-5
+
+
+def with_motion(compiled, change):
+    """What is found if the script asked for another motion of the first ring."""
+    _, logged = loaded(compiled / "output.mcap")
+    show = load_show(compiled / "moving.yaml").show
+    first = show.transitions[0]
+    asked = replace(first, motion=change(first.motion))
+    return hold_against(
+        replace(show, transitions=(asked, *show.transitions[1:])), logged
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda motion: (replace(motion[0], ramp=3.01), *motion[1:]),
+        lambda motion: (motion[0], replace(motion[1], period=6.01), motion[2]),
+        lambda motion: (motion[0], replace(motion[1], wavelength=15.1), motion[2]),
+        lambda motion: (*motion[:2], replace(motion[2], scale=1.201)),
+        lambda motion: motion[:2],
+        lambda motion: (motion[2], *motion[:2]),
+        lambda motion: (replace(motion[0], angle=motion[0].angle + 0.001), *motion[1:]),
+        lambda motion: (
+            Rotate(motion[0].angle, (0, 0, 1), (0.01, 0, 0), 3.0),
+            *motion[1:],
+        ),
+    ],
+)
+def test_another_motion_is_not_the_one_flown(compiled, change):
+    assert with_motion(compiled, lambda motion: motion).motions == []
+    assert len(with_motion(compiled, change).motions) == 1
+
+
+def test_a_drone_that_should_stand_still_may_not_move(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    segments = list(logged.segments)
+    segment = segments[MOVING[2]]
+    table = next(one for one in segment.tables if 3 in one.drones)
+    column = int(np.searchsorted(table.drones, 3))
+    state = table.state.copy()
+    rows = slice(int(table.first[column]), int(table.first[column + 1]))
+    state[rows, 1:-1, 0] += 0.01
+    tables = tuple(
+        replace(one, state=state) if one is table else one for one in segment.tables
+    )
+    segments[MOVING[2]] = replace(segment, tables=tables)
+    show = load_show(compiled / "moving.yaml").show
+    wrong = hold_against(show, replace(logged, segments=tuple(segments))).motions
+    assert len(wrong) == 1 and "drone 4" in wrong[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("rotate: 120 deg", "rotate: 2000 deg", "times the greatest"),
+        ("scale: 1.2", "scale: 0.12", "the separation is 1.500 m"),
+        ("amplitude: 0.6", "amplitude: 40", "flight volume"),
+    ],
+)
+def test_a_motion_that_cannot_be_flown_says_why(tmp_path, old, new, said):
+    assert old in SCRIPT
+    script = tmp_path / "moving.yaml"
+    script.write_text(SCRIPT.replace(old, new))
+    with pytest.raises(SolveError) as refused:
+        compile_script(script, tmp_path / "o.mcap", CompileOptions(missions=False))
+    assert said in str(refused.value)
