@@ -297,7 +297,7 @@ def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
                     tuple(shape[row] for shape in one.shapes),
                     one.middle,
                 )
-                flown = _positions(table.only(column), times)
+                flown = _positions(table, column, times)
                 wanted = alone.at(times, segment.duration)[:, 0]
                 off = float(np.sqrt(((flown - wanted) ** 2).sum(axis=1)).max()) + rest
                 if not off <= worst:
@@ -315,10 +315,12 @@ def _bend(table: PieceTable) -> float:
     return float(np.sqrt(((second / width**2) ** 2).sum(axis=2)).max())
 
 
-def _positions(table: PieceTable, times: FloatArray) -> FloatArray:
-    """Positions (m, 3) of the only drone of a table at times (m,) [s]."""
-    row = np.searchsorted(table.start, times, side="right") - 1
-    row = np.clip(row, 0, table.start.size - 1)
-    share = (times - table.start[row]) / (table.end[row] - table.start[row])
-    weights = basis(table.state.shape[1] - 1, np.clip(share, 0.0, 1.0))
-    return np.asarray(np.einsum("mk,mkc->mc", weights, table.state[row, :, :3]))
+def _positions(table: PieceTable, column: int, times: FloatArray) -> FloatArray:
+    """Positions (m, 3) of a table's drone at times (m,) [s]."""
+    mine = slice(int(table.first[column]), int(table.first[column + 1]))
+    start, end, state = table.start[mine], table.end[mine], table.state[mine, :, :3]
+    row = np.searchsorted(start, times, side="right") - 1
+    row = np.clip(row, 0, start.size - 1)
+    share = (times - start[row]) / (end[row] - start[row])
+    weights = basis(state.shape[1] - 1, np.clip(share, 0.0, 1.0))
+    return np.asarray(np.einsum("mk,mkc->mc", weights, state[row]))
