@@ -11,10 +11,12 @@ from showc.errors import UsageError
 from showc.log import schema
 from showc.safety.codes import codes
 from showc.safety.energy import Energy, flight_energy
+from showc.safety.failure import Failures, failures
 from showc.safety.fall import Fall, FallTable
 from showc.safety.ground import (
     Footing,
     Place,
+    Stopping,
     area,
     boxes_of,
     hull,
@@ -113,6 +115,8 @@ class SafetyCase:
     """Greatest speed of an impact [m/s]."""
     energy: Energy
     """How the batteries empty."""
+    failures: Failures
+    """Which drones may be met by one that falls."""
     stops: Stops
     """How long the fleet takes to stand still, by the moment of the stop."""
     findings: tuple[Finding, ...]
@@ -181,6 +185,17 @@ class SafetyCase:
                 "most_energy": round(float(self.energy.energy.max()), 1),
                 "lowest_voltage": round(float(np.nanmin(self.energy.voltage)), 3),
                 "hover_endurance": self.energy.hover_endurance,
+            },
+            "failures": {
+                "share": round(self.failures.share, 4),
+                "pairs": [
+                    {
+                        "time": float(self.failures.times[step]),
+                        "drone": drone + 1,
+                        "meets": other + 1,
+                    }
+                    for step, drone, other in self.failures.pairs.tolist()
+                ],
             },
             "stops": {
                 "times": self.stops.times.tolist(),
@@ -256,24 +271,34 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         If a trajectory of the log makes no polynomials.
     """
     show = show or show_of(logged)
-    velocity = [
-        logged.trajectory(drone).state.select([3, 4, 5])
-        for drone in range(logged.drones)
-    ]
+    states = [logged.trajectory(drone).state for drone in range(logged.drones)]
+    velocity = [state.select([3, 4, 5]) for state in states]
     stopping = stops(velocity, authority_within(show), STOP_STEP)
-    return _Assessment(show, flight_pieces(logged), stopping).case()
+    fall = Fall(
+        show.vehicle.mass,
+        show.body.drag_area,
+        show.site.risk.wind,
+        show.vehicle.gravity,
+    )
+    failing = failures(states, fall, show.body.size, show.site.risk.ground)
+    return _Assessment(show, flight_pieces(logged), stopping, failing, fall).case()
 
 
 class _Assessment:
     """Works out one case."""
 
-    def __init__(self, show: Show, pieces: Pieces, stopping: Stops) -> None:
-        self.show, self.pieces, self.stopping = show, pieces, stopping
+    def __init__(
+        self,
+        show: Show,
+        pieces: Pieces,
+        stopping: Stops,
+        failing: Failures,
+        fall: Fall,
+    ) -> None:
+        self.show, self.pieces = show, pieces
+        self.stopping, self.failing = stopping, failing
         self.risk: Risk = show.site.risk
         boxes = boxes_of(pieces, self.risk.ground)
-        fall = Fall(
-            show.vehicle.mass, show.body.drag_area, self.risk.wind, show.vehicle.gravity
-        )
         self.highest = float(boxes.height_high.max())
         speed = float(boxes.speed_high.max())
         climbs = float(boxes.climb_low.min()), float(boxes.climb_high.max())
@@ -311,6 +336,7 @@ class _Assessment:
             tuple(self.distances),
             self.impact_speed,
             self._energy(),
+            self._failures(),
             self.stopping,
             tuple(sorted(self.findings, key=lambda item: item.severity)),
         )
@@ -367,6 +393,36 @@ class _Assessment:
             0.0,
             found.places[0],
         )
+
+        own = Stopping(self.risk.reaction_time, self.stopping.authority.level)
+        found = least(self.pieces, Footing(stop=own), inside)
+        self._note(
+            "SAF142",
+            "fence to a drone that strays, braked at its own speed",
+            float(found.bound[0]),
+            self.risk.misplaced,
+            found.places[0],
+            severity="warning",
+        )
+
+    def _failures(self) -> Failures:
+        step, drone = self.failing.worst
+        met = self.failing.below(step, drone)
+        if met:
+            named = ", ".join(str(other + 1) for other in met[:8])
+            if len(met) > 8:
+                named += f" and {len(met) - 8} more"
+            self.findings.append(
+                Finding(
+                    "SAF141",
+                    "warning",
+                    f"in {100.0 * self.failing.share:.0f} % of all drones and seconds "
+                    f"a falling drone may meet another; most here: drones {named}",
+                    float(len(met)),
+                    Place(drone, float(self.failing.times[step])),
+                )
+            )
+        return self.failing
 
     def _ceiling(self) -> None:
         ceiling = self.show.site.ceiling

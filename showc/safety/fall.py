@@ -321,22 +321,41 @@ class _Course:
     """Greatest downward speed so far [m/s]."""
 
 
-def _courses(
-    climb: FloatArray,
-    speed: FloatArray,
-    drag: tuple[float, float],
-    gravity: float,
-    height: float,
-) -> Iterator[_Course]:
-    """Integrate the bounding system of every box until all have fallen ``height``."""
-    zero, one = np.zeros(climb.size), np.ones(climb.size)
-    # Rows: climb low and high, E low and high, height low and high, integral of E low
-    # and high.
-    state = np.stack([climb, climb + CELL, one, one, zero, zero, zero, zero])
-    slow, fast = speed, speed + CELL
-    little, much = drag
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounding:
+    """The system whose solutions bound all falls from boxes of states, (n,) of them.
 
-    def slope(now: FloatArray) -> FloatArray:
+    Its state has 8 rows: climb low and high, E low and high, height low and high, and
+    the integral of E, low and high.
+    """
+
+    slow: FloatArray
+    """Least level airspeed at the start, shape (n,) [m/s]."""
+    fast: FloatArray
+    """Greatest level airspeed at the start, shape (n,) [m/s]."""
+    drag: tuple[float, float]
+    """Least and greatest k [1/m]."""
+    gravity: float
+    """[m/s²]."""
+
+    def start(self, climb_low: FloatArray, climb_high: FloatArray) -> FloatArray:
+        """Return the first state, (8, n), of climbs between two bounds (n,) [m/s]."""
+        zero, one = np.zeros(climb_low.size), np.ones(climb_low.size)
+        return np.stack([climb_low, climb_high, one, one, zero, zero, zero, zero])
+
+    def after(self, state: FloatArray, step: float) -> FloatArray:
+        """Return the state (8, n) a ``step`` [s] later, by classical Runge-Kutta."""
+        first = self._slope(state)
+        second = self._slope(state + 0.5 * step * first)
+        third = self._slope(state + 0.5 * step * second)
+        fourth = self._slope(state + step * third)
+        return np.asarray(
+            state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+        )
+
+    def _slope(self, now: FloatArray) -> FloatArray:
+        little, much = self.drag
+        slow, fast = self.slow, self.fast
         sinking, rising, less, more = now[:4]
         nearest = np.where(
             (sinking < 0.0) & (rising > 0.0),
@@ -359,8 +378,8 @@ def _courses(
         )
         return np.stack(
             [
-                -gravity - sinking_drag * sinking,
-                -gravity - rising_drag * rising,
+                -self.gravity - sinking_drag * sinking,
+                -self.gravity - rising_drag * rising,
                 -much * np.hypot(fast * less, farthest) * less,
                 -little * np.hypot(slow * more, nearest) * more,
                 sinking,
@@ -370,13 +389,20 @@ def _courses(
             ]
         )
 
+
+def _courses(
+    climb: FloatArray,
+    speed: FloatArray,
+    drag: tuple[float, float],
+    gravity: float,
+    height: float,
+) -> Iterator[_Course]:
+    """Integrate the bounding system of every box until all have fallen ``height``."""
+    system = Bounding(speed, speed + CELL, drag, gravity)
+    state = system.start(climb, climb + CELL)
     history = [state]
     while state[5].max() > -height - 2.0 * ALLOWANCE:
-        first = slope(state)
-        second = slope(state + 0.5 * STEP * first)
-        third = slope(state + 0.5 * STEP * second)
-        fourth = slope(state + STEP * third)
-        state = state + STEP / 6.0 * (first + 2.0 * (second + third) + fourth)
+        state = system.after(state, STEP)
         history.append(state)
     course = np.stack(history)
     times = np.asarray(STEP * np.arange(len(history)))

@@ -66,6 +66,16 @@ class Least:
 
 
 @dataclass(frozen=True, slots=True)
+class Stopping:
+    """A drone that leaves its path goes straight on, and is then braked."""
+
+    reaction: float
+    """Time until it is braked [s]."""
+    acceleration: float
+    """With which it is braked [m/s²]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Footing:
     """How discs follow from pieces.
 
@@ -79,12 +89,15 @@ class Footing:
         Height of the ground [m].
     turn
         Angle by which the show may be turned about its origin [rad].
+    stop
+        How drones stop; None: they do not.
     """
 
     table: FallTable | None = None
     wider: float = 0.0
     ground: float = 0.0
     turn: float = 0.0
+    stop: Stopping | None = None
 
     def discs(self, pieces: Pieces) -> Discs:
         """Enclose what ``pieces`` may reach."""
@@ -98,6 +111,18 @@ class Footing:
         low, high = level.min(axis=1), level.max(axis=1)
         centre = 0.5 * (low + high)
         motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
+        if self.stop is not None:
+            boxes = boxes_of(pieces, self.ground)
+            slowest, fastest = (
+                self.stop.reaction + 0.5 * speed / self.stop.acceleration
+                for speed in (boxes.speed_low, boxes.speed_high)
+            )
+            middle = 0.5 * (slowest + fastest)
+            level = level + middle[:, None, None] * pieces.velocity[:, :, :2]
+            rest = rest + 0.5 * (fastest - slowest) * boxes.speed_high
+            low, high = level.min(axis=1), level.max(axis=1)
+            centre = 0.5 * (low + high)
+            motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
         if self.turn:
             # A chord: 2 R sin(turn / 2), up to half a turn.
             far = np.hypot(centre[:, 0], centre[:, 1]) + motion

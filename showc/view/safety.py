@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.safety.case import Distance, Finding, SafetyCase
+    from showc.safety.failure import Failures
     from showc.safety.stop import Stops
 
 
@@ -53,7 +54,7 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
-        f"{_stops(case.stops)}{_energy(case)}"
+        f"{_failures(case.failures)}{_stops(case.stops)}{_energy(case)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -121,6 +122,34 @@ def _distances(distances: tuple[Distance, ...]) -> str:
         )
     heads = ["From … to …", "Left, at least [m]", "Wanted [m]", "Decided by"]
     return "<h3>Distances</h3>" + table(heads, rows, words=words)
+
+
+def _failures(failures: Failures) -> str:
+    """Return from where falling drones may meet most others."""
+    words = frozenset({0, 2})
+    order = np.argsort(-failures.met, axis=None, kind="stable")[:5]
+    rows = []
+    for step, drone in zip(*np.unravel_index(order, failures.met.shape), strict=True):
+        below = failures.below(int(step), int(drone))
+        if below:
+            shown = ", ".join(str(other + 1) for other in below[:12])
+            rows.append(
+                row(
+                    [
+                        f"drone {drone + 1}, {clock(float(failures.times[step]))}",
+                        str(len(below)),
+                        shown + (" …" if len(below) > 12 else ""),
+                    ],
+                    words=words,
+                )
+            )
+    said = (
+        "<h3>One drone fails</h3><p>From "
+        f"{100.0 * failures.share:.1f} % of all drones and seconds a drone without "
+        "thrust may meet another one on its way down; from all others it cannot.</p>"
+    )
+    heads = ["Falls", "May meet", "Drones"]
+    return said + (table(heads, rows, words=words) if rows else "")
 
 
 def _stops(stops: Stops) -> str:

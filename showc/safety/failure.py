@@ -1,0 +1,162 @@
+"""One drone fails: which others fly where it may fall.
+
+A drone that loses its thrust at some second falls through a cone that wind and drag
+widen. Time runs on: another drone matters if it is in the cone at the moment at which
+the falling one may be. The cone is enclosed, and so is the way of each other drone
+between two moments; drones that are not named cannot be met.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.safety.fall import Bounding
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.safety.fall import Fall
+    from showc.trajectory import PiecewisePolynomial
+
+STEP = 0.1
+"""Time between two moments of a fall [s]."""
+SECOND = 1.0
+"""Time between two moments at which drones fail [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Failures:
+    """Which drones may be met by one that falls."""
+
+    times: FloatArray
+    """When drones fail, shape (n,) [s]."""
+    met: IntArray
+    """How many others may be met, shape (n, drones)."""
+    pairs: IntArray
+    """Index of the time, falling drone and drone that may be met, shape (m, 3)."""
+
+    @property
+    def share(self) -> float:
+        """Part of all drones and seconds from which another drone may be met."""
+        return float(np.mean(self.met > 0))
+
+    @property
+    def worst(self) -> tuple[int, int]:
+        """Index of the time, and the drone, from which most others may be met."""
+        step, drone = np.unravel_index(int(self.met.argmax()), self.met.shape)
+        return int(step), int(drone)
+
+    def below(self, step: int, drone: int) -> list[int]:
+        """Drones that may be met, counting from 0."""
+        mine = (self.pairs[:, 0] == step) & (self.pairs[:, 1] == drone)
+        return sorted(self.pairs[mine, 2].tolist())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cones:
+    """Where falling drones may be between two moments; boxes about the wind's disc."""
+
+    centre: FloatArray
+    """Shape (n, 2) [m]."""
+    radius: FloatArray
+    """Shape (n,) [m]."""
+    low: FloatArray
+    """Least height, shape (n,) [m]."""
+    high: FloatArray
+    """Greatest height, shape (n,) [m]."""
+
+
+def failures(
+    states: Sequence[PiecewisePolynomial], fall: Fall, size: float, ground: float
+) -> Failures:
+    """Find which drones fly where others may fall, for every drone and second.
+
+    Parameters
+    ----------
+    states
+        Position and velocity of each drone over the show, 6 components or more.
+    fall
+        What falls, and in which wind.
+    size
+        Of a drone, from tip to tip [m].
+    ground
+        Height at which a fall ends [m].
+    """
+    times = np.arange(states[0].start, states[0].end, SECOND)
+    ticks = np.arange(states[0].start, states[0].end + STEP, 0.5 * STEP)
+    flown = np.stack([state.select(slice(0, 6))(ticks) for state in states], axis=1)
+    fastest = max(
+        float(np.linalg.norm(state.coefficients[:, :, 3:6], axis=2).max())
+        for state in states
+    )
+    # A way of half a step on both sides of its middle, and the size of both drones.
+    room = 0.5 * STEP * fastest + size
+    per_second = round(SECOND / (0.5 * STEP))
+    found: list[tuple[int, int, int]] = []
+    for number in range(times.size):
+        first = number * per_second
+        cones = _fall(flown[first], fall)
+        for step, cone in enumerate(cones):
+            tick = min(first + 2 * step + 1, ticks.size - 1)
+            falling = np.flatnonzero(cone.high > ground)
+            if not falling.size:
+                break
+            found += [
+                (number, *pair)
+                for pair in _meetings(cone, falling, flown[tick, :, :3], room)
+            ]
+    pairs = np.unique(np.array(found, dtype=np.int64).reshape(-1, 3), axis=0)
+    met = np.zeros((times.size, len(states)), dtype=np.int64)
+    np.add.at(met, (pairs[:, 0], pairs[:, 1]), 1)
+    return Failures(times, met, pairs)
+
+
+def _fall(state: FloatArray, fall: Fall) -> list[_Cones]:
+    """Enclose the falls of all drones from states (drones, 6), step by step."""
+    level, climb = state[:, 3:5], state[:, 5]
+    speed = np.linalg.norm(level, axis=1)
+    slow, fast = np.maximum(speed - fall.wind, 0.0), speed + fall.wind
+    system = Bounding(slow, fast, fall.drag, fall.gravity)
+    now = system.start(climb, climb)
+    cones: list[_Cones] = []
+    time = 0.0
+    while (state[:, 2] + now[5]).max() > 0.0 and len(cones) < round(30.0 / STEP):
+        later = system.after(now, STEP)
+        time += STEP
+        # M and the drift grow; heights between two steps lie between their ends, but
+        # for the top of a rise, which is less than g STEP² / 8 above them.
+        carry_low, carry_high = now[6], later[7]
+        drift = time - later[6]
+        centre = state[:, :2] + 0.5 * (carry_low + carry_high)[:, None] * level
+        spare = fall.gravity * STEP**2 / 8.0
+        cones.append(
+            _Cones(
+                centre,
+                0.5 * (carry_high - carry_low) * speed + fall.wind * drift,
+                state[:, 2] + np.minimum(now[4], later[4]),
+                state[:, 2] + np.maximum(now[5], later[5]) + spare,
+            )
+        )
+        now = later
+    return cones
+
+
+def _meetings(
+    cone: _Cones, falling: IntArray, places: FloatArray, room: float
+) -> list[tuple[int, int]]:
+    """Pairs of a falling drone and another that it may meet."""
+    away = places[None, :, :2] - cone.centre[falling, None]
+    reach = (cone.radius[falling] + room)[:, None]
+    height = places[None, :, 2]
+    near = (
+        (away[..., 0] ** 2 + away[..., 1] ** 2 <= reach**2)
+        & (height >= (cone.low[falling] - room)[:, None])
+        & (height <= (cone.high[falling] + room)[:, None])
+    )
+    first, other = np.nonzero(near)
+    own = falling[first] != other
+    return list(zip(falling[first][own].tolist(), other[own].tolist(), strict=True))
