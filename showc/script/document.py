@@ -7,6 +7,7 @@ is still the text the author wrote when it is judged.
 
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +194,16 @@ class _Builder:
 
     def build(self, text: str) -> Node | None:
         """Read all events; return the root, or None if reading cannot go on."""
+        # A tree has no cycles, and looking for some takes as long as the reading.
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return self._built(text)
+        finally:
+            if collecting:
+                gc.enable()
+
+    def _built(self, text: str) -> Node | None:
         try:
             for event in yaml.parse(text, Loader=_LOADER):
                 self._take(event)

@@ -25,7 +25,7 @@ _BOX = 16
 """Places of a box: few enough to compare all with all."""
 _BATCH = 256
 """Pairs of boxes looked at together: some two megabytes."""
-_CROWDED, _FEW = 40, 4
+_CROWDED, _FEW = 20, 1
 """Boxes near a box beyond which places stand in heaps, and how many then matter."""
 
 

@@ -13,7 +13,7 @@ from showc.script.show import chapters
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
     from showc.script.build import Sketch
@@ -28,6 +28,9 @@ ENVELOPE_UNITS = {
     "acceleration_down": "m/s²",
 }
 """Limits that an autopilot's envelope sets, and their units."""
+_SAMPLE, _PAIRS = 40, 2_000_000
+"""Others that each place is first held against, and pairs of places that are looked at:
+all of them up to a fleet of 1,400."""
 _MORE = 1.01
 """How far above the rotors' own limit a limit may be: printed ones are rounded."""
 
@@ -304,10 +307,36 @@ def least_duration(show: Show, index: int) -> tuple[float, int | None]:
         return float(times[drone]), drone
     if transition.assignment == "fixed":
         return 0.0, None
+    return max(
+        _furthest(start, goal, lambda way: _moves(show, way)),
+        _furthest(goal, start, lambda way: _moves(show, -way)),
+    ), None
+
+
+def _moves(show: Show, displacement: FloatArray) -> FloatArray:
+    return least_times(displacement, show.limits, show.vehicle)
+
+
+def _furthest(
+    places: FloatArray, others: FloatArray, times: Callable[[FloatArray], FloatArray]
+) -> float:
+    """Return how long the way to the nearest other takes, from the furthest place [s].
+
+    Places that are near one of a few others are not looked at further; of great fleets
+    at most as many places as take little time, the least of which is a bound too.
+
+    Parameters
+    ----------
+    places, others
+        Shape (n, 3) and (m, 3) [m].
+    times
+        Least times of displacements, shape (..., 3) [m], to shape (...) [s].
+    """
+    few = others[:: max(len(others) // _SAMPLE, 1)]
+    most = np.min([times(other - places) for other in few], axis=0)
     least = 0.0
-    nearest = np.full(len(goal), np.inf)
-    for place in start:
-        times = least_times(goal - place, show.limits, show.vehicle)
-        least = max(least, float(times.min()))
-        nearest = np.minimum(nearest, times)
-    return max(least, float(nearest.max())), None
+    for place in np.argsort(-most, kind="stable")[: max(_PAIRS // len(others), 1)]:
+        if most[place] <= least:
+            break
+        least = max(least, float(times(others - places[place]).min()))
+    return least

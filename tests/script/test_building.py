@@ -20,7 +20,7 @@ from showc.script.spacing import (
     crowded,
     pair_distance,
 )
-from showc.script.timing import least_times
+from showc.script.timing import _furthest, least_times
 from showc.vehicle import PRESETS, Separation
 
 TEN_LINES = """\
@@ -364,3 +364,16 @@ def test_all_faults_at_once_in_order(read):
     ]  # fmt: skip
     places = [(item.span.line, item.span.column) for item in result.diagnostics]
     assert all(first <= second for first, second in pairwise(places))
+
+
+@given(st.integers(1, 70), st.integers(1, 70), st.integers(0, 10**6))
+def test_the_place_furthest_from_all_others_is_found(count, others, seed):
+    chance = np.random.default_rng(seed)
+    places = chance.uniform(-9, 9, (count, 3))
+    goals = chance.uniform(-9, 9, (others, 3))
+
+    def times(way):
+        return np.linalg.norm(way, axis=-1)
+
+    nearest = times(goals[None] - places[:, None]).min(axis=1)
+    assert _furthest(places, goals, times) == nearest.max()

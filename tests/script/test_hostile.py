@@ -283,6 +283,16 @@ SCRIPTS = {
         + "transitions: [f0]\n",
         {"SHW118"},
     ),
+    "twelve moves of 10,000": (
+        (
+            "showc: 1\ndrones: 10000\n"
+            "site: {volume: {min: [-900, -900, 0], max: [900, 900, 99]}}\n"
+            "formations:\n  wall: {type: grid, step: 3}\n"
+            "  field: {type: grid, step: 4, plane: ground, centre: [0, 0, 30]}\n"
+            f"transitions: [{', '.join(['wall', 'field'] * 6)}]\n"
+        ),
+        {"SHW305"},
+    ),
     "epoch before logs begin": (
         show("{type: circle}", more="epoch: 0001-01-01T00:00:00Z\n"),
         {"SHW104"},
