@@ -78,7 +78,11 @@ class _Rows:
     places: list[tuple[float, float, float, float]] = field(default_factory=list)
     """Vehicle's time [s], latitude, longitude [deg], height above home [m]."""
     clocks: list[float] = field(default_factory=list)
-    """UTC less the vehicle's time [s]."""
+    """UTC less the vehicle's time at which it came to the log [s]."""
+    received: list[float] = field(default_factory=list)
+    """UTC less the vehicle's time at which it was received [s]."""
+    fix: tuple[float, float] | None = None
+    """When the last one was logged, and the UTC that it tells [s]."""
     missions: bool = False
     armed: list[tuple[float, bool]] = field(default_factory=list)
     """Since when it was armed or not, by its own time [s]."""
@@ -97,12 +101,13 @@ class _Rows:
         if not len(table):
             return None
         # A fix is logged some time after it was taken: the least delayed one tells.
-        offset = max(self.clocks) if self.clocks else 0.0
+        clocks = self.received or self.clocks
+        offset = max(clocks, default=0.0)
         return AutopilotTrack(
             source,
             self.system,
             table[:, 0] + offset,
-            bool(self.clocks),
+            bool(clocks),
             table[:, 1:],
             self.missions,
         )
@@ -142,7 +147,7 @@ def _card(path: Path) -> list[_Rows]:
     """Read ArduPilot's own log: one vehicle."""
     found = _Rows(_number(path))
     log = DFReader.DFReader_binary(str(path))
-    wanted = ["POS", "GPS", "MODE", "PARM", "EV"]
+    wanted = ["POS", "GPS", "GPA", "MODE", "PARM", "EV"]
     while (message := log.recv_match(type=wanted)) is not None:
         _take_card_row(found, message)
     return [found]
@@ -154,10 +159,8 @@ def _take_card_row(found: _Rows, message: Any) -> None:  # noqa: ANN401 - pymavl
         place = (time, message.Lat, message.Lng, message.RelHomeAlt)
         if np.isfinite(place).all():
             found.places.append(place)
-    elif kind == "GPS":
-        if message.Status >= FIX_3D and getattr(message, "I", 0) == 0 and message.GWk:
-            week = GPS_EPOCH + WEEK * message.GWk - LEAP_SECONDS
-            found.clocks.append(week + message.GMS * 1e-3 - time)
+    elif kind in {"GPS", "GPA"}:
+        _take_fix(found, message, time)
     elif kind == "MODE":
         found.missions |= message.ModeNum == AUTO
     elif kind == "PARM":
@@ -168,6 +171,17 @@ def _take_card_row(found: _Rows, message: Any) -> None:  # noqa: ANN401 - pymavl
             # Logs begin with the arming, often just after its event.
             found.armed.append((-np.inf, message.Id == DISARMED))
         found.armed.append((time, message.Id == ARMED))
+
+
+def _take_fix(found: _Rows, message: Any, time: float) -> None:  # noqa: ANN401 - as above
+    """Note what a fix tells of the clock: GPS has its UTC, GPA when it was received."""
+    if message.get_type() == "GPA":
+        if found.fix is not None and found.fix[0] == time and message.SMS:
+            found.received.append(found.fix[1] - message.SMS * 1e-3)
+    elif message.Status >= FIX_3D and getattr(message, "I", 0) == 0 and message.GWk:
+        utc = GPS_EPOCH + WEEK * message.GWk - LEAP_SECONDS + message.GMS * 1e-3
+        found.fix = time, utc
+        found.clocks.append(utc - time)
 
 
 def _telemetry(path: Path) -> list[_Rows]:

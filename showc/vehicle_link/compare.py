@@ -427,7 +427,7 @@ def _leg_flight(
 def _lateness(flight: Flown, leg: CourseLeg, drone: int) -> float | None:
     """Arrival near the leg's goal, less the plan's [s]."""
     track, course = flight.tracks[drone], flight.course
-    goal = course.at(drone, np.array([max(leg.until - SETTLED, leg.start)]))[0]
+    goal = leg.goals[leg.drones.index(drone)]
     fine = np.linspace(leg.start, leg.until, 1001)
     planned = _entry(fine, course.at(drone, fine), goal)
     during = (track.times >= leg.start) & (track.times <= leg.until + LATEST)

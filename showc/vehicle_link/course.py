@@ -34,6 +34,8 @@ class CourseLeg:
     """When the first of them begins [s]."""
     arrivals: FloatArray
     """When each is to arrive, shape (n,) [s]."""
+    goals: FloatArray
+    """Where, shape (n, 3), show frame [m]; empty where none is to arrive on time."""
     until: float
     """When the next leg begins: all are settled just before [s]."""
     proved: float | None
@@ -110,7 +112,7 @@ def _trajectories(show: LoggedShow) -> Course:
         show.trajectory(drone).state.select([0, 1, 2]) for drone in range(show.drones)
     )
     moving = [segment for segment in show.segments if segment.kind != "hold"]
-    legs = tuple(_leg_of(segment, moving, show.duration) for segment in moving)
+    legs = tuple(_leg_of(show, segment, moving) for segment in moving)
     launches = [leg.until for leg, one in zip(legs, moving, strict=True)
                 if one.kind == "launch"]  # fmt: skip
     return Course(
@@ -128,7 +130,7 @@ def _trajectories(show: LoggedShow) -> Course:
 
 
 def _leg_of(
-    segment: LoggedSegment, moving: list[LoggedSegment], duration: float
+    show: LoggedShow, segment: LoggedSegment, moving: list[LoggedSegment]
 ) -> CourseLeg:
     end = segment.start + segment.duration
     later = [one.start for one in moving if one.start >= end - 1e-9]
@@ -142,7 +144,8 @@ def _leg_of(
         drones,
         segment.start,
         np.full(len(drones), end),
-        min(later, default=duration),
+        _goals(show, drones, end),
+        min(later, default=show.duration),
         proved,
     )
 
@@ -166,6 +169,7 @@ def _missions(show: LoggedShow) -> Course:
             everyone,
             0.0,
             np.zeros(0),
+            np.zeros((0, 3)),
             min(slots),
             _distance(prediction.get("launch")),
         )
@@ -173,19 +177,23 @@ def _missions(show: LoggedShow) -> Course:
     for entry in entries:
         arrivals = np.array(entry["arrivals"], dtype=np.float64)
         later = [slot for slot in slots if slot > arrivals.max()]
+        drones = tuple(int(drone) - 1 for drone in entry["drones"])
+        flown = show.segments[int(entry["leg"])]
         legs.append(
             CourseLeg(
                 str(entry["name"]),
-                tuple(int(drone) - 1 for drone in entry["drones"]),
+                drones,
                 min(float(slot) for slot in entry["slots"]),
                 arrivals,
+                _goals(show, drones, flown.start + flown.duration),
                 min(later, default=landing),
                 _distance(entry.get("closest")),
             )
         )
     end = float(prediction["duration"])
     closest = _distance(prediction.get("land"))
-    legs.append(CourseLeg("landing", everyone, landing, np.zeros(0), end, closest))
+    none, nowhere = np.zeros(0), np.zeros((0, 3))
+    legs.append(CourseLeg("landing", everyone, landing, none, nowhere, end, closest))
     start = prediction.get("start")
     return Course(
         "missions",
@@ -199,6 +207,15 @@ def _missions(show: LoggedShow) -> Course:
         None if start is None else datetime.fromisoformat(start).astimezone(UTC),
         prediction.get("start_minute"),
     )
+
+
+def _goals(show: LoggedShow, drones: tuple[int, ...], end: float) -> FloatArray:
+    """Return where the trajectories of ``drones`` are at ``end`` [s], (n, 3) [m]."""
+    places = [
+        show.trajectory(drone).state.select([0, 1, 2])(np.array([end]))[0]
+        for drone in drones
+    ]
+    return np.array(places).reshape(-1, 3)
 
 
 def _distance(encounter: dict[str, Any] | None) -> float | None:

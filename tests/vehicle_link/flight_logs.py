@@ -14,13 +14,17 @@ ROWS = {
     "MODE": (21, "QMBB", "TimeUS,Mode,ModeNum,Rsn", "<QBBB"),
     "EV": (22, "QB", "TimeUS,Id", "<QB"),
     "GPS": (23, "QBBIH", "TimeUS,I,Status,GMS,GWk", "<QBBIH"),
+    "GPA": (25, "QBI", "TimeUS,I,SMS", "<QBI"),
     "POS": (24, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt", "<Qiifff"),
 }
 """Number, types, columns and packing of the messages that matter."""
 
 
-def card_log(path, system, utc, boot, places, *, mode=3):
+def card_log(path, system, utc, boot, places, *, mode=3, held_up=None):
     """Write a ``.BIN``.
+
+    ``held_up``: as ArduPilot's simulation does, which begins after the event of arming,
+    and writes fixes so late [s], with the time at which they were received.
 
     ``utc`` of each place [s], ``boot`` is the UTC at which the vehicle started [s],
     ``places`` are latitude, longitude [deg], height above home [m].
@@ -42,7 +46,8 @@ def card_log(path, system, utc, boot, places, *, mode=3):
     add("PARM", 1, b"SYSID_THISMAV", float(system), 1.0)
     micros = [round((moment - boot) * 1e6) for moment in utc]
     add("MODE", micros[0], mode, mode, 1)
-    add("EV", micros[0], 10)
+    if held_up is None:
+        add("EV", micros[0], 10)
     for moment, stamp, (latitude, longitude, height) in zip(
         utc, micros, places, strict=True
     ):
@@ -50,7 +55,11 @@ def card_log(path, system, utc, boot, places, *, mode=3):
         week = int(gps // WEEK)
         # As a receiver's: cut to its period, and logged a little late.
         cut = int((gps - week * WEEK) * 5.0) / 5.0
-        add("GPS", stamp, 0, 4, round(cut * 1000), week)
+        written = stamp + round(1e6 * (held_up or 0.0))
+        add("GPS", written, 0, 4, round(cut * 1000), week)
+        if held_up is not None:
+            received = cut + week * WEEK + GPS_EPOCH - LEAP - boot
+            add("GPA", written, 0, round(received * 1000))
         add(
             "POS",
             stamp,

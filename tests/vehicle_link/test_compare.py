@@ -62,7 +62,9 @@ def sampled(course):
     return np.arange(np.ceil(5.0 * course.start) / 5.0, course.end, 0.1)
 
 
-def fly_missions(folder, log, *, late=0.0, beside=0.0, kind="missions", zero=UTC_ZERO):
+def fly_missions(
+    folder, log, *, late=0.0, beside=0.0, kind="missions", zero=UTC_ZERO, held_up=None
+):
     """Write the cards of a fleet that flew its plan, late and beside it."""
     folder.mkdir(exist_ok=True)
     show = read_log(log)
@@ -77,6 +79,7 @@ def fly_missions(folder, log, *, late=0.0, beside=0.0, kind="missions", zero=UTC
             zero - 100.0 - drone,
             geodetic(show, course, drone, places),
             mode=3 if kind == "missions" else 4,
+            held_up=held_up,
         )
     return folder
 
@@ -112,6 +115,16 @@ def test_a_flight_that_was_late_and_beside_its_missions_shows_both(missions, tmp
     for drone in result.drones:
         assert drone.lag == pytest.approx(0.4, abs=0.03)
         assert drone.lagged_rms_error == pytest.approx(0.2, abs=0.03)
+
+
+def test_fixes_count_from_their_receipt_however_late_they_are_logged(
+    missions, tmp_path
+):
+    folder = fly_missions(tmp_path / "logs", missions, held_up=0.15)
+    result = compare_flown(missions, [folder])
+    for drone in result.drones:
+        assert drone.lag == pytest.approx(0.0, abs=0.03)
+        assert drone.greatest_error < 0.1
 
 
 def test_two_drones_that_met_are_named_by_leg(missions, tmp_path):
