@@ -41,6 +41,8 @@ MAY_IMPORT = {
     | {"verify.missions.language"},
     # Where drones may fall is judged without the planner, and without the verifier.
     "safety": FOUNDATION | {"vehicle", "script", "log"},
+    "abort": FOUNDATION
+    | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "view": FOUNDATION | {"vehicle", "flight", "log", "ocp", "safety"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},

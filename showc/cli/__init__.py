@@ -24,6 +24,7 @@ class Verbs(click.Group):
         "import": "Write a show of others as a script, to be solved again.",
         "view": "Make a page that plays the show in any browser.",
         "safety": "Work out where drones may fall, and what is left around.",
+        "abort": "Plan how the fleet comes down, from any moment of the show.",
         "report": "Make the page on which a show is signed off.",
         "diff": "Compare two compiled shows.",
         "upload": "Put missions onto vehicles, read them back, keep a record.",

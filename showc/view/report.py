@@ -15,7 +15,7 @@ from showc.view.safety import safety_section
 from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from showc.log.reader import LoggedShow
     from showc.safety.case import SafetyCase
@@ -44,6 +44,7 @@ def render_report(
     logged: LoggedShow,
     verification: Mapping[str, Any] | None,
     case: SafetyCase | None = None,
+    aborts: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Return the report as one printable HTML page.
 
@@ -56,13 +57,15 @@ def render_report(
         verified, and has no margins.
     case
         The safety case of the show; None: the report has none.
+    aborts
+        Rows of the abort table; empty: none was planned.
     """
     digests = digest(logged)
     body = [
         _head(logged, verification),
         _figures(logged, digests),
         _site(logged),
-        "" if case is None else safety_section(logged, case),
+        "" if case is None else safety_section(logged, case, aborts),
         _moves(logged, digests),
         _checks(verification),
         forecast_section(logged.manifest),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from showc.view.sitemap import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.safety.case import Distance, Finding, SafetyCase
@@ -30,7 +32,9 @@ COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
 """Of the volumes, from the innermost."""
 
 
-def render_safety(logged: LoggedShow, case: SafetyCase) -> str:
+def render_safety(
+    logged: LoggedShow, case: SafetyCase, aborts: Sequence[Mapping[str, Any]] = ()
+) -> str:
     """Return the safety case as a printable HTML page of its own."""
     kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
     if not case.errors and case.findings:
@@ -41,20 +45,32 @@ def render_safety(logged: LoggedShow, case: SafetyCase) -> str:
         f"{site.latitude:.6f}°, {site.longitude:.6f}°, {site.altitude:.1f} m · "
         f'heading {site.heading:.1f}°</p></div><div class="verdict {kind}">{word}'
         f"<small>findings: {len(case.findings)}</small></div></header>"
-        f"{safety_section(logged, case)}"
+        f"{safety_section(logged, case, aborts)}"
     )
     return document(f"{case.show.name} – safety case", body)
 
 
-def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
-    """Return the safety case as a section of a report."""
+def safety_section(
+    logged: LoggedShow, case: SafetyCase, aborts: Sequence[Mapping[str, Any]] = ()
+) -> str:
+    """Return the safety case as a section of a report.
+
+    Parameters
+    ----------
+    logged
+        The show.
+    case
+        Its case.
+    aborts
+        Rows of its abort table; empty: none was planned.
+    """
     risk = case.show.site.risk
     return (
         "<h2>Safety of the site<small>every bound holds at every instant of the flight"
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
-        f"{_failures(case.failures)}{_stops(case.stops)}{_energy(case)}"
+        f"{_failures(case.failures)}{_stops(case.stops)}{_aborts(aborts)}{_energy(case)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -167,6 +183,32 @@ def _stops(stops: Stops) -> str:
         f"{stops.longest:.2f} s, from any instant within {stops.sure:.2f} s (proved). "
         f"<code>showc stream</code> stops so.</p>{plot}"
     )
+
+
+def _aborts(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return how the stopped fleet comes down, as it was planned and proved."""
+    if not rows:
+        return "<p>No way down was planned: <code>showc abort</code> does.</p>"
+    words = frozenset({0, 2})
+    lines = [
+        row(
+            [
+                clock(float(one["time"])),
+                f"{one['stop']:.1f}",
+                text(one["way"]),
+                f"{one['duration']:.1f}",
+                f"{one['total']:.1f}",
+                "" if one["closest"] is None else f"{one['closest']:.2f}",
+            ],
+            words=words,
+        )
+        for one in rows
+    ]
+    heads = [
+        "At", "Stands in [s]", "Then", "On the ground in [s]", "Together [s]",
+        "Smallest separation [m]",
+    ]  # fmt: skip
+    return "<h3>Abort table</h3>" + table(heads, lines, words=words)
 
 
 def _energy(case: SafetyCase) -> str:

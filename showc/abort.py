@@ -1,0 +1,254 @@
+"""The abort table: for moments of a show, how the stopped fleet comes down.
+
+The fleet's clock is brought to rest, which keeps every distance, and from there all
+drones go straight down where they are, if that keeps them apart; else home, above the
+pads and down; else back along the plan, which keeps what the plan keeps. Every way is
+planned by the fleet planner and proved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from showc.errors import SolveError
+from showc.fleet import solve_itinerary
+from showc.plan.assignment import assign, in_order
+from showc.plan.itinerary import Itinerary, Leg
+from showc.safety.stop import authority_within, stops
+from showc.script.fence import inside_polygon
+
+if TYPE_CHECKING:
+    from showc.arrays import FloatArray
+    from showc.fleet.options import SolveOptions
+    from showc.flight import LegFlight
+    from showc.log.reader import LoggedShow
+    from showc.progress import Progress
+    from showc.script.show import Show
+
+Way = Literal["on the ground", "down in place", "home", "back along the plan"]
+
+_GROUNDED = 0.05
+"""Height over the pads up to which a drone stands on the ground [m]."""
+BACKWARDS = 0.5
+"""Greatest rate at which the plan is flown backwards."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What follows a stop at one moment."""
+
+    time: float
+    """Show time at which the stop begins [s]."""
+    stop: float
+    """Time until the fleet stands still [s]."""
+    rest: float
+    """Show time at which it stands [s]."""
+    way: Way
+    """How it comes down."""
+    duration: float
+    """Time from rest to the ground [s]."""
+    closest: float | None
+    """Least distance of two drones on the way, by the separation's metric [m]; None:
+    that of the plan."""
+
+    @property
+    def total(self) -> float:
+        """Time from the stop's beginning to the ground [s]."""
+        return self.stop + self.duration
+
+
+@dataclass(frozen=True, slots=True)
+class AbortTable:
+    """All rows, in the order of time."""
+
+    rows: tuple[Row, ...]
+
+    @property
+    def longest(self) -> Row:
+        """The row that takes longest."""
+        return max(self.rows, key=lambda row: row.total)
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Return the table as JSON-able data."""
+        return [
+            {
+                name: round(value, 3) if isinstance(value, float) else value
+                for name, value in (asdict(row) | {"total": row.total}).items()
+            }
+            for row in self.rows
+        ]
+
+
+def abort_table(
+    logged: LoggedShow,
+    show: Show,
+    step: float,
+    options: SolveOptions,
+    progress: Progress,
+) -> AbortTable:
+    """Plan and prove an abort from every ``step`` [s] of a logged show.
+
+    Parameters
+    ----------
+    logged
+        The log.
+    show
+        What its script asks for.
+    step
+        Time between two moments [s].
+    options
+        How to solve.
+    progress
+        Notified of the legs.
+
+    Raises
+    ------
+    DamagedFileError
+        If a trajectory of the log makes no polynomials.
+    """
+    states = [logged.trajectory(drone).state for drone in range(logged.drones)]
+    velocity = [state.select([3, 4, 5]) for state in states]
+    found = stops(velocity, authority_within(show), step)
+    planner = _Planner(show)
+    legs: list[tuple[Leg, ...]] = []
+    ways: list[Way] = []
+    for rest in found.rests.tolist():
+        places = np.array([state(rest)[:3] for state in states])
+        way, needed = planner.ways(places)
+        ways.append(way)
+        legs.append(needed)
+    flights = _solved(show, legs, options, progress)
+    rows = []
+    for index, flown in enumerate(flights):
+        rest = float(found.rests[index])
+        way = ways[index]
+        closest = None
+        if flown is None:
+            way, duration = "back along the plan", _back(show, logged, rest)
+        else:
+            duration = sum(flight.duration for flight in flown)
+            nearest = [
+                flight.certificate.closest.distance
+                for flight in flown
+                if flight.certificate.closest is not None
+            ]
+            closest = min(nearest, default=None)
+        rows.append(
+            Row(
+                float(found.times[index]),
+                float(found.durations[index]),
+                rest,
+                way,
+                duration,
+                closest,
+            )
+        )
+    return AbortTable(tuple(rows))
+
+
+class _Planner:
+    """Chooses how a fleet at rest comes down."""
+
+    def __init__(self, show: Show) -> None:
+        self.show = show
+        pads = show.formations[show.pads].points[: show.drones]
+        self.pads = np.array(pads)
+        self.ground = float(pads[:, 2].min())
+        self.count = 0
+
+    def ways(self, places: FloatArray) -> tuple[Way, tuple[Leg, ...]]:
+        """Return the way of a fleet that stands at ``places`` (n, 3), and its legs."""
+        below = places.copy()
+        below[:, 2] = self.ground
+        if (places[:, 2] - self.pads[:, 2].max() < _GROUNDED).all():
+            return "on the ground", ()
+        if self._may_land(below):
+            return "down in place", (self._leg("land", places, below),)
+        landing = self.show.landing
+        above = self.pads + np.array([0.0, 0.0, landing.altitude])
+        choose = assign if landing.assignment == "optimal" else in_order
+        taken = choose(places, above, self.show.separation).places
+        return "home", (
+            self._leg("approach", places, above[taken]),
+            self._leg("land", above[taken], self.pads[taken]),
+        )
+
+    def _may_land(self, below: FloatArray) -> bool:
+        """Tell whether drones may stand at ``below``: apart, and on free ground."""
+        separation = self.show.separation
+        if separation.shape in {"sphere", "ellipsoid"}:
+            gap = np.hypot(*np.moveaxis(below[:, None, :2] - below[None, :, :2], 2, 0))
+        else:
+            return False
+        np.fill_diagonal(gap, np.inf)
+        if gap.min() < separation.distance:
+            return False
+        site = self.show.site
+        taken = [people.points for people in site.audience if people.area]
+        taken += [building.corners for building in site.buildings]
+        return not any(inside_polygon(below[:, :2], one).any() for one in taken)
+
+    def _leg(
+        self,
+        kind: Literal["approach", "land"],
+        start: FloatArray,
+        goal: FloatArray,
+    ) -> Leg:
+        limits = self.show.limits
+        if kind == "land":
+            limits = limits.upright(self.show.landing.descent_speed)
+        self.count += 1
+        return Leg(
+            index=self.count - 1,
+            name=f"abort {self.count}: {kind}",
+            kind=kind,
+            drones=np.arange(self.show.drones),
+            start=start,
+            goal=goal,
+            from_formation="",
+            to_formation="",
+            places=np.arange(self.show.drones),
+            limits=limits,
+            duration=None,
+            after=(),
+            mark=None,
+        )
+
+
+def _solved(
+    show: Show,
+    legs: list[tuple[Leg, ...]],
+    options: SolveOptions,
+    progress: Progress,
+) -> list[tuple[LegFlight, ...] | None]:
+    """Solve and prove all legs; None for a row of which one cannot be flown."""
+    together = tuple(leg for row in legs for leg in row)
+    if not together:
+        return [() for _ in legs]
+    try:
+        flights = solve_itinerary(Itinerary(show, together), options, progress).legs
+    except SolveError:
+        found: list[tuple[LegFlight, ...] | None] = []
+        for row in legs:
+            try:
+                alone = Itinerary(show, row)
+                flown = solve_itinerary(alone, options, progress).legs if row else ()
+                found.append(tuple(flown))
+            except SolveError:
+                found.append(None)
+        return found
+    by_index = {flight.leg.index: flight for flight in flights}
+    return [tuple(by_index[leg.index] for leg in row) for row in legs]
+
+
+def _back(show: Show, logged: LoggedShow, rest: float) -> float:
+    """Time to fly the plan backwards to where the launch ended, and down [s]."""
+    launched = max(
+        (one.start + one.duration for one in logged.segments if one.kind == "launch"),
+        default=0.0,
+    )
+    down = show.launch.altitude / show.landing.descent_speed
+    return max(rest - launched, 0.0) / BACKWARDS + down

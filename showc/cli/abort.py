@@ -1,0 +1,106 @@
+"""``showc abort``: how the fleet comes down from any moment of a show."""
+
+from __future__ import annotations
+
+import json
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import click
+
+LARGEST = 16_000_000
+"""Size from which a table is refused [bytes]."""
+
+
+def table_of(log: Path) -> Path:
+    """Return where the table of a log lies unless a user says otherwise."""
+    return log.with_name(f"{log.stem}-abort.json")
+
+
+def rows_of(log: Path) -> list[dict[str, Any]]:
+    """Return the rows that were planned for a log; none if there is no table of it."""
+    from showc.files import UnreadableFileError, read_file
+
+    try:
+        content = json.loads(read_file(table_of(log), LARGEST))
+        if content["sha256"] == sha256(log.read_bytes()).hexdigest():
+            return [_row(row) for row in content["rows"]]
+    except (UnreadableFileError, ValueError, KeyError, TypeError):
+        pass
+    return []
+
+
+def _row(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row as the page wants it, whatever the file holds."""
+    closest = row["closest"]
+    numbers = ("time", "stop", "duration", "total")
+    return {name: float(row[name]) for name in numbers} | {
+        "way": str(row["way"]),
+        "closest": None if closest is None else float(closest),
+    }
+
+
+@click.command(name="abort")
+@click.argument(
+    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
+)
+@click.option(
+    "--every",
+    type=click.FloatRange(0.5, 600.0),
+    default=10.0,
+    show_default=True,
+    help="Time between two rows, in seconds.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="TABLE.json",
+    help="Where to put the table.  [default: OUTPUT-abort.json]",
+)
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes to work with.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+def command(
+    log: Path, every: float, output: Path | None, jobs: int | None, quiet: bool
+) -> int:
+    """Plan and prove how the fleet comes down, from a grid of moments.
+
+    The fleet's one clock is brought to rest, which keeps every distance. Then all
+    drones go straight down where they are, if they stay apart; else home to the pads;
+    else back along the plan. Ways down and home come from the fleet planner, and every
+    one is proved. The table goes into a file beside the log; showc report prints it.
+
+    \b
+      showc abort output.mcap --every 2
+    """
+    from showc.abort import abort_table
+    from showc.cli.console import progress
+    from showc.files import write_file
+    from showc.fleet.options import SolveOptions
+    from showc.log.reader import read_log
+    from showc.safety.case import show_of
+    from showc.view.document import clock
+
+    logged = read_log(log)
+    with progress(quiet=quiet) as watcher:
+        table = abort_table(
+            logged, show_of(logged), every, SolveOptions(jobs=jobs), watcher
+        )
+    place = output or table_of(log)
+    content = {
+        "log": log.name,
+        "sha256": sha256(log.read_bytes()).hexdigest(),
+        "rows": table.to_json(),
+    }
+    write_file(place, (json.dumps(content, indent=1) + "\n").encode())
+    for row in table.rows:
+        click.echo(
+            f"at {clock(row.time)}: stands in {row.stop:.1f} s, {row.way} in "
+            f"{row.duration:.1f} s"
+        )
+    longest = table.longest
+    click.echo(
+        f"longest: {longest.total:.1f} s, from {clock(longest.time)}; wrote {place}"
+    )
+    return 0

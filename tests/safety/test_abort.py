@@ -1,0 +1,101 @@
+"""Every moment of a show has a way to the ground, planned and proved."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from showc.abort import abort_table
+from showc.cli.abort import rows_of
+from showc.fleet import solve_itinerary
+from showc.fleet.options import SolveOptions
+from showc.fleet.proof import flaw
+from showc.log.reader import read_log
+from showc.progress import Silent
+from showc.safety.case import show_of
+from showc.script.show import Building
+from showc.vehicle import Separation
+
+
+@pytest.fixture(scope="module")
+def logged(compiled):
+    return read_log(compiled("swap"))
+
+
+@pytest.fixture(scope="module")
+def options(tmp_path_factory):
+    return SolveOptions(jobs=1, cache=tmp_path_factory.mktemp("aborts"))
+
+
+def planned(logged, options, monkeypatch, step=9.0, **changes):
+    """The table, and every flight that was planned for it with the show."""
+    show = show_of(logged)
+    show = replace(show, **changes)
+    flown = []
+
+    def watched(itinerary, given, progress):
+        solved = solve_itinerary(itinerary, given, progress)
+        flown.extend(solved.legs)
+        return solved
+
+    monkeypatch.setattr("showc.abort.solve_itinerary", watched)
+    table = abort_table(logged, show, step, options, Silent())
+    return table, flown, show
+
+
+def test_drones_that_stand_apart_go_down_in_place(logged, options, monkeypatch):
+    table, flown, show = planned(logged, options, monkeypatch)
+    assert len(table.rows) == int(np.ceil(logged.duration / 9.0))
+    assert {row.way for row in table.rows} <= {"down in place", "on the ground"}
+    for flight in flown:
+        assert flaw(flight, show) == ""
+        assert (flight.leg.goal[:, :2] == flight.leg.start[:, :2]).all()
+        states = [logged.trajectory(k).state for k in range(logged.drones)]
+        row = table.rows[flight.leg.index]
+        stood = np.array([state(row.rest)[:3] for state in states])
+        assert flight.leg.start == pytest.approx(stood)
+        assert flight.duration == pytest.approx(row.duration)
+
+
+def test_over_a_building_the_fleet_goes_home(logged, options, monkeypatch):
+    corners = np.array([[-30.0, -30.0], [30.0, -30.0], [30.0, 30.0], [-30.0, 30.0]])
+    site = replace(show_of(logged).site, buildings=(Building("hall", corners, 1.0),))
+    table, flown, show = planned(logged, options, monkeypatch, step=14.0, site=site)
+    rows = [row for row in table.rows if row.way != "on the ground"]
+    assert {row.way for row in rows} == {"home"}
+    pads = show.formations[show.pads].points[: show.drones]
+    for flight in flown:
+        assert flaw(flight, show) == ""
+        if flight.leg.kind == "land":
+            ends = sorted(map(tuple, np.round(flight.leg.goal, 6).tolist()))
+            assert ends == sorted(map(tuple, np.round(pads, 6).tolist()))
+    assert min(row.closest for row in rows) >= show.separation.distance - 1e-6
+
+
+def test_where_no_way_is_found_the_plan_is_flown_back(logged, options, monkeypatch):
+    # Pads nearer than the separation: no way home can end there, nor one down.
+    apart = Separation(500.0)
+    table, _, show = planned(logged, options, monkeypatch, step=14.0, separation=apart)
+    rows = [row for row in table.rows if row.way != "on the ground"]
+    assert {row.way for row in rows} == {"back along the plan"}
+    assert all(row.duration > 0.0 for row in rows)
+    assert show.separation.distance == 500.0
+
+
+def test_the_command_writes_a_table_that_the_page_prints(compiled, run_showc, tmp_path):
+    log = compiled("swap")
+    run = run_showc("abort", log, "--every", "15", "-q", cwd=tmp_path)
+    assert run.code == 0, run.err
+    table = log.with_name(f"{log.stem}-abort.json")
+    rows = json.loads(table.read_text(encoding="utf-8"))["rows"]
+    assert len(rows) == len(run.out.splitlines()) - 1
+    page = tmp_path / "case.html"
+    run_showc("safety", log, "-o", page)
+    assert "Abort table" in page.read_text(encoding="utf-8")
+    content = json.loads(table.read_text(encoding="utf-8"))
+    for wrong in ({"sha256": "0"}, {"rows": [{}]}, {"rows": 3}):
+        table.write_text(json.dumps(content | wrong), encoding="utf-8")
+        assert rows_of(log) == []
+    table.unlink()
+    assert rows_of(log) == []
