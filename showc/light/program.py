@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from showc.script.show import Effect, Show
 
 
+_FLASH = 0.25
+"""Share of a period that a strobe shines."""
+_GOLDEN = 0.6180339887498949
+"""Fraction of the golden ratio: its multiples fill an interval most evenly."""
 EASE = 0.5
 """Greatest time over which an effect sets in [s]; a quarter of the hold if shorter."""
 
@@ -74,6 +78,9 @@ def _play(
 ) -> FloatArray:
     """Colours (T, n, 3) under ``effect`` at times (T,) since its start [s].
 
+    A strobe shows the colours for the first quarter of each period, and 1 - depth of
+    them for the rest. A twinkle is a pulse that begins, for the i-th drone, at the
+    fraction of i times the golden ratio of its period.
     With turns w = t / period - (place . direction) / wavelength (pulses without the
     second term), pulse and sweep dim to 1 - depth (1 - cos 2 pi w) / 2, and a rainbow
     shows the hue w in the brightness of the colour it replaces.
@@ -81,7 +88,12 @@ def _play(
     turns = np.broadcast_to(
         (elapsed / effect.period)[:, None], (elapsed.size, places.shape[0])
     )
-    if effect.kind != "pulse":
+    if effect.kind == "strobe":
+        dark = np.mod(turns, 1.0) >= _FLASH
+        return np.asarray(colours * (1.0 - effect.depth * dark)[..., None])
+    if effect.kind == "twinkle":
+        turns = turns + np.mod(np.arange(places.shape[0]) * _GOLDEN, 1.0)
+    if effect.kind in {"sweep", "rainbow"}:
         axis = np.asarray(effect.direction)
         turns = turns - places @ axis / effect.wavelength
     if effect.kind == "rainbow":

@@ -51,6 +51,8 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
         Legs with their places; nothing need be solved.
     """
     show = itinerary.show
+    if not show.mission.wanted:
+        return MissionOutlook(("the script wants none",), ())
     notes = list(lights_left_out(show))
     if show.mission.autopilot == "px4":
         return MissionOutlook(

@@ -159,7 +159,7 @@ def _missions(
     """
     from showc.mission import mission_files  # noqa: PLC0415 - heavy
 
-    if not options.missions:
+    if not (options.missions and flight.itinerary.show.mission.wanted):
         return _none(flight, NO_MISSIONS)
     try:
         return mission_files(

@@ -84,6 +84,7 @@ class _Builder:
         self.parking = np.full(show.drones, PARKED)
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.motions = 0
+        self.numbers = self.fleet
 
     def launch(self) -> None:
         """Straight up from the pads."""
@@ -172,6 +173,7 @@ class _Builder:
         formation = self.show.formations[transition.to]
         given = self._give(transition, formation, self.fleet)
         self.placed = [(transition, self.fleet, given.places)]
+        self.numbers = given.places
         return formation, given
 
     def _moving(self) -> tuple[MovingPlaces, ...]:
@@ -206,6 +208,8 @@ class _Builder:
                 formation.colours if transition.colours is None else transition.colours
             )
             self.placed.append((transition, members, given.places))
+            self.numbers = self.numbers.copy()
+            self.numbers[members] = given.places
             placed = given.places != PARKED
             colours[members[placed]] = shown[given.places[placed]]
             colours[members[~placed]] = 0.0
@@ -222,6 +226,8 @@ class _Builder:
         """Assign drones to the places of ``formation``, and the rest to parking."""
         start = self.position[members]
         drones, places = members.size, formation.points.shape[0]
+        if transition.assignment == "keep":
+            return self._kept(transition, formation, members)
         choose = assign if transition.assignment == "optimal" else in_order
         separation = self.show.separation
         self.parking[members] = PARKED
@@ -252,6 +258,20 @@ class _Builder:
         outside = given.places >= places
         self.parking[members[outside]] = free[given.places[outside] - places]
         return replace(given, places=np.where(outside, PARKED, given.places))
+
+    def _kept(
+        self, transition: Transition, formation: Formation, members: IntArray
+    ) -> Assignment:
+        """Leave every drone the number of its place."""
+        numbers = self.numbers[members]
+        if not np.array_equal(np.sort(numbers), np.arange(len(formation.points))):
+            mark = transition.mark
+            raise PlanError(
+                f"{mark.path}:{mark.line}:{mark.column}: the drones cannot keep their "
+                f"places in {formation.name!r}, which has {len(formation.points)}: "
+                "theirs are others; let the assignment be optimal"
+            )
+        return Assignment(numbers, np.inf, "every drone keeps the number of its place")
 
     def _goals(
         self, formation: Formation, places: IntArray, members: IntArray

@@ -260,7 +260,9 @@ class Builder:
             name=name,
             to=to,
             hold=settings.number("hold"),
-            assignment=_assignment(settings),
+            assignment="keep"
+            if settings.text("assignment") == "keep"
+            else _assignment(settings),
             mark=settings.mark_of("to"),
             duration=duration,
             group=settings.text("group") if "group" in settings else None,
@@ -444,6 +446,7 @@ def _mission(settings: Settings) -> MissionOptions:
         servos = (red, green, blue)
     dark, full = settings.numbers("light_pwm")
     return MissionOptions(
+        wanted=settings.flag("wanted"),
         light_servos=servos,
         light_pwm=(round(dark), round(full)),
         slack=settings.number("slack"),

@@ -13,6 +13,7 @@ from showc.script.kinds import (
     Either,
     Field,
     File,
+    Flag,
     Integer,
     Items,
     Moment,
@@ -131,9 +132,10 @@ TRANSITION = Section(
         Field("start", Time(), "When the move begins."),
         Field(
             "assignment",
-            _ASSIGNMENT,
+            Choice(("optimal", "fixed", "keep")),
             "`optimal` gives the places out so that the move is short, `fixed` sends "
-            "drone i to place i.",
+            "drone i to place i, `keep` leaves every drone the place number that it "
+            "has, for another version of the same formation.",
             default="optimal",
         ),
         Field(
@@ -231,6 +233,13 @@ MISSION = Section(
     "mission",
     "For the mission files.",
     (
+        Field(
+            "wanted",
+            Flag(),
+            "Whether mission files are made. Without them the log is flown with "
+            "`showc stream`.",
+            default=True,
+        ),
         Field(
             "light_servos",
             Items(Integer(1, 16), 3, 3),

@@ -28,9 +28,11 @@ EFFECT = Section(
     (
         Field(
             "kind",
-            Choice(("pulse", "sweep", "rainbow")),
+            Choice(("pulse", "sweep", "rainbow", "strobe", "twinkle")),
             "`pulse` darkens and brightens all together, `sweep` runs a bright band "
-            "along the direction, `rainbow` runs the hues along it.",
+            "along the direction, `rainbow` runs the hues along it, `strobe` flashes "
+            "all for the first quarter of each period, `twinkle` darkens and brightens "
+            "each drone in its own time.",
             required=True,
         ),
         Field(
@@ -49,7 +51,7 @@ EFFECT = Section(
         Field(
             "depth",
             Quantity(minimum=0.0, maximum=1.0),
-            "How far a pulse or sweep darkens, 0 to 1.",
+            "How far all but a rainbow darken, 0 to 1.",
             default=1.0,
         ),
         Field(

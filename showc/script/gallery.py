@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from showc.script.formations import SHAPES, FormationError, Request
 from showc.script.placing import paint, transform, unit_vector
 from showc.script.scalars import suggestion
 from showc.script.settings import Setting, Settings
-from showc.script.show import Effect, Mark
+from showc.script.show import Effect, EffectKind, Mark
 from showc.script.spacing import closest, crowded
 from showc.script.spreading import spread_apart
 from showc.script.wording import number_text
@@ -60,9 +60,8 @@ def effect_of(settings: Settings) -> Effect:
         If its direction has no length.
     """
     x, y, z = (float(part) for part in unit_vector(settings, "direction"))
-    kind = settings.text("kind")
     return Effect(
-        kind="pulse" if kind == "pulse" else "sweep" if kind == "sweep" else "rainbow",
+        kind=cast("EffectKind", settings.text("kind")),
         period=settings.number("period"),
         direction=(x, y, z),
         depth=settings.number("depth"),

@@ -142,11 +142,15 @@ class Site:
         )
 
 
+EffectKind = Literal["pulse", "sweep", "rainbow", "strobe", "twinkle"]
+"""What a colour effect does."""
+
+
 @dataclass(frozen=True, slots=True)
 class Effect:
     """A colour effect in time over a formation or a transition."""
 
-    kind: Literal["pulse", "sweep", "rainbow"]
+    kind: EffectKind
     """What it does."""
     period: float
     """Time of one cycle [s]."""
@@ -269,8 +273,9 @@ class Transition:
     hold: float
     """Time to hover in the formation afterwards [s]; the least one where the next
     transition has a time of its own."""
-    assignment: Literal["optimal", "fixed"]
-    """Whether places are given out optimally, or drone i takes place i."""
+    assignment: Literal["optimal", "fixed", "keep"]
+    """Whether places are given out optimally, drone i takes place i, or every drone
+    keeps its number of place."""
     mark: Mark
     """Where the script says so."""
     duration: float | None = None
@@ -346,6 +351,8 @@ class Landing:
 class MissionOptions:
     """What the mission files need to know beyond the flight itself."""
 
+    wanted: bool = True
+    """Whether there are to be any."""
     light_servos: tuple[int, int, int] | None = None
     """Servo outputs that carry red, green, blue; None: no light items."""
     light_pwm: tuple[int, int] = (1000, 2000)

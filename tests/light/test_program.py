@@ -165,3 +165,23 @@ def test_changes_are_few_while_nothing_changes():
     times, _ = PROGRAM.changes(0)
     holding = (times > STARTS[FIRST_HOLD]) & (times < STARTS[SECOND])
     assert not holding.any()
+
+
+def played(kind, turns):
+    """Brightness of each drone in the second half of a hold, at turns of an effect."""
+    hold = FLIGHT.legs[FIRST_HOLD].duration
+    times = STARTS[FIRST_HOLD] + 0.5 * hold + 0.25 * hold * np.asarray(turns)
+    effect = Effect(kind=kind, period=0.25 * hold)
+    return changed(effect=effect).linear(times).max(axis=-1)
+
+
+def test_a_strobe_flashes_for_a_quarter_of_each_period():
+    light = played("strobe", [0.05, 0.2, 0.3, 0.95])
+    assert light[:2].min() > 0.1
+    assert not light[2:].any()
+
+
+def test_drones_twinkle_each_in_its_own_time():
+    light = played("twinkle", np.linspace(0.0, 1.0, 81)[:-1])
+    assert light.max(axis=0).min() > 10.0 * light.min(axis=0).max()
+    assert len(set(light.argmax(axis=0).tolist())) == light.shape[1]

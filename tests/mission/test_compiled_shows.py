@@ -15,7 +15,7 @@ import pytest
 from mission.conftest import free_port
 from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from repository import SHOWS
+from repository import WITH_MISSIONS
 from vehicle_link.vehicle import Vehicle, World
 
 from showc.script import load_show
@@ -52,7 +52,7 @@ class Fleet:
     plans: tuple[Path, ...]
 
 
-@pytest.fixture(scope="module", params=SHOWS, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=WITH_MISSIONS, ids=lambda path: path.stem)
 def fleet(request, compiled):
     show = load_show(request.param).show
     assert show is not None

@@ -5,15 +5,14 @@ from pathlib import Path
 import pytest
 from mission.flights import START, formula_flight, rows
 from pymavlink import mavwp
+from repository import WITH_MISSIONS
 
 from showc.mission import mission_files
 from showc.plan import build_itinerary
 from showc.script import load_show
 
-SHOWS = sorted((Path(__file__).parents[2] / "shows").glob("*.yaml"))
 
-
-@pytest.fixture(scope="module", params=SHOWS, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=WITH_MISSIONS, ids=lambda path: path.stem)
 def missions(request):
     """Missions along straight lines: the readers do not care who solved the legs."""
     show = load_show(request.param).show

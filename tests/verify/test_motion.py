@@ -32,7 +32,7 @@ transitions:
       - {wave: {amplitude: 0.6, period: 6, wavelength: 15}}
       - breathe: {scale: 1.2, period: 8}
   - to: ring
-    assignment: fixed
+    assignment: keep
     hold: 14
     motion: [{morph: [big]}, {travel: [[0, 3, 0], [0, 0, 0]]}]
   - to: row
@@ -71,6 +71,17 @@ def test_the_error_of_the_polynomials_is_stated(compiled):
     for number in MOVING:
         stated = logged.segments[number].message.certificate.statistics
         assert 0.0 < stated["motion_error"] <= 1e-5
+
+
+def test_drones_keep_the_numbers_of_their_places(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    show = load_show(compiled / "moving.yaml").show
+    places = [list(logged.segments[at].message.places) for at in (2, 4)]
+    assert places[0] == places[1] != sorted(places[0])
+    fixed = replace(show.transitions[1], assignment="fixed")
+    asked = (show.transitions[0], fixed, *show.transitions[2:])
+    assert hold_against(show, logged).places == []
+    assert hold_against(replace(show, transitions=asked), logged).places
 
 
 def with_motion(compiled, change):

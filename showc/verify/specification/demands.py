@@ -144,6 +144,8 @@ class _Walk:
         self.spans: list[LightSpan] = []
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.carried = 0
+        self.numbers = np.arange(show.drones)
+        """Place of each drone in the formation that it last flew to."""
 
     def run(self) -> None:
         """Go from the pads to the pads."""
@@ -292,7 +294,12 @@ class _Walk:
             spots = spots[free]
         places = np.arange(members.size)
         allowed = np.concatenate([points, spots])
-        if transition.assignment == "fixed":
+        if transition.assignment == "keep":
+            places = self.numbers[members]
+            whole = np.array_equal(np.sort(places), np.arange(len(points)))
+            if not whole or not _near(goals, points[places]):
+                self._wrong(segment, "drones do not keep the numbers of their places")
+        elif transition.assignment == "fixed":
             wanted = allowed[: members.size]
             if len(wanted) != members.size or not _near(goals, wanted):
                 self._wrong(segment, "drones are not at the places of their numbers")
@@ -308,7 +315,9 @@ class _Walk:
         if outside.any() and free.size:
             rank = np.minimum(places[outside] - len(points), free.size - 1)
             self.parking[members[outside]] = free[rank]
-        return np.where(outside, PARKED, places)
+        given = np.where(outside, PARKED, places)
+        self.numbers[members] = given
+        return given
 
     def _leg(
         self,
