@@ -51,7 +51,7 @@ MAY_IMPORT = {
     | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
     "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
-    | {"light", "log", "geodesy", "verify", "foreign"}
+    | {"script", "light", "log", "geodesy", "verify", "foreign"}
     | {"vehicle", "safety"},
 }
 

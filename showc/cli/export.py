@@ -27,11 +27,6 @@ FORMATS = (
 )
 
 
-def folder_for(log: Path, form: str) -> Path:
-    """Return where an export goes unless a user says otherwise."""
-    return log.with_name(f"{log.stem}-{form}")
-
-
 def written(log: Path, solved: SolvedShow, wish: Export, folder: Path) -> Exported:
     """Write a show in one format, proved as it was written."""
     from showc.export.stage import ExportOptions, export
@@ -45,6 +40,7 @@ def written(log: Path, solved: SolvedShow, wish: Export, folder: Path) -> Export
 def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:
     """Write what a script asks for; return lines, and whether all is proved."""
     from showc.export.solved import solved_show
+    from showc.export.stage import folder_for
     from showc.log.reader import read_log
 
     solved = solved_show(read_log(log))
@@ -132,6 +128,7 @@ def command(
     """
     from showc.cli.console import colour_wanted
     from showc.export.solved import solved_show
+    from showc.export.stage import folder_for
     from showc.foreign.folder import MANIFEST
     from showc.log.reader import read_log
     from showc.verify.report import Verification, render_text

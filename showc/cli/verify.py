@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
 @click.option(
     "--no-missions",
     is_flag=True,
-    help="Leave the mission files and the manifest beside the log out.",
+    help="Leave the mission files, the manifest and the exports beside the log out.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
 @foreign_options
@@ -79,6 +80,13 @@ def command(
             progress=watcher,
             script=script,
         )
+        if not no_missions:
+            from showc.export.beside import verify_beside
+
+            watcher.stage("exports beside the log")
+            verification = replace(
+                verification, checks=(*verification.checks, *verify_beside(log))
+            )
     if as_json:
         click.echo(json.dumps(verification.to_json(), indent=1))
     else:

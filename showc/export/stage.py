@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from showc._version import __version__
-from showc.errors import UsageError
+from showc.errors import DamagedFileError, UsageError
 from showc.export.fit import TOLERANCE, FitError, FittedFleet, fit_fleet
 from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
@@ -27,13 +25,21 @@ from showc.export.tables import (
     memory_notes,
     poly7_files,
 )
+from showc.files import alone, stage_for, unwritable, write_through
 from showc.foreign.facts import Asked
-from showc.foreign.folder import FORMAT_VERSION, MANIFEST, prove, rules_to_json
+from showc.foreign.folder import (
+    FORMAT_VERSION,
+    MANIFEST,
+    prove,
+    read_manifest,
+    rules_to_json,
+)
 from showc.foreign.show import FencePolygon
 from showc.log.showc_pb2 import Separation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from showc.export.solved import SolvedShow
     from showc.verify.report import Check
@@ -44,6 +50,12 @@ needs it to start motors and climb."""
 
 YAW_STEP = 1000
 """Length of a step of yaw [ms]: drones turn slowly beside how they move."""
+
+SAMPLED = {"skybrush-csv": 0.03, "vviz": 0.05}
+"""Greatest distance from the solved flight where straight lines join samples [m]: at
+20 m/s² an eighth of the square of the step, and what rounding takes."""
+
+_FORMER = "former"
 
 PARAMETERS = "showmode.parm"
 """Name of the parameter file beside show files."""
@@ -316,21 +328,34 @@ def _landing_speed(fitted: FittedFleet) -> float:
     return float(np.median(speed[near])) if near.any() else 1.0
 
 
-def rules_of(show: SolvedShow, written: Written) -> Asked:
+def folder_for(log: Path, form: str) -> Path:
+    """Return where an export goes unless a user says otherwise."""
+    return log.with_name(f"{log.stem}-{form}")
+
+
+def kept_apart(show: SolvedShow, distance: float | None) -> Separation:
+    """Return the separation that must be left in the air; None: the script's [m]."""
+    flown = Separation()
+    flown.CopyFrom(show.rules.separation)
+    if distance is not None:
+        flown.distance = distance
+    return flown
+
+
+def rules_of(show: SolvedShow, error: float, speed_error: float) -> Asked:
     """Rules of the script, as the written flights must keep them.
 
-    Speeds and walls include the stated error of the fit; the separation does not.
+    Speeds and walls include the error of the fit [m], [m/s]; the separation does not.
     """
     site, speeds = show.rules.site, show.speeds
-    error = written.position_error
     low, high = site.volume_min, site.volume_max
     return Asked(
         "the script's",
         show.rules.separation,
         None,
-        speeds.horizontal + written.speed_error,
-        speeds.up + written.speed_error,
-        speeds.down + written.speed_error,
+        speeds.horizontal + speed_error,
+        speeds.up + speed_error,
+        speeds.down + speed_error,
         (
             (low.x - error, low.y - error, low.z - error),
             (high.x + error, high.y + error, high.z + error),
@@ -373,49 +398,43 @@ def export(
     """
     refuse_foreign(folder)
     written = FORMATS[form](show, options)
-    asked = rules_of(show, written)
-    flown = Separation()
-    flown.CopyFrom(show.rules.separation)
-    if options.separation is not None:
-        flown.distance = options.separation
+    asked = rules_of(show, written.position_error, written.speed_error)
+    flown = kept_apart(show, options.separation)
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        with stage_for(folder, partial(_put_back, folder)) as stage:
+            fresh = stage / folder.name
+            fresh.mkdir()
+            for name, content in written.files.items():
+                (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+                write_through(fresh / name, content)
+            exported = Exported(
+                folder, written, tuple(prove(fresh, form, asked, flown))
+            )
+            manifest = {
+                "format_version": FORMAT_VERSION,
+                "showc": __version__,
+                "format": form,
+                "source": dict(source),
+                "show": show.rules.name,
+                "drones": show.drones,
+                "duration": round(written.duration, 3),
+                "fit": dict(written.fit),
+                "cannot_carry": list(written.lost),
+                "rules": rules_to_json(asked, flown),
+                "proved": exported.proved,
+                "checks": [check.to_json() for check in exported.checks],
+                "files": {
+                    name: sha256(content).hexdigest()
+                    for name, content in sorted(written.files.items())
+                },
+            }
+            text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+            write_through(fresh / MANIFEST, text.encode())
+            with alone(folder.parent):
+                refuse_foreign(folder)
+                _exchange(folder, fresh, stage / _FORMER)
     except OSError as error:
-        raise UsageError(f"cannot write {str(folder)!r}: {error.strerror}") from error
-    try:
-        fresh = stage / folder.name
-        fresh.mkdir()
-        for name, content in written.files.items():
-            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            (fresh / name).write_bytes(content)
-        checks = tuple(prove(fresh, form, asked, flown))
-        exported = Exported(folder, written, checks)
-        manifest = {
-            "format_version": FORMAT_VERSION,
-            "showc": __version__,
-            "format": form,
-            "source": dict(source),
-            "show": show.rules.name,
-            "drones": show.drones,
-            "duration": round(written.duration, 3),
-            "fit": dict(written.fit),
-            "cannot_carry": list(written.lost),
-            "rules": rules_to_json(asked, flown),
-            "proved": exported.proved,
-            "checks": [check.to_json() for check in checks],
-            "files": {
-                name: sha256(content).hexdigest()
-                for name, content in sorted(written.files.items())
-            },
-        }
-        text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
-        (fresh / MANIFEST).write_text(text, encoding="utf-8")
-        _exchange(folder, fresh, stage / "former")
-    except OSError as error:
-        raise UsageError(f"cannot write {str(folder)!r}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
+        raise unwritable(folder, error) from error
     return exported
 
 
@@ -425,17 +444,37 @@ def refuse_foreign(folder: Path) -> None:
     Raises
     ------
     UsageError
-        If there is something at ``folder`` that is no export.
+        If there is something at ``folder`` that is no export, or holds more.
     """
     if not folder.exists():
         return
-    if not folder.is_dir() or (
-        any(folder.iterdir()) and not (folder / MANIFEST).is_file()
-    ):
+    wrong = "is no folder"
+    if folder.is_dir():
+        there = {
+            path.relative_to(folder).as_posix()
+            for path in folder.rglob("*")
+            if path.is_symlink() or not path.is_dir()
+        }
+        wrong = ""
+        if there and MANIFEST not in there:
+            wrong = f"has no {MANIFEST}"
+        elif there:
+            try:
+                others = there - {MANIFEST, *read_manifest(folder).files}
+                wrong = f"has {min(others)!r}" if others else ""
+            except DamagedFileError:
+                wrong = f"has an {MANIFEST} of something else"
+    if wrong:
         raise UsageError(
-            f"{str(folder)!r} exists and is no export of showc's (it has no "
-            f"{MANIFEST}); move it away or choose another place with -o"
+            f"{str(folder)!r} exists and is no export of showc's (it {wrong}); move it "
+            "away or choose another place with -o"
         )
+
+
+def _put_back(folder: Path, stage: Path) -> None:
+    """Put a former export back that a kill between two renames left in a stage."""
+    if (stage / _FORMER).exists() and not folder.exists():
+        (stage / _FORMER).rename(folder)
 
 
 def _exchange(folder: Path, fresh: Path, former: Path) -> None:

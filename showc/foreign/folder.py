@@ -125,6 +125,8 @@ class Manifest:
 
     format: str
     """Format by its name on the command line."""
+    source: str
+    """SHA-256 of the log that it was made from."""
     show: str
     """Name of the show."""
     drones: int
@@ -154,11 +156,12 @@ def read_manifest(folder: Path) -> Manifest:
     if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
         raise DamagedFileError(f"{path}: is no manifest of version {FORMAT_VERSION}")
     asked, flown = rules_from_json(content.get("rules"), str(path))
-    files = content.get("files")
+    files, source = content.get("files"), content.get("source")
     if not isinstance(files, dict):
         raise DamagedFileError(f"{path}: lists no files")
     return Manifest(
         str(content.get("format")),
+        str(source.get("sha256")) if isinstance(source, dict) else "",
         str(content.get("show"))[:200],
         int(number(content.get("drones"), f"{path}: drones")),
         number(content.get("duration"), f"{path}: duration"),
@@ -174,7 +177,7 @@ def verify_export(folder: Path) -> Verification:
         manifest = read_manifest(folder)
     except DamagedFileError as error:
         return damaged(folder, error)
-    checks = [_hashes(folder, manifest.files)]
+    checks = [hashes(folder, manifest.files)]
     checks += prove(folder, manifest.format, manifest.asked, manifest.flown)
     return Verification(
         str(folder),
@@ -226,8 +229,8 @@ def _strict(check: Check) -> Check:
     return replace(check, verdict="fail") if check.verdict == "warning" else check
 
 
-def _hashes(folder: Path, listed: Mapping[str, str]) -> Check:
-    """Whether the folder holds what the manifest lists, and nothing else."""
+def hashes(folder: Path, listed: Mapping[str, str]) -> Check:
+    """Tell whether the folder holds what the manifest lists, and nothing else."""
     found = {
         file.relative_to(folder).as_posix()
         for file in folder.rglob("*")
@@ -236,7 +239,7 @@ def _hashes(folder: Path, listed: Mapping[str, str]) -> Check:
     notes = [f"{name} is missing" for name in sorted(set(listed) - found)]
     notes += [f"{name} is not in the manifest" for name in sorted(found - set(listed))]
     for name in sorted(found & set(listed)):
-        digest = sha256((folder / name).read_bytes()).hexdigest()
+        digest = sha256(read_file(folder / name, LARGEST_FILE)).hexdigest()
         if digest != listed[name]:
             notes.append(f"{name} was changed since it was written")
     return Check(

@@ -1,10 +1,17 @@
 """``exports:`` in a script: compile writes them, proved."""
 
 import json
+import shutil
+from hashlib import sha256
 
+import pytest
 from click.testing import CliRunner
 
 from showc.cli.compile import command
+from showc.cli.verify import command as verify
+from showc.errors import UsageError
+from showc.export.beside import verify_beside
+from showc.export.stage import refuse_foreign
 from showc.foreign.folder import verify_export
 from showc.script import load_show
 
@@ -20,6 +27,19 @@ exports: [kml, {to: skyb, separation: 1.5 m, lead: 12 s}]
 """
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A log with its exports beside it."""
+    folder = tmp_path_factory.mktemp("wishes")
+    path, log = folder / "show.yaml", folder / "show.mcap"
+    path.write_text(SCRIPT)
+    arguments = [str(path), "-o", str(log), "--no-missions", "-q", "-j", "1"]
+    arguments += ["--cache-dir", str(folder / "cache")]
+    run = CliRunner().invoke(command, arguments, standalone_mode=False)
+    assert run.return_value == 0, run.output
+    return log
+
+
 def test_wishes_are_read(tmp_path):
     path = tmp_path / "show.yaml"
     path.write_text(SCRIPT)
@@ -33,16 +53,80 @@ def test_wishes_are_read(tmp_path):
     assert (skyb.to, skyb.separation, skyb.lead) == ("skyb", 1.5, 12.0)
 
 
-def test_compile_writes_and_proves_what_a_script_asks_for(tmp_path):
-    path = tmp_path / "show.yaml"
-    path.write_text(SCRIPT)
-    log = tmp_path / "show.mcap"
-    arguments = [str(path), "-o", str(log), "--no-missions", "-q", "-j", "1"]
-    arguments += ["--cache-dir", str(tmp_path / "cache")]
-    run = CliRunner().invoke(command, arguments, standalone_mode=False)
-    assert run.return_value == 0, run.output
-    manifest = json.loads((tmp_path / "show-skyb" / "export.json").read_text())
+def test_compile_writes_and_proves_what_a_script_asks_for(compiled):
+    folder = compiled.parent
+    manifest = json.loads((folder / "show-skyb" / "export.json").read_text())
     assert manifest["proved"] and manifest["fit"]["lead_s"] == 12.0
     assert manifest["rules"]["separation_flown"] == 1.5
-    assert verify_export(tmp_path / "show-skyb").passed
-    assert (tmp_path / "show-kml" / "show.kml").is_file()
+    assert verify_export(folder / "show-skyb").passed
+    assert (folder / "show-kml" / "show.kml").is_file()
+
+
+@pytest.fixture
+def beside(compiled, tmp_path):
+    """A copy of the log and its exports, to be spoilt."""
+    for name in ("show.mcap", "show-skyb", "show-kml"):
+        source = compiled.with_name(name)
+        copy = shutil.copy if source.is_file() else shutil.copytree
+        copy(source, tmp_path / name)
+    return tmp_path / "show.mcap"
+
+
+def failed(log):
+    return {check.code for check in verify_beside(log) if check.verdict == "fail"}
+
+
+def test_verify_of_a_log_proves_the_exports_beside_it(beside):
+    checks = verify_beside(beside)
+    assert failed(beside) == set()
+    assert {check.group for check in checks} == {"export kml", "export skyb"}
+    off = next(check for check in checks if check.code == "VRF584")
+    assert 0.0 < off.value <= off.limit == 0.01
+    run = CliRunner().invoke(verify, [str(beside), "-q"], standalone_mode=False)
+    assert "flights of the log" in run.output
+
+
+def test_an_export_that_is_missing_is_a_fault(beside):
+    shutil.rmtree(beside.with_name("show-kml"))
+    assert failed(beside) == {"VRF583"}
+
+
+def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
+    """Files of another show, every hash right, rules that allow anything."""
+    folder = beside.with_name("show-skyb")
+    manifest = json.loads((folder / "export.json").read_text())
+    one, other = sorted(folder.glob("*.skyb"))
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+    for path in (one, other):
+        manifest["files"][path.name] = sha256(path.read_bytes()).hexdigest()
+    manifest["rules"]["separation"]["distance"] = 0.0
+    (folder / "export.json").write_text(json.dumps(manifest))
+    assert verify_export(folder).check("VRF581").verdict == "pass"
+    assert failed(beside) >= {"VRF584"}
+
+
+def test_an_export_of_another_log_is_found_out(beside):
+    folder = beside.with_name("show-skyb")
+    manifest = json.loads((folder / "export.json").read_text())
+    manifest["source"]["sha256"] = "0" * 64
+    (folder / "export.json").write_text(json.dumps(manifest))
+    assert failed(beside) == {"VRF583"}
+
+
+def test_an_export_that_cannot_be_read_is_a_finding(beside):
+    (beside.with_name("show-skyb") / "export.json").write_text("[")
+    assert failed(beside) != set()
+
+
+def test_a_folder_with_more_than_an_export_is_not_replaced(beside):
+    folder = beside.with_name("show-skyb")
+    (folder / "diary.txt").write_text("mine")
+    with pytest.raises(UsageError, match="diary"):
+        refuse_foreign(folder)
+    (folder / "diary.txt").unlink()
+    refuse_foreign(folder)
+    (folder / "export.json").write_text("{}")
+    with pytest.raises(UsageError, match="something else"):
+        refuse_foreign(folder)

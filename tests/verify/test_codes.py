@@ -3,11 +3,13 @@
 import re
 from pathlib import Path
 
+import showc.export
 import showc.foreign
 import showc.verify
 from showc.verify.codes import ROOMS, codes, explain
 
-SOURCES = [Path(room.__file__).parent for room in (showc.verify, showc.foreign)]
+ROOMS_WITH_CHECKS = (showc.verify, showc.foreign, showc.export)
+SOURCES = [Path(room.__file__).parent for room in ROOMS_WITH_CHECKS]
 
 
 def test_the_table_holds_exactly_the_codes_of_the_checks():

@@ -1,0 +1,116 @@
+"""Exports that lie beside a log, proved against the log itself.
+
+Nothing is taken from their own manifests but the hashes: rules come from the log, and
+the written flights are held against the solved ones at every instant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from mcap.reader import make_reader
+
+from showc.errors import DamagedFileError
+from showc.export.fit import error_of, tracks_of
+from showc.export.solved import solved_show
+from showc.export.stage import SAMPLED, ExportOptions, folder_for, kept_apart, rules_of
+from showc.files import open_file
+from showc.foreign.folder import DRAWINGS, hashes, is_export, prove, read_manifest
+from showc.foreign.reading import read_show as read_foreign
+from showc.foreign.verdict import damaged
+from showc.log.reader import read_log
+from showc.log.schema import METADATA_NAME
+from showc.script import read_show
+from showc.verify.report import Check, Place
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from showc.export.solved import SolvedShow
+    from showc.script.show import Export
+
+ROUNDING = 1e-6
+"""How far rounding may carry a written flight beyond the tolerance [m]."""
+
+
+def verify_beside(log: Path) -> list[Check]:
+    """Prove the exports that the script in a log asks for.
+
+    Parameters
+    ----------
+    log
+        A log that is proved itself; its exports lie in folders beside it.
+
+    Returns
+    -------
+    list
+        Checks of all exports, each under the heading of its format; none where the
+        script asks for no exports.
+    """
+    # Most shows ask for none: the index leads to the script, the rest stays unread.
+    with open_file(log) as stream:
+        reader = make_reader(stream)
+        metadata = {one.name: one.metadata for one in reader.iter_metadata()}
+        attached = {one.name: one.data for one in reader.iter_attachments()}
+    name = metadata.get(METADATA_NAME, {}).get("script", "")
+    show = read_show(attached.pop(name, b""), path=name, attached=attached).show
+    if show is None or not show.exports:
+        return []
+    digest = sha256(log.read_bytes()).hexdigest()
+    solved = solved_show(read_log(log))
+    return [
+        replace(check, group=f"export {wish.to}")
+        for wish in show.exports
+        for check in _one(folder_for(log, wish.to), wish, solved, digest)
+    ]
+
+
+def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Check]:
+    where = Place(file=str(folder))
+    if not is_export(folder):
+        note = f"there is no export {folder.name!r} beside the log; compile again"
+        return [_check("VRF583", "export of this log", where, [note])]
+    try:
+        manifest = read_manifest(folder)
+        checks = [hashes(folder, manifest.files)]
+        wrong = []
+        if manifest.source != digest:
+            wrong.append("it was made from another log, by its manifest")
+        if manifest.format != wish.to:
+            wrong.append(f"its manifest says {manifest.format!r}")
+        checks.append(_check("VRF583", "export of this log", where, wrong))
+        flown = kept_apart(solved, wish.separation)
+        if wish.to in DRAWINGS:
+            return checks + prove(folder, wish.to, rules_of(solved, 0.0, 0.0), flown)
+        written = read_foreign(folder)
+    except DamagedFileError as error:
+        return list(damaged(folder, error).checks)
+    if written.drones != solved.drones:
+        note = f"it has {written.drones} flights, the log {solved.drones}"
+        return [*checks, _check("VRF584", "flights of the log", where, [note])]
+    lead = ExportOptions.usual(wish.to).lead if wish.lead is None else wish.lead
+    fit = error_of(tracks_of(solved), written.tracks, round(lead, 3))
+    limit = max(wish.tolerance, SAMPLED.get(wish.to, 0.0))
+    off = fit.position
+    checks.append(
+        Check(
+            "VRF584",
+            "",
+            "flights of the log, their distance at every instant",
+            "pass" if off.upper <= limit + ROUNDING else "fail",
+            off.upper,
+            limit,
+            "m",
+            Place(file=str(folder), drone=off.drone + 1, time=off.time),
+        )
+    )
+    asked = rules_of(solved, off.upper, fit.velocity.upper)
+    return checks + prove(folder, wish.to, asked, flown)
+
+
+def _check(code: str, name: str, where: Place, wrong: list[str]) -> Check:
+    return Check(
+        code, "", name, "fail" if wrong else "pass", where=where, notes=tuple(wrong)
+    )
