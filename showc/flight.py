@@ -52,15 +52,18 @@ class DualWitness:
 
 
 @dataclass(frozen=True, slots=True)
-class ClosestEncounter:
-    """The pair that comes nearest during a leg."""
+class Encounter:
+    """Two drones, and how near they come."""
 
     drone_a: int
+    """Counting from 0; less than ``drone_b``."""
     drone_b: int
+    """Counting from 0."""
     time: float
-    """Since the start of the leg [s]."""
+    """On the clock of what is looked at: since the start of a leg or of a stage's
+    release, of the show, of the missions [s]."""
     distance: float
-    """In the separation's metric [m]."""
+    """In the separation's metric [m]; where it is proved, a lower bound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +78,7 @@ class Certificate:
     """Rigorous lower bound on the common time [s]; 0 for holds."""
     witness: DualWitness | None
     """Proof of ``dual_bound``."""
-    closest: ClosestEncounter | None
+    closest: Encounter | None
     """None when fewer than two drones take part."""
     method: str
     """What was done, in words."""

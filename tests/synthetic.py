@@ -16,7 +16,7 @@ from math import cos, isqrt, radians, sin, tau
 
 import numpy as np
 
-from showc.flight import Certificate, ClosestEncounter, Flight, LegFlight, Trajectory
+from showc.flight import Certificate, Encounter, Flight, LegFlight, Trajectory
 from showc.plan.itinerary import Itinerary, Leg
 from showc.script.show import (
     Effect,
@@ -330,18 +330,18 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
     return Flight(Itinerary(show, tuple(legs)), tuple(flights), np.array(starts))
 
 
-def closest_sampled(parts, time: float) -> ClosestEncounter | None:
+def closest_sampled(parts, time: float) -> Encounter | None:
     """Nearest pair on a coarse grid of times; None for one drone or a great fleet."""
     if not 2 <= len(parts) <= 120:
         return None
     grid_times = np.linspace(0.0, time, 61)
     place = np.stack([p.state.select([0, 1, 2])(grid_times) for p in parts])
-    best = ClosestEncounter(0, 1, 0.0, np.inf)
+    best = Encounter(0, 1, 0.0, np.inf)
     for a in range(len(parts) - 1):
         distance = np.linalg.norm(place[a] - place[a + 1 :], axis=-1)
         b, k = np.unravel_index(int(distance.argmin()), distance.shape)
         if distance[b, k] < best.distance:
-            best = ClosestEncounter(
+            best = Encounter(
                 a, a + 1 + int(b), float(grid_times[k]), float(distance[b, k])
             )
     return best

@@ -26,13 +26,13 @@ from showc.fleet.single_drone.single import Aircraft, hover, minimum_time
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import (
     Certificate,
-    ClosestEncounter,
     DualWitness,
+    Encounter,
     LegFlight,
     Trajectory,
 )
-from showc.plan.metric import measure
 from showc.script.fence import Fence
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -648,7 +648,7 @@ class _Solver:
     def _pair(self, found: Encounters) -> str:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
 
-    def _closest(self, trajectories: tuple[Trajectory, ...]) -> ClosestEncounter | None:
+    def _closest(self, trajectories: tuple[Trajectory, ...]) -> Encounter | None:
         if len(trajectories) < 2:
             return None
         # Drones that take no part count for the separation, not for this record.
@@ -658,7 +658,7 @@ class _Solver:
             trajectories[first].state(found.time)[0, :3]
             - trajectories[second].state(found.time)[0, :3]
         )
-        return ClosestEncounter(
+        return Encounter(
             int(self.leg.drones[first]),
             int(self.leg.drones[second]),
             float(found.time[0]),

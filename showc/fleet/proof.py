@@ -23,8 +23,8 @@ from showc.fleet.single_drone.judgement import (
     VELOCITY_ACCURACY,
 )
 from showc.fleet.single_drone.replay import replay
-from showc.plan.metric import measure
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray

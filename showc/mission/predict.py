@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
     from showc.autopilot.stage import Stage
-    from showc.flight import Flight, LegFlight
+    from showc.flight import Encounter, Flight, LegFlight
     from showc.mission.clock import MissionClock
-    from showc.schedule.separation import Closest
     from showc.schedule.timeline import ScheduledLeg, Timeline
 
     _Move = tuple[
@@ -343,7 +342,7 @@ def _arrivals(times: FloatArray, flown: FloatArray, goal: FloatArray) -> FloatAr
     return np.where(after == 0, 0.0, moment)
 
 
-def _encounter(found: Closest | None, offset: float = 0.0) -> dict[str, Any] | None:
+def _encounter(found: Encounter | None, offset: float = 0.0) -> dict[str, Any] | None:
     if found is None:
         return None
     return {

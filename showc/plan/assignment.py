@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.plan.metric import line_separation, scaled
+from showc.vehicle.metric import measure, scaled
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
@@ -174,3 +174,72 @@ def _can_match(allowed: BoolArray) -> bool:
     """Whether every row can have a column of its own among those ``allowed``."""
     places = _least_sum(np.where(allowed, 0.0, 1.0))
     return bool(allowed[np.arange(places.size), places].all())
+
+
+def line_separation(
+    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 512
+) -> float:
+    """Least distance of any pair that shares one profile along straight lines.
+
+    All drones are at ``start + s (goal - start)`` for a common s from 0 to 1, so the
+    least distance of a pair is the distance of a segment to the origin: exact for the
+    sphere and the ellipsoid. The axis forms are not convex; for them the distance is
+    the least over s of a piecewise-linear function, taken at its corners.
+
+    Parameters
+    ----------
+    start, goal
+        Positions, shape (n, 3) [m].
+    separation
+        The metric.
+    block
+        Rows of the pair matrix worked on at once; bounds the memory.
+
+    Returns
+    -------
+    float
+        [m]; infinity for fewer than two drones.
+    """
+    if start.shape[0] < 2:
+        return float("inf")
+    axis_form = separation.shape in ("any-axis", "all-axes")
+    first, last = scaled(start, separation), scaled(goal, separation)
+    least = float("inf")
+    columns = np.arange(start.shape[0])
+    for top in range(0, start.shape[0], block):
+        rows = slice(top, top + block)
+        origin = first[rows, None] - first[None]
+        change = (last[rows, None] - last[None]) - origin
+        if axis_form:
+            distance = _axis_form_least(origin, change, separation)
+        else:
+            square = np.einsum("ijk,ijk->ij", change, change)
+            along = -np.einsum("ijk,ijk->ij", origin, change)
+            fraction = np.clip(along / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+            nearest = origin + fraction[..., None] * change
+            distance = np.sqrt(np.einsum("ijk,ijk->ij", nearest, nearest))
+        later = columns[None, :] > columns[rows, None]
+        if later.any():
+            least = min(least, float(distance[later].min()))
+    return least
+
+
+def _axis_form_least(
+    origin: FloatArray, change: FloatArray, separation: Separation
+) -> FloatArray:
+    """Least of max or min of |origin + s change| over s in [0, 1], shape (...)."""
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    numerators, denominators = [-origin], [change]
+    for sign in (1.0, -1.0):
+        left = np.stack([origin[..., a] - sign * origin[..., b] for a, b in pairs], -1)
+        rate = np.stack([change[..., a] - sign * change[..., b] for a, b in pairs], -1)
+        numerators.append(-left)
+        denominators.append(rate)
+    numerator = np.concatenate(numerators, axis=-1)
+    denominator = np.concatenate(denominators, axis=-1)
+    safe = np.where(denominator == 0.0, 1.0, denominator)
+    corners = np.clip(numerator / safe, 0.0, 1.0)
+    ends = np.broadcast_to(np.array([0.0, 1.0]), (*corners.shape[:-1], 2))
+    fractions = np.concatenate([corners, ends], axis=-1)
+    values = origin[..., None, :] + fractions[..., :, None] * change[..., None, :]
+    return np.asarray(measure(values, separation).min(axis=-1))

@@ -23,14 +23,14 @@ from showc.errors import ExportError
 from showc.schedule.detours import bends, hops, layers
 from showc.schedule.headways import release_gaps
 from showc.schedule.releases import MARGIN, staggered
-from showc.schedule.separation import TOLERANCE, Closest, closest_encounter
+from showc.schedule.separation import TOLERANCE, closest_encounter
 from showc.schedule.surroundings import Surroundings, leaves, stage_motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from showc.autopilot.stage import Lines, Stage, StageBuilder
-    from showc.flight import LegFlight
+    from showc.flight import Encounter, LegFlight
     from showc.plan.itinerary import Leg
     from showc.schedule.headways import Gaps
 
@@ -58,7 +58,7 @@ class Encoding:
     """What was done, in words."""
     stages: tuple[Stage, ...]
     """In order; none when no drone moves."""
-    closest: tuple[Closest | None, ...]
+    closest: tuple[Encounter | None, ...]
     """Nearest encounter of each stage, times since its release [s]."""
 
 
@@ -74,7 +74,7 @@ def choose_encoding(
     ExportError
         If none does; names the pair, the time and the distance of the best one.
     """
-    best: Closest | None = None
+    best: Encounter | None = None
     outside: int | None = None
     for worked in candidates(leg, flight, builder, around):
         closest, positions = [], around.positions
@@ -101,7 +101,7 @@ def choose_encoding(
 
 
 def _refusal(
-    leg: Leg, best: Closest | None, wanted: float, outside: int | None
+    leg: Leg, best: Encounter | None, wanted: float, outside: int | None
 ) -> ExportError:
     if best is None and outside is not None:
         return ExportError(

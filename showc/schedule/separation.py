@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.autopilot.following import SETTLING, SLOWEST, law_time
+from showc.flight import Encounter
 from showc.schedule.distances import dot, near_pairs, nearest_pair, part_distance
 
 if TYPE_CHECKING:
@@ -70,25 +71,13 @@ class Motion:
         return np.asarray(1.0 + self.overshoot / np.where(length > 0.0, length, np.inf))
 
 
-@dataclass(frozen=True, slots=True)
-class Closest:
-    """The pair that comes nearest, and how near it can come."""
-
-    drone_a: int
-    drone_b: int
-    time: float
-    """Mission time [s]."""
-    distance: float
-    """Proved lower bound of every pair's distance, in the separation's metric [m]."""
-
-
 def closest_encounter(
     motion: Motion,
     separation: Separation,
     *,
     enough: float = -np.inf,
     plenty: float = np.inf,
-) -> Closest | None:
+) -> Encounter | None:
     """Return the nearest encounter of ``motion``; None when no drone moves.
 
     Pairs that both rest are left out. The search ends early, with a valid encounter
@@ -116,9 +105,9 @@ def _branch_and_bound(
     motion: Motion,
     separation: Separation,
     pairs: tuple[IntArray, IntArray],
-    best: Closest,
+    best: Encounter,
     limits: tuple[float, float],
-) -> Closest:
+) -> Encounter:
     """Refine ``best`` over the ``pairs`` that could come nearer.
 
     Down to the first, and up to the second of the ``limits`` [m].
@@ -135,7 +124,7 @@ def _branch_and_bound(
         )
         least = int(np.argmin(value))
         if value[least] < best.distance:
-            best = Closest(
+            best = Encounter(
                 int(a[least]),
                 int(b[least]),
                 first + (float(piece[least]) + 0.5) * width,
@@ -149,7 +138,7 @@ def _branch_and_bound(
         piece = np.repeat(2 * piece[left], 2)
         piece[1::2] += 1
         pieces *= 2
-    return Closest(
+    return Encounter(
         min(best.drone_a, best.drone_b),
         max(best.drone_a, best.drone_b),
         best.time,
@@ -278,10 +267,10 @@ def _relative_speed(
 
 def _nearest_at_rest(
     motion: Motion, separation: Separation, moving: BoolArray
-) -> Closest:
+) -> Encounter:
     """Nearest pair before the window's legs begin or after they end."""
     before, after = (
-        Closest(*found[:2], time, found[2])
+        Encounter(*found[:2], time, found[2])
         for found, time in (
             (nearest_pair(motion.begin, separation, moving), motion.window[0]),
             (nearest_pair(motion.end, separation, moving), motion.window[1]),

@@ -28,7 +28,7 @@ from showc.errors import ExportError
 from showc.processes import side_by_side
 from showc.schedule.encodings import Encoding, choose_encoding
 from showc.schedule.releases import STEP
-from showc.schedule.separation import Closest, Motion, closest_encounter
+from showc.schedule.separation import Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.autopilot.stage import Stage, StageBuilder
     from showc.autopilot.tracking import Tracks
-    from showc.flight import Flight, LegFlight
+    from showc.flight import Encounter, Flight, LegFlight
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
 
@@ -106,9 +106,9 @@ class Timeline:
     """Straight down, untimed."""
     land_start: float
     """Mission time at which the landing nominally begins [s]."""
-    launch_closest: Closest | None
+    launch_closest: Encounter | None
     """Nearest encounter of the climb, at any timing."""
-    land_closest: Closest | None
+    land_closest: Encounter | None
     """Nearest encounter of the landing, at any timing."""
 
     @property
@@ -245,7 +245,7 @@ class _Layout:
 
     def _launch(
         self, leg: Leg, pads: FloatArray
-    ) -> tuple[Stage, Stage, Closest | None]:
+    ) -> tuple[Stage, Stage, Encounter | None]:
         """Untimed climb: a short take-off and a waypoint above it."""
         climb = leg.goal - pads[leg.drones]
         part = np.minimum(TAKEOFF_HEIGHT / np.maximum(climb[:, 2], 1e-9), 0.5)
@@ -260,7 +260,7 @@ class _Layout:
 
     def _untimed(
         self, stage: Stage, positions: FloatArray, name: str
-    ) -> Closest | None:
+    ) -> Encounter | None:
         """Nearest encounter of a stage that may be flown at any time."""
         show = self.show
         around = Surroundings(positions, show.separation, show.site, ANYTIME)

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.vehicle.metric import measure, measure_parts
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -39,35 +41,6 @@ class Closeness:
     """Another place, or a place of the other formation."""
     distance: float
     """How far apart, in the separation's metric [m]."""
-
-
-def pair_distance(difference: FloatArray, separation: Separation) -> FloatArray:
-    """Return the distance of pairs in the separation's metric.
-
-    Parameters
-    ----------
-    difference
-        Differences of position, shape (..., 3) [m].
-    separation
-        Whose shape says how they are measured.
-    """
-    x, y, z = np.moveaxis(np.abs(difference), -1, 0)
-    return _measured(x, y, z, separation)
-
-
-def _measured(
-    x: FloatArray, y: FloatArray, z: FloatArray, separation: Separation
-) -> FloatArray:
-    """Return distances from differences along each axis, sizes if no squares [m]."""
-    if separation.shape == "any-axis":
-        return np.maximum(np.maximum(x, y), z)
-    if separation.shape == "all-axes":
-        return np.minimum(np.minimum(x, y), z)
-    square = np.zeros(())
-    for part, scale in zip((x, y, z), separation.metric_scale, strict=True):
-        scaled = part * scale if scale != 1.0 else part
-        square = square + scaled * scaled
-    return np.sqrt(square)
 
 
 def boxes(points: FloatArray, most: int) -> IntArray:
@@ -131,7 +104,7 @@ class _Boxes:
             low[:, :, None] - high2[:, None], low2[:, None] - high[:, :, None]
         )
         x, y, z = np.maximum(gap, 0.0)
-        apart = _measured(x, y, z, self.separation)
+        apart = measure_parts(x, y, z, separation=self.separation)
         wanted = apart < limit
         if self.same:
             wanted &= np.triu(np.ones_like(wanted))
@@ -151,7 +124,7 @@ class _Boxes:
             np.abs(one_axis[first][:, :, None] - other_axis[second][:, None])
             for one_axis, other_axis in zip(self.placed, self.other_placed, strict=True)
         )
-        distance = _measured(x, y, z, self.separation)
+        distance = measure_parts(x, y, z, separation=self.separation)
         if self.same:
             distance[one == other] = np.inf
         return one, other, distance
@@ -289,7 +262,7 @@ def _closest_level(
         order = np.argsort(column, kind="stable")
         pairs.append(np.sort(np.stack([order[:-1], order[1:]], axis=1), axis=1))
     first, second = np.concatenate(pairs).T
-    distance = pair_distance(points[first] - points[second], separation)
+    distance = measure(points[first] - points[second], separation)
     at = int(np.lexsort((second, first, distance))[0])
     if distance[at] >= limit:
         return None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.flight import Encounter
 from showc.log import showc_pb2 as pb
 
 if TYPE_CHECKING:
@@ -18,20 +19,6 @@ if TYPE_CHECKING:
 
 SEARCH_RATE = 5.0
 """How often the samples are searched for the nearest pair [Hz]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Encounter:
-    """A pair of drones close to each other."""
-
-    drone_a: int
-    """Counting from 0; less than ``drone_b``."""
-    drone_b: int
-    """Counting from 0."""
-    time: float
-    """Show time [s]."""
-    distance: float
-    """In the separation's metric [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.view.digest import Digest, Encounter, digest, tightest
+from showc.view.digest import Digest, digest, tightest
 from showc.view.document import clock, document, row, small, table, text
 from showc.view.forecast import forecast_section
 from showc.view.safety import safety_section
@@ -17,6 +17,7 @@ from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from showc.flight import Encounter
     from showc.log.reader import LoggedShow
     from showc.safety.case import SafetyCase
 

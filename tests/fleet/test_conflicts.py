@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from showc.fleet.deconfliction.conflicts import RESOLUTION, closest, conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.flight import Trajectory
-from showc.plan.metric import measure
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import Separation
+from showc.vehicle.metric import measure
 
 SHAPES = [
     Separation(1.0),

@@ -9,10 +9,10 @@ from showc.fleet import solve_leg
 from showc.fleet.deconfliction.enclosure import detour
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.single_drone.single import Aircraft
-from showc.plan.metric import measure
 from showc.progress import Silent
 from showc.script.fence import Fence
 from showc.vehicle import PRESETS, Separation
+from showc.vehicle.metric import measure
 
 L = np.array([(-40, -40), (40, -40), (40, 0), (0, 0), (0, 40), (-40, 40)], float)
 GENTLE = PRESETS["formation-625g"].envelope.within(LIMITS)

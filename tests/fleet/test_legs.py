@@ -20,9 +20,9 @@ from showc.fleet.execution.pool import InProcess
 from showc.fleet.lower_bound.bound import surplus
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.single_drone.replay import replay
-from showc.plan.metric import measure
 from showc.progress import Silent
 from showc.vehicle import Separation
+from showc.vehicle.metric import measure
 
 GRID = np.array([(2.0 * x, 2.0 * y, 10.0) for x in range(3) for y in range(2)])
 

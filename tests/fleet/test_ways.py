@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from showc.fleet.deconfliction.ways import Crossing, bump_over, find_ways
 from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.single_drone.single import Aircraft
-from showc.plan.metric import measure
 from showc.vehicle import PRESETS, Separation
+from showc.vehicle.metric import measure
 
 PRESET = PRESETS["formation-625g"]
 AIRCRAFT = Aircraft(PRESET.vehicle, PRESET.limits, "held", 0.0)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from showc.plan import assignment
-from showc.plan.assignment import assign, in_order
-from showc.plan.metric import line_separation, measure
+from showc.plan.assignment import assign, in_order, line_separation
 from showc.vehicle import Separation
+from showc.vehicle.metric import measure
 
 SPHERE = Separation(1.0)
 DOWNWASH = Separation(1.0, "ellipsoid", 3.0)

@@ -18,10 +18,10 @@ from showc.script.spacing import (
     closest,
     closest_between,
     crowded,
-    pair_distance,
 )
 from showc.script.timing import _furthest, least_times
 from showc.vehicle import PRESETS, Separation
+from showc.vehicle.metric import measure
 
 TEN_LINES = """\
 drones: 16
@@ -248,7 +248,7 @@ def test_the_closest_pair_is_found(count, seed, shape, threshold):
     points = scattered(count, seed)
     separation = Separation(1.0, shape, 2.0)
     upper = np.array(np.triu_indices(count, 1))
-    distance = pair_distance(points[upper[0]] - points[upper[1]], separation)
+    distance = measure(points[upper[0]] - points[upper[1]], separation)
     found = closest(points, threshold, separation)
     near = distance < threshold * (1 - 1e-9)
     assert crowded(points, threshold, separation) == np.unique(upper[:, near]).size
@@ -278,7 +278,7 @@ def test_the_closest_pair_is_found(count, seed, shape, threshold):
 def test_the_closest_places_of_two_formations_are_found(counts, seed, shape, threshold):
     one, other = scattered(counts[0], seed), scattered(counts[1], seed + 5)
     separation = Separation(1.0, shape, 2.0)
-    distance = pair_distance(one[:, None] - other, separation)
+    distance = measure(one[:, None] - other, separation)
     found = closest_between(one, other, threshold, separation)
     if distance.min() >= threshold * (1 - 1e-9):
         assert found is None

@@ -16,8 +16,8 @@ import numpy as np
 
 from showc.fleet.deconfliction.neighbours import all_pairs, least_distance, near_pairs
 from showc.fleet.deconfliction.tracks import Pieces, Tracks, cut
-from showc.plan.metric import measure
 from showc.trajectory import bernstein_basis, restrict
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray

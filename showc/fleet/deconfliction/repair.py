@@ -33,8 +33,8 @@ from showc.fleet.single_drone.staying import (
     stay_near,
 )
 from showc.fleet.single_drone.symmetry import image, kinds
-from showc.plan.metric import measure
 from showc.trajectory import PiecewisePolynomial
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -25,8 +25,8 @@ import numpy as np
 
 from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.shared_profile.profile import Profile
-from showc.plan.metric import measure
 from showc.trajectory import PiecewisePolynomial, restrict
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

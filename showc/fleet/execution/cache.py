@@ -27,8 +27,8 @@ from showc._version import __version__
 from showc.files import UnreadableFileError, read_file, stage_for
 from showc.flight import (
     Certificate,
-    ClosestEncounter,
     DualWitness,
+    Encounter,
     LegFlight,
     Trajectory,
 )
@@ -133,7 +133,6 @@ def _source_digest() -> str:
     package = Path(__file__).parents[2]
     files = [
         package / "trajectory.py",
-        package / "plan" / "metric.py",
         package / "plan" / "motion.py",
     ]
     for part in SOLVING:
@@ -297,7 +296,7 @@ def _decoded(content: bytes, leg: Leg) -> LegFlight | None:
         )
     certificate = Certificate(
         witness=witness,
-        closest=None if closest is None else ClosestEncounter(**closest),
+        closest=None if closest is None else Encounter(**closest),
         **record,
     )
     ordered = tuple(trajectories[index] for index in range(len(trajectories)))
