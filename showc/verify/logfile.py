@@ -185,13 +185,14 @@ def inflate(
     if compression:
         try:
             declared = zstandard.get_frame_parameters(packed).content_size
-            if declared not in {size, zstandard.CONTENTSIZE_UNKNOWN}:
+            if declared != size:
                 raise Damage(start, f"a chunk of {size:,} bytes declares {declared:,}")
-            # One byte more than declared lets an overlong stream show itself.
-            with _unpacker().stream_reader(packed) as stream:
-                data = bytes(stream.read(size + 1))
+            unpacker = _unpacker().decompressobj()
+            data = unpacker.decompress(packed)
         except (zstandard.ZstdError, MemoryError, ValueError) as error:
             raise Damage(start, f"a chunk does not unpack ({error})") from error
+        if not unpacker.eof or unpacker.unused_data:
+            raise Damage(start, "a chunk is no single frame from its start to its end")
     else:
         data = bytes(packed)
     if len(data) != size:

@@ -18,7 +18,6 @@ from showc.verify.specification.cover import check_cover
 from showc.verify.specification.demands import hold_against
 from showc.verify.specification.script import read_anchor
 from showc.verify.theorems import (
-    check_certificates,
     check_choreography,
     flight_checks,
     segment_parts,
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 
 BEGUN = (
     *("missions", "segments", "separation"),
-    *("certificates", "choreography", "samples"),
+    *("choreography", "samples"),
 )
 """Kinds of work, those with the longest parts first."""
 
@@ -84,14 +83,12 @@ def prove(
         "separation": separation_parts(show),
         "choreography": [partial(check_choreography, show)],
         "samples": samples.parts(),
-        "certificates": [partial(check_certificates, show)],
         "missions": parts_of_script(log, show, anchor.show) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += flight_checks(show, found["segments"], found["separation"])
     checks += found["choreography"][0]
     checks += join_samples(found["samples"])
-    checks += found["certificates"][0]
     if missions:
         checks += [check for part in found["missions"] for check in part]
     else:

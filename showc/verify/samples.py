@@ -420,7 +420,9 @@ class Samples:
         rate = self.show.rules.log_rate
         found = self.log.times(self.topics[PREDICTED]) - self.show.epoch
         end = float(found[-1]) * 1e-9 if found.size else 0.0
-        if not np.array_equal(found[:-1], sample_times(end, rate)[:-1]):
+        if not found.size or not np.array_equal(
+            found[:-1], sample_times(end, rate)[:-1]
+        ):
             worst.odd.append("its samples are not at the steps of the log rate")
         return {"VRF127": worst}
 

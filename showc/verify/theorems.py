@@ -57,11 +57,6 @@ def check_choreography(show: LoggedShow) -> list[Check]:
     return [check("choreography", one) for one in joined_up(show)]
 
 
-def check_certificates(show: LoggedShow) -> list[Check]:
-    """Check bounds on time and claimed encounters of all segments."""
-    return [check("certificates", one) for one in certified(show)]
-
-
 def flight_checks(
     show: LoggedShow, examined: Sequence[Examined], encounters: Sequence[Encounter]
 ) -> list[Check]:
@@ -74,6 +69,7 @@ def flight_checks(
         *(check("physics", one) for one in ties(show, radii)),
         *(check("limits", one) for one in (*limits, fence)),
         check("separation", apart),
+        *(check("certificates", one) for one in certified(show, encounters)),
     ]
 
 

@@ -311,6 +311,19 @@ def test_every_key_of_a_plan_is_caught(case):
         lambda m: m["missions"]["prediction"].update(start_minute=7),
         lambda m: m["missions"]["prediction"].update(start_minute=True),
         lambda m: m["missions"]["prediction"]["legs"].clear(),
+        lambda m: m["missions"]["prediction"].update(latest_mission_start=60.0),
+        lambda m: m["missions"]["prediction"].update(firmware="PX4 1.15"),
+        lambda m: m["missions"]["prediction"].update(clock="sundial"),
+        lambda m: m["missions"]["prediction"].update(start="2026-06-01T21:00:00Z"),
+        lambda m: m["missions"]["prediction"].update(required_separation=0.1),
+        lambda m: m["missions"]["prediction"].update(delay_spread=0.0),
+        lambda m: m["missions"]["prediction"].update(clock_lag=0.0),
+        lambda m: m["missions"]["prediction"].update(more=1),
+        lambda m: m["missions"]["prediction"].update(launch=None),
+        lambda m: m["missions"]["prediction"]["land"].update(distance=9.0),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(more=1),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(name="\x1b[2J"),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(leg=99),
         lambda m: m["missions"]["files"].pop(MISSION),
         lambda m: m["missions"]["files"].update({"../x": "0" * 64}),
         lambda m: m.update(fleet="0" * 64),
@@ -348,6 +361,49 @@ def test_missing_and_foreign_files_are_caught(case):
     (case.folder / "missions" / "more.txt").write_text("")
     assert case.failures() == {"VRF401"}
     (case.folder / "missions" / "more.txt").unlink()
+    assert case.failures() == set()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"fileType"', b'"fileType": "Evil", "fileType"'),
+        (b'"params"', b'"params": [9, 9, 9, 9, 9, 9, 9], "params"'),
+        (b'"version": 1,', b'"version": true,'),
+        (b'{\n "fileType"', b'\xef\xbb\xbf{\n "fileType"'),
+        (b'"groundStation": "showc', b'"groundStation": "showc showc'),
+    ],
+)
+def test_a_plan_that_two_readers_read_in_two_ways_is_caught(case, old, new):
+    changed = case.files[PLAN].replace(old, new, 1)
+    assert changed != case.files[PLAN]
+    assert "VRF406" in case.caught({PLAN: changed})
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["drone_0001.waypoints", "missions/.hidden", "missions/DRONE_0001.plan", "x/a.kml"],
+)
+def test_whatever_else_lies_in_the_folder_is_caught(case, name):
+    path = case.folder / name
+    made = not path.parent.exists()
+    path.parent.mkdir(exist_ok=True)
+    for make in (lambda: path.write_text("x"), lambda: path.symlink_to("/nowhere")):
+        make()
+        assert case.failures() == {"VRF401"}
+        path.unlink()
+    if made:
+        path.parent.rmdir()
+    assert case.failures() == set()
+
+
+def test_a_folder_of_missions_that_is_a_link_is_caught(case, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    (case.folder / "missions").rename(elsewhere)
+    (case.folder / "missions").symlink_to(elsewhere)
+    assert "VRF401" in case.failures()
+    (case.folder / "missions").unlink()
+    elsewhere.rename(case.folder / "missions")
     assert case.failures() == set()
 
 

@@ -14,8 +14,10 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
 import numpy as np
+import zstandard
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -54,6 +56,8 @@ class Log:
     messages: list[Message]
     channel_metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     encoding: str = "protobuf"
+    tail: bytes = b""
+    """What follows the packed data inside each chunk."""
 
     @classmethod
     def read(cls, data: bytes) -> Log:
@@ -111,7 +115,9 @@ class Log:
                 message.time,
                 count,
             )
-        writer.finish()
+        packed = zstandard.compress
+        with patch("mcap.writer.zstandard.compress", lambda b: packed(b) + self.tail):
+            writer.finish()
         return target.getvalue()
 
     def of(self, topic: str) -> list[Message]:
@@ -749,9 +755,176 @@ def hostile(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
     yield Lie("a script of two million values", "VRF202", wide)
 
 
+def tails(_: Log) -> Iterator[Lie]:
+    """Bytes that no reader unpacks, beside the packed data of a chunk."""
+    hidden = b"\x50\x2a\x4d\x18\x06\x00\x00\x00hidden"
+    for name, tail in (
+        ("bytes", b"evil"),
+        ("a frame to be skipped", hidden),
+        ("a second frame", zstandard.compress(b"evil")),
+    ):
+
+        def plant(found, tail=tail):
+            found.tail = tail
+
+        yield Lie(f"{name} behind the data of a chunk", DAMAGE, plant)
+
+
+def claims(log: Log) -> Iterator[Lie]:
+    """Claims of log and manifest that agree, and are not true."""
+    topic = "/show/segments"
+    leg = pb.Segment.FromString(log.of(topic)[2].data)
+    breaks, state = {}, {}
+    for drone in (1, 2):
+        data = log.of(f"/drone/{drone:04d}/trajectory")[2].data
+        flight = pb.Trajectory.FromString(data)
+        breaks[drone] = flight.breaks[-1]
+        state[drone] = np.array(flight.state).reshape(-1, 12)
+    away = float(np.linalg.norm(state[1][-1, :3] - state[2][-1, :3]))
+    nearest = leg.certificate.closest.distance
+
+    def both(message, words):
+        def plant(found):
+            found.edit(topic, 2, pb.Segment, message)
+            found.manifest(lambda whole: words(whole["segments"][2]["certificate"]))
+
+        return plant
+
+    def later(message):
+        message.certificate.closest.time = breaks[1]
+        message.certificate.closest.distance = away
+
+    def later_in_words(certificate):
+        certificate["closest"].update(time=breaks[1], distance=away)
+
+    if abs(away - nearest) > 2e-3:
+        yield Lie(
+            "the closest encounter is another one",
+            "VRF343",
+            both(later, later_in_words),
+        )
+    yield Lie(
+        "no closest encounter",
+        "VRF343",
+        both(
+            lambda message: message.certificate.ClearField("closest"),
+            lambda certificate: certificate.update(closest=None),
+        ),
+    )
+
+    def release(found, words="showc 1.0 (certified)\n::error::x"):
+        found.library = words
+        found.facts["showc_version"] = words.removeprefix("showc ")
+        found.manifest(
+            lambda whole: whole["versions"].update(showc=words.removeprefix("showc "))
+        )
+
+    yield Lie("a release of many words", "VRF107", release)
+
+
+def documents(log: Log) -> Iterator[Lie]:
+    """Manifests that two readers read in two ways, or that say more."""
+
+    def rewritten(change):
+        def plant(found):
+            entry = found.attachment("manifest.json")
+            entry[3] = change(entry[3])
+            digest = hashlib.sha256(entry[3]).hexdigest()
+            found.facts["manifest_sha256"] = digest
+
+        return plant
+
+    for name, change in (
+        ("a key twice", lambda b: b.replace(b'"drones"', b'"drones": 9, "drones"', 1)),
+        ("an inner key twice", lambda b: b.replace(b'"kind"', b'"kind": 1, "kind"', 1)),
+        ("a number that is none", lambda b: b.replace(b'"gap": 0', b'"gap": NaN', 1)),
+        ("a mark before it", lambda b: b"\xef\xbb\xbf" + b),
+        ("another document behind it", lambda b: b + b"{}"),
+    ):
+        if (
+            change(log.attachment("manifest.json")[3])
+            != (log.attachment("manifest.json")[3])
+        ):
+            yield Lie(f"manifest with {name}", "VRF107", rewritten(change))
+    for key in ("autopilot", "start", "warnings", "prediction", "files"):
+        yield Lie(
+            f"missions of the manifest without {key}",
+            "VRF107",
+            lambda found, key=key: found.manifest(lambda m: m["missions"].pop(key)),
+        )
+    yield Lie(
+        "missions of the manifest say more",
+        "VRF107",
+        lambda found: found.manifest(lambda m: m["missions"].update(more=1)),
+    )
+
+
+def drawn(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """Messages that decode, and are not what showc writes."""
+    unknown = b"\xfa\x3f\x03abc"
+    for topic, code in (
+        ("/show/rules", DAMAGE),
+        ("/show/segments", DAMAGE),
+        ("/drone/0001/trajectory", DAMAGE),
+        ("/drone/0001/state", "VRF123"),
+        ("/fleet/state", "VRF122"),
+        ("/tf", "VRF124"),
+        ("/show/scene", "VRF126"),
+    ):
+
+        def more(found, topic=topic):
+            found.of(topic)[-1].data += unknown
+
+        def twice(found, topic=topic):
+            message = found.of(topic)[-1]
+            message.data += message.data
+
+        yield Lie(f"{topic} with a field that is not known", code, more)
+        yield Lie(f"{topic} twice in a message", f"{code}|VRF203|damage", twice)
+
+    def empty(found):
+        for number in range(1, len(found.of("/tf"))):
+            found.edit("/tf", number, FrameTransforms, lambda m: m.Clear())
+
+    def exchanged(found):
+        one, other = found.of("/drone/0001/state"), found.of("/drone/0002/state")
+        for first, second in zip(one, other, strict=True):
+            first.data, second.data = second.data, first.data
+
+    def root(found):
+        first, second = found.of("/tf")[:2]
+        first.data, second.data = second.data, first.data
+
+    def circle(found):
+        for number in range(len(found.of("/drone/0001/trajectory"))):
+
+            def turned(message):
+                for row in range(len(message.state) // 12):
+                    message.state[12 * row + 8] += 2.0 * np.pi
+
+            found.edit("/drone/0001/trajectory", number, pb.Trajectory, turned)
+
+    def late(found):
+        for message in found.messages:
+            message.time += 10**9
+
+    def none(found):
+        found.schemas["/fleet/predicted"] = found.schemas["/fleet/state"]
+        last = found.of("/fleet/state")[-1]
+        found.messages.append(replace(last, topic="/fleet/predicted"))
+
+    yield Lie("frames of no drone", "VRF124", empty)
+    yield Lie("samples of two drones exchanged", "VRF123", exchanged)
+    yield Lie("the root in the place of the first frames", "VRF124", root)
+    yield Lie("a drone turned by a whole circle", "VRF332", circle)
+    yield Lie("all messages a second later", "VRF105", late)
+    yield Lie("the fleet in the place of the predicted one", "VRF127|damage", none)
+
+
 TABLE = (
     *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
     *(scene, timing, channels, trajectories, script, hostile),
+    *(tails, claims, documents, drawn),
 )
 """Generators of lies."""
 

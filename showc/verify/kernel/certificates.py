@@ -16,6 +16,9 @@ from showc.verify.kernel.show import Statement
 from showc.verify.kernel.slices import Tracks, measures
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.show import LoggedShow, Segment
 
 TOLERANCE = 1e-6
@@ -25,10 +28,15 @@ DISTANCE_TOLERANCE = 1e-3
 """How far a claimed closest encounter may be from the distance at its time [m]."""
 
 
-def certified(show: LoggedShow) -> list[Statement]:
-    """State what bounds on time and claimed encounters of all segments are worth."""
+def certified(
+    show: LoggedShow, encounters: Sequence[Encounter | None]
+) -> list[Statement]:
+    """State what bounds on time and claimed encounters of all segments are worth.
+
+    ``encounters`` are the closest ones, one for each segment.
+    """
     moves = [segment for segment in show.segments if not segment.holds]
-    return [_witnesses(show, moves), _order(moves), _encounters(show)]
+    return [_witnesses(show, moves), _order(moves), _encounters(show, encounters)]
 
 
 def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
@@ -98,17 +106,20 @@ def _order(moves: list[Segment]) -> Statement:
     )
 
 
-def _encounters(show: LoggedShow) -> Statement:
-    """Claimed closest encounters are what the polynomials give at their times."""
+def _encounters(show: LoggedShow, found: Sequence[Encounter | None]) -> Statement:
+    """Claimed encounters are the closest ones, and there at their times."""
     title = "claimed closest encounters are as claimed"
-    claims = [
-        one for one in show.segments if one.message.certificate.HasField("closest")
+    moves = [
+        (segment, encounter)
+        for segment, encounter in zip(show.segments, found, strict=True)
+        if encounter is not None and not segment.holds
     ]
-    if not claims:
+    if not moves:
         return Statement("VRF343", title, None, notes=("no segment claims one",))
-    off = [_off(show, segment) for segment in claims]
+    off = [_off(show, *move) for move in moves]
     worst = int(np.argmax(off))
-    closest = claims[worst].message.certificate.closest
+    segment = moves[worst][0]
+    closest = segment.message.certificate.closest
     return Statement(
         "VRF343",
         title,
@@ -117,14 +128,14 @@ def _encounters(show: LoggedShow) -> Statement:
         DISTANCE_TOLERANCE,
         "m",
         (closest.drone_a, closest.drone_b),
-        claims[worst].message.name,
-        claims[worst].start + closest.time,
-        (f"{len(claims)} encounters",),
+        segment.message.name,
+        segment.start + closest.time,
+        (f"{len(moves)} encounters",),
     )
 
 
-def _off(show: LoggedShow, segment: Segment) -> float:
-    """How far the claimed distance is off the one at its time [m]."""
+def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
+    """How far a claimed distance is off the closest, and off the one then [m]."""
     closest = segment.message.certificate.closest
     pair = np.array([closest.drone_a, closest.drone_b])
     if (
@@ -140,5 +151,6 @@ def _off(show: LoggedShow, segment: Segment) -> float:
         float(measure((place[1] - place[0])[list(measure.axes)] * measure.scale))
         for measure in measures(show.rules.separation)
     )
-    gap = abs(distance - closest.distance)
+    claimed = closest.distance
+    gap = max(abs(distance - claimed), abs(nearest.upper - claimed))
     return gap if gap >= 0.0 else np.inf

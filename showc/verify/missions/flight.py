@@ -19,6 +19,7 @@ from showc.verify.missions.separation import (
 )
 from showc.verify.missions.space import ROUNDING as BOUNDARY
 from showc.verify.missions.space import Inside, inside_fence, inside_volume
+from showc.verify.missions.terms import FIRMWARE
 from showc.verify.report import Check, Place, Verdict
 
 if TYPE_CHECKING:
@@ -56,6 +57,19 @@ LIFT_OFF = 0.9
 
 SPIN_UP = 3.25
 """By how much that may be longer, if a vehicle is armed straight before [s]."""
+
+_PREDICTED = {
+    *("start_minute", "latest_mission_start", "duration", "delay", "launch", "legs"),
+    *("land", "land_start"),
+}
+"""Keys of a prediction, besides those whose values are known."""
+
+_LEG = {
+    *("leg", "name", "encoding", "slots", "durations", "slot", "duration", "drones"),
+    *("optimal_start", "optimal_duration", "delays", "arrivals", "ended", "closest"),
+    *("position_difference", "arrival_difference"),
+}
+"""Keys of a leg of a prediction."""
 
 TICK = 0.1
 """Slots are whole multiples of this [s]."""
@@ -118,7 +132,8 @@ def check_flight(
         checks.append(_boundary("VRF416", FENCE, fenced))
     if len(missions) < 2:
         note = "one drone flies alone"
-        return [*checks, Check("VRF411", GROUP, APART, "pass", notes=(note,))]
+        alone = Check("VRF411", GROUP, APART, "pass", notes=(note,))
+        return [*checks, alone, _as_claimed({}, missions, show, described)]
     wanted = rules.separation
     try:
         timed = nearest_timed(missions, wanted)
@@ -130,14 +145,15 @@ def check_flight(
             Check("VRF411", GROUP, APART, "fail", where=place, notes=(note,)),
         ]
     checks.append(_verdict("VRF411", APART, timed, wanted.distance))
-    for code, name, landing in (
-        ("VRF412", "take-off", False),
-        ("VRF413", "landing", True),
+    nearest: dict[str, Nearest | None] = {"legs": timed}
+    for code, key, name in (
+        ("VRF412", "launch", "take-off"),
+        ("VRF413", "land", "landing"),
     ):
-        found = nearest_untimed(missions, wanted, landing=landing)
+        nearest[key] = nearest_untimed(missions, wanted, landing=key == "land")
         text = f"{name} keeps the separation at any timing"
-        checks.append(_verdict(code, text, found, wanted.distance))
-    return [*checks, _as_claimed(timed, described)]
+        checks.append(_verdict(code, text, nearest[key], wanted.distance))
+    return [*checks, _as_claimed(nearest, missions, show, described)]
 
 
 def _check_ends(
@@ -285,21 +301,68 @@ def _verdict(code: str, name: str, found: Nearest | None, wanted: float) -> Chec
     return Check(code, GROUP, name, verdict, bound, limit, "m", place, (note,))
 
 
-def _as_claimed(found: Nearest | None, described: Mapping[str, Any]) -> Check:
-    """Hold the manifest's own nearest encounter against what was found here."""
-    prediction = described.get("prediction")
-    legs = prediction.get("legs") if isinstance(prediction, dict) else None
+def _as_claimed(
+    found: Mapping[str, Nearest | None],
+    missions: Sequence[MissionLegs],
+    show: LoggedShow,
+    described: Mapping[str, Any],
+) -> Check:
+    """Hold what the manifest predicts against what was found here.
+
+    ``found`` are the nearest encounters of the ``legs``, the ``launch``, the ``land``.
+    """
+    said: Any = described.get("prediction")
+    start = described.get("start")
+    wanted = {
+        "firmware": FIRMWARE,
+        "clock": "hour" if start is None else "UTC",
+        "start": start,
+        "delay_spread": SPREAD,
+        "clock_lag": CLOCK_LAG,
+        "required_separation": show.rules.separation.distance,
+    }
+    names = {(one.message.index, one.message.name) for one in show.segments}
     try:
-        claims = [
-            float(leg["closest"]["distance"])
-            for leg in legs or []
-            if leg.get("closest") is not None
+        bad = [key for key, value in wanted.items() if said[key] != value]
+        bad += ["keys"] if said.keys() != wanted.keys() | _PREDICTED else []
+        bad += [
+            f"leg {leg['leg']}"
+            for leg in said["legs"]
+            if leg.keys() != _LEG or (leg["leg"], leg["name"]) not in names
+        ]
+        latest = said["latest_mission_start"]
+        if latest is not None and not latest <= _latest_start(missions):
+            bad.append("latest_mission_start")
+        near = {
+            "launch": said["launch"],
+            "land": said["land"],
+            "legs": min(
+                (leg["closest"] for leg in said["legs"] if leg["closest"] is not None),
+                key=lambda one: one["distance"],
+                default=None,
+            ),
+        }
+        off = [
+            abs(
+                (np.inf if near[key] is None else float(near[key]["distance"]))
+                - (np.inf if one is None else one.distance)
+            )
+            for key, one in found.items()
+            if (near[key], one) != (None, None)
         ]
     except (KeyError, TypeError, ValueError, AttributeError):
-        note = "the manifest's prediction cannot be read"
-        return Check("VRF414", GROUP, CLAIMED, "fail", notes=(note,))
-    claimed = min(claims, default=np.inf)
-    actual = np.inf if found is None else found.distance
-    off = 0.0 if claimed == actual else abs(claimed - actual)
-    verdict: Verdict = "pass" if off <= AGREEMENT else "fail"
-    return Check("VRF414", GROUP, CLAIMED, verdict, off, AGREEMENT, "m")
+        bad, off = ["nothing that can be read"], []
+    worst = max(off, default=0.0)
+    verdict: Verdict = "pass" if worst <= AGREEMENT and not bad else "fail"
+    notes = (f"not as it must be: {', '.join(bad)}",) if bad else ()
+    return Check("VRF414", GROUP, CLAIMED, verdict, worst, AGREEMENT, "m", notes=notes)
+
+
+def _latest_start(missions: Sequence[MissionLegs]) -> float:
+    """Mission time until which a mission may start and reach its first slot [s]."""
+    found = []
+    for mission in missions:
+        climbed = LIFT_OFF + float(mission.profiles.followed(0.0)[:2].sum())
+        first = mission.release[np.isfinite(mission.release)]
+        found.append(float(first.min(initial=np.inf)) - climbed)
+    return min(found, default=np.inf)

@@ -9,7 +9,6 @@ language; whatever else lies there is a finding.
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
@@ -23,6 +22,7 @@ from showc.verify.missions.legs import mission_legs
 from showc.verify.missions.plan import check_plan
 from showc.verify.missions.terms import Terms, parameter_file
 from showc.verify.report import Check, Place
+from showc.verify.specification.cover import read_manifest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -50,15 +50,6 @@ SHOWN = 5
 """Findings of a kind that are named."""
 
 
-def manifest_of(log: LogFile) -> dict[str, Any] | None:
-    """Return the manifest inside the log; None if it is no JSON object."""
-    try:
-        manifest = json.loads(log.attachment(MANIFEST) or b"")
-    except (ValueError, RecursionError):
-        return None
-    return manifest if isinstance(manifest, dict) else None
-
-
 def parts_of_script(
     log: LogFile, show: LoggedShow, script: Show | None
 ) -> list[Callable[[], list[Check]]]:
@@ -83,7 +74,7 @@ def mission_parts(
         What the script asks of the missions.
     """
     folder = log.path.with_suffix("")
-    manifest = manifest_of(log) or {}
+    manifest = read_manifest(log) or {}
     described = manifest.get("missions")
     if not isinstance(described, dict):
         described = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MISSION, MissionFormatError
-from showc.verify.specification.compare import unlike
+from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,8 +54,8 @@ def check_plan(
         If a key is missing, is one too many, or has another value; names it.
     """
     try:
-        plan = json.loads(content.decode("utf-8"), parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
+        plan = read_json(content)
+    except ValueError as error:
         raise MissionFormatError(f"is not JSON ({str(error)[:80]})") from None
     pad = mission.home or mission.items[0]
     where = _at(plan, "mission", "plannedHomePosition")
@@ -94,10 +93,6 @@ def check_plan(
     }
     for different in unlike(plan, wanted, "plan", rounding=0.0):
         raise MissionFormatError(different)
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number")
 
 
 def _at(value: Any, *keys: str | int) -> Any:  # noqa: ANN401 - any JSON

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,31 @@ another library of mathematics may have worked the places of a formation out."""
 
 _MOST = 5
 """Differences that are named."""
+
+
+def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
+    """Return what a document says that all readers read alike.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON, holds a number that is none, or one key twice.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) != len(pairs):
+            raise ValueError("a key stands there twice")
+        return found
+
+    def finite(text: str) -> float:
+        raise ValueError(f"{text} is no number")
+
+    try:
+        text = content.decode("utf-8")
+        return json.loads(text, parse_constant=finite, object_pairs_hook=once)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def same(found: float, wanted: float, rounding: float = TOLERANCE) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import re
 from fractions import Fraction
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from showc.log import showc_pb2 as pb
 from showc.log.layout import layout_json
 from showc.log.sample import GRID
 from showc.verify.report import Check, Place
-from showc.verify.specification.compare import same, unlike
+from showc.verify.specification.compare import read_json, same, unlike
 from showc.verify.specification.script import LAYOUT, MANIFEST
 
 if TYPE_CHECKING:
@@ -27,6 +27,11 @@ GROUP = "integrity"
 FREE = ("fleet", "versions", "missions")
 """Parts of the manifest that the flight does not fix; missions are checked by
 themselves."""
+
+MISSIONS = {"autopilot", "files", "prediction", "start", "warnings"}
+"""What a manifest says of its missions."""
+
+_RELEASE = re.compile(r"showc \d[\w.+-]{0,40}")
 
 _MEDIA = {
     ".yaml": "application/yaml",
@@ -91,16 +96,10 @@ def check_cover(
 def read_manifest(log: LogFile) -> dict[str, Any] | None:
     """Return the manifest inside the log; None if it is no JSON object."""
     try:
-        manifest = json.loads(
-            log.attachment(MANIFEST) or b"", parse_constant=_no_number
-        )
-    except (ValueError, RecursionError):
+        manifest = read_json(log.attachment(MANIFEST) or b"")
+    except ValueError:
         return None
     return manifest if isinstance(manifest, dict) else None
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number")
 
 
 def _sha256(content: bytes | None) -> str:
@@ -233,12 +232,7 @@ def _manifest(
             else leg
             for leg in found["segments"]
         ]
-    versions = found.get("versions")
-    if (
-        not isinstance(versions, dict)
-        or f"showc {versions.get('showc')}" != log.library
-    ):
-        yield "it is of another version of showc than the log"
+    yield from _releases(found, log)
     for key in sorted(found.keys() | wanted.keys() | set(FREE)):
         if key not in found:
             yield f"{key} is missing"
@@ -246,6 +240,21 @@ def _manifest(
             yield from unlike(found[key], wanted[key], key)
         elif key not in FREE:
             yield f"{key!r} is no part of a manifest"
+
+
+def _releases(found: Mapping[str, Any], log: LogFile) -> Iterator[str]:
+    """Hold what no flight fixes to its form."""
+    missions = found.get("missions")
+    if not isinstance(missions, dict) or missions.keys() != MISSIONS:
+        yield f"missions says other things than {', '.join(sorted(MISSIONS))}"
+    if not _RELEASE.fullmatch(log.library):
+        yield f"{log.library!r} is no release of showc's"
+    versions = found.get("versions")
+    if (
+        not isinstance(versions, dict)
+        or f"showc {versions.get('showc')}" != log.library
+    ):
+        yield "it is of another version of showc than the log"
 
 
 def _leg(segment: Segment) -> dict[str, Any]:
