@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from math import radians
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,6 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.foreign.verdict import Questions
+    from showc.verify.report import Verification
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
 
@@ -53,30 +52,20 @@ def is_foreign(path: Path) -> bool:
 def verify_foreign(
     path: Path,
     *,
-    as_json: bool,
     separation: float | None,
     max_height: float | None,
     max_speed: float | None,
     max_climb: float | None,
     tilt: float,
-) -> int:
-    """Judge a show of another format, print the result, and return the exit code."""
-    from showc.cli.console import colour_wanted
+) -> Verification:
+    """Judge a show of another format."""
     from showc.foreign.folder import is_export, verify_export
     from showc.foreign.verdict import verify_foreign as judged
-    from showc.verify.report import render_text
 
     if is_export(path):
-        result = verify_export(path)
-    else:
-        asked = (separation, max_height, max_speed, max_climb)
-        result = judged(path, _questions(*asked, tilt))
-    if as_json:
-        click.echo(json.dumps(result.to_json(), indent=1))
-    else:
-        colour = colour_wanted(sys.stdout)
-        click.echo(render_text(result, colour=colour), color=colour)
-    return result.exit_code
+        return verify_export(path)
+    asked = (separation, max_height, max_speed, max_climb)
+    return judged(path, _questions(*asked, tilt))
 
 
 def _questions(

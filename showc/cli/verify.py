@@ -7,11 +7,16 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
+
+if TYPE_CHECKING:
+    from showc.verify.report import Verification
+
+FORMATS = ("text", "json", "sarif", "github", "junit")
 
 
 @click.command(name="verify")
@@ -28,7 +33,14 @@ from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
     metavar="SHOW.yaml",
     help="Trust this script, and not the one in the log, which must equal it.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(FORMATS),
+    default="text",
+    help="How to print the result.  [default: text]",
+)
+@click.option("--json", "style", flag_value="json", help="Short for --format json.")
 @click.option(
     "--no-missions",
     is_flag=True,
@@ -40,7 +52,7 @@ def command(
     log: Path,
     jobs: int | None,
     script: Path | None,
-    as_json: bool,
+    style: str,
     no_missions: bool,
     quiet: bool,
     **rules: Any,  # noqa: ANN401 - options of shows of others
@@ -61,35 +73,53 @@ def command(
 
     \b
       showc verify output.mcap
+      showc verify night.skyc --format sarif > findings.sarif     in a CI job
       showc verify output.mcap --json | jq .passed
       showc verify night.skyc --separation 2.5 --tilt 25
     """
     # One thread each: the processes share the cores already.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from showc.cli.console import colour_wanted, progress
-    from showc.verify import render_text, verify_log
-
     if is_foreign(log):
-        return verify_foreign(log, as_json=as_json, **rules)
-    with progress(quiet=quiet or as_json) as watcher:
-        verification = verify_log(
+        verification = verify_foreign(log, **rules)
+    else:
+        verification = _proved(
             log,
             missions=not no_missions,
             jobs=jobs,
-            progress=watcher,
             script=script,
+            quiet=quiet or style != "text",
         )
-        if not no_missions:
-            from showc.export.beside import verify_beside
-
-            watcher.stage("exports beside the log")
-            verification = replace(
-                verification, checks=(*verification.checks, *verify_beside(log))
-            )
-    if as_json:
+    if style == "json":
         click.echo(json.dumps(verification.to_json(), indent=1))
-    else:
+    elif style == "text":
+        from showc.cli.console import colour_wanted
+        from showc.verify import render_text
+
         colour = colour_wanted(sys.stdout)
         click.echo(render_text(verification, colour=colour), color=colour)
+    else:
+        from showc.cli.findings import render_findings
+
+        click.echo(render_findings(verification, style).rstrip("\n"))
     return verification.exit_code
+
+
+def _proved(
+    log: Path, *, missions: bool, jobs: int | None, script: Path | None, quiet: bool
+) -> Verification:
+    """Prove a log of showc's, and the exports beside it."""
+    from showc.cli.console import progress
+    from showc.verify import verify_log
+
+    with progress(quiet=quiet) as watcher:
+        verification = verify_log(
+            log, missions=missions, jobs=jobs, progress=watcher, script=script
+        )
+        if not missions:
+            return verification
+        from showc.export.beside import verify_beside
+
+        watcher.stage("exports beside the log")
+        checks = (*verification.checks, *verify_beside(log))
+        return replace(verification, checks=checks)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from showc.script.codes import Code
     from showc.script.diagnostic import Diagnostic
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
@@ -19,6 +20,7 @@ def render(
     form: str = "text",
     *,
     colour: bool = False,
+    rules: Mapping[str, Code] | None = None,
 ) -> str:
     """Return findings in a format.
 
@@ -32,6 +34,8 @@ def render(
         One of ``FORMATS``.
     colour
         Whether to colour text for a terminal.
+    rules
+        What SARIF says of the codes; None: those of scripts.
 
     Raises
     ------
@@ -50,9 +54,10 @@ def render(
 
             return render_json(found, sources)
         case "sarif":
+            from showc.script.codes import CODES  # noqa: PLC0415
             from showc.script.render.sarif import render_sarif  # noqa: PLC0415
 
-            return render_sarif(found, sources)
+            return render_sarif(found, sources, CODES if rules is None else rules)
         case "github":
             from showc.script.render.github import render_github  # noqa: PLC0415
 

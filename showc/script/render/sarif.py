@@ -23,7 +23,11 @@ SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 Plain = dict[str, object]
 
 
-def render_sarif(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) -> str:
+def render_sarif(
+    diagnostics: Iterable[Diagnostic],
+    sources: Mapping[str, str],
+    rules: Mapping[str, Code] = CODES,
+) -> str:
     """Return findings as one SARIF log with one run.
 
     Paths of files become relative references with forward slashes, as given; the
@@ -44,12 +48,15 @@ def render_sarif(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) 
                     "driver": {
                         "name": "showc",
                         "version": __version__,
-                        "rules": [_rule(code) for code in used],
+                        "rules": [
+                            _rule(rules.get(code, Code(code, code, "", "")))
+                            for code in used
+                        ],
                     }
                 },
                 "columnKind": "unicodeCodePoints",
                 "artifacts": [
-                    {"location": {"uri": _uri(path)}, "sourceLanguage": "yaml"}
+                    {"location": {"uri": _uri(path)}, **_language(path)}
                     for path in sorted(sources)
                 ],
                 "results": [_result(item, index, lines, seen) for item in found],
@@ -59,13 +66,15 @@ def render_sarif(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) 
     return json.dumps(log, indent=2, ensure_ascii=False) + "\n"
 
 
-def _rule(code: str) -> Plain:
-    known = CODES.get(code)
-    if known is None:
-        known = Code(code, code, "", "")
-    text = f"{known.cause} {known.repair}".strip() or code
+def _language(path: str) -> Plain:
+    yaml = PurePath(path).suffix.lower() in {".yaml", ".yml"}
+    return {"sourceLanguage": "yaml"} if yaml else {}
+
+
+def _rule(known: Code) -> Plain:
+    text = f"{known.cause} {known.repair}".strip() or known.code
     return {
-        "id": code,
+        "id": known.code,
         "name": "".join(
             word.capitalize()
             for word in "".join(
