@@ -319,7 +319,7 @@ class Repair:
             self.move.ways,
             quickly=True,
         )
-        if ways is None:
+        if ways is None or 0 < ways.before <= ways.broken:
             return True
         self.ways = ways
         rows = np.nonzero(np.any(ways.aside != 0.0, axis=1))[0]

@@ -44,8 +44,8 @@ SIZES = ((0.5, 1.0), (0.35, 0.6, 1.0, 1.5), (0.5, 1.0, 1.5, 2.0, 3.0, 4.0))
 """Sizes of the bumps that are tried, in separations: few and small ones first. Half a
 separation up and half a separation down part a pair."""
 
-_QUICK = 2
-"""How many of these are small."""
+_QUICK, _MANY = 2, 300
+"""How many of these are small, and drones up to which others are tried."""
 
 _INSTANTS = 48
 """Intervals between samples of a way: shorter than a separation each on flights of
@@ -60,9 +60,11 @@ _CHANGED = tuple(0.005 * k for k in range(17))
 _SAME = 1e-9
 """Share of the time within which two joints are one."""
 
-_CHANGES, _STALLED = 12, 3
+_CHANGES, _STALLED = 12, 2
 """Changes allowed for each drone in conflict before other bumps are tried, and how many
 of them may leave as many pairs too near as there were."""
+_HOPELESS = 0.9
+"""Share of the pairs left from which on a search has not helped."""
 
 _PRICE, _PRESSED, _HOVERS = 0.02, 5.0, 100.0
 """Price of a bump of one separation, beside that of a breach (0.2 and more), and how
@@ -126,6 +128,8 @@ class Ways:
     """Share of the time in which bumps rise, and in which they fall."""
     broken: int
     """Pairs that come too near all the same, as far as samples tell."""
+    before: int
+    """Pairs that came too near before the search."""
     sizes: tuple[float, ...]
     """Sizes of bumps among which they were found, in separations."""
     bent: FloatArray | None = None
@@ -204,7 +208,9 @@ def find_ways(
         Ways of the same crossing at another pace: then they are adapted, and nothing
         else is looked for.
     quickly
-        Whether to look among small bumps off the straight lines alone.
+        Whether to look among small bumps off the straight lines alone, and no longer
+        than these help: where neighbours close in on places as near as may be, no bump
+        of one drone does.
 
     Returns
     -------
@@ -222,7 +228,7 @@ def find_ways(
     for found in _searches(crossing, SIZES[:_QUICK] if quickly else SIZES):
         if best is None or found.broken < best.broken:
             best = found
-        if best.broken == 0:
+        if best.broken == 0 or (quickly and found.broken > _HOPELESS * found.before):
             break
     return best
 
@@ -232,10 +238,12 @@ def _searches(
 ) -> Iterator[Ways]:
     """Search off the straight lines, and, if all bumps are allowed, off bent ones."""
     rises = [_clear(crossing.profile, rise) for rise in RISES]
-    for sizes, rise in product(menus, rises):
+    # Large bumps among many drones take minutes to choose from.
+    few = crossing.start.shape[0] <= _MANY
+    for sizes, rise in product(menus if few else menus[:_QUICK], rises):
         yield _search(crossing, sizes, rise)
     if menus is SIZES:
-        for bent, sizes in product(_bent(crossing), SIZES[1:]):
+        for bent, sizes in product(_bent(crossing), SIZES[1:] if few else SIZES[:1]):
             yield _search(crossing, sizes, rises[0], bent=bent)
 
 
@@ -267,9 +275,11 @@ def _search(
     if bent is not None and aside is not None:
         aside = aside - crowd.bent
     search = _Search(crowd, sizes, aside)
+    before = search.broken
     search.run()
     found = search.aside[: crossing.start.shape[0]] + crowd.bent
-    return Ways(found, rise, search.broken, sizes, None if bent is None else crowd.bent)
+    base = None if bent is None else crowd.bent
+    return Ways(found, rise, search.broken, before, sizes, base)
 
 
 def _bent(crossing: Crossing) -> list[FloatArray]:
