@@ -22,10 +22,6 @@ SHOW_MODE: dict[str, float] = {
 }
 """Name and value in ArduPilot's units, measured to keep within 0.3 m in calm air."""
 
-CLIMB_SPEED, CLIMB_ACCELERATION = 5.0, 5.0
-"""What WPNAV_SPEED_UP [m/s] and WPNAV_ACCEL_Z [m/s²] above stand for: the firmware
-reckons its take-off with them."""
-
 
 def parameter_file(landing_speed: float) -> bytes:
     """Return the ``.parm`` file to load onto every vehicle.

@@ -46,9 +46,6 @@ LARGEST_BLOCK = 65_535
 HIGHEST_SOLVED = 3
 """Highest degree in which the firmware finds the take-off height."""
 
-GREATEST_STORED = 32_767
-"""Greatest coordinate in steps of the grid."""
-
 _LIGHTS_JUDGED = 300
 """Light programs that are played; the rest are alike as a rule."""
 

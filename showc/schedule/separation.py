@@ -34,9 +34,6 @@ TOLERANCE = 2e-3
 FIRST_PIECES = 8
 """Pieces of the window that a pair is looked at in first."""
 
-SHORTEST_PIECE = 4e-3
-"""Pieces of time below this are not cut further [s]."""
-
 BLOCK = 400_000
 """Pairs handled at once."""
 

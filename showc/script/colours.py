@@ -329,8 +329,6 @@ _RGB = re.compile(
 )
 _HEX = re.compile(r"#?([0-9a-f]{3}|[0-9a-f]{6})", re.IGNORECASE)
 
-WHITE: Colour = (1.0, 1.0, 1.0)
-
 
 def parse_colour(text: str) -> Colour | None:
     """Return a colour's sRGB components, 0 to 1, or None if the text is no colour."""

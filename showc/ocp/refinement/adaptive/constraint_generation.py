@@ -80,10 +80,6 @@ class Couplings:
             )
         ]
 
-    def expect(self, phase: int, name: str, stretch: tuple[float, float]) -> None:
-        """Impose a coupling from the start, on a stretch where it will be needed."""
-        self._known[phase, name] = _Tightened(Imposed(phase, name, (stretch,)))
-
     def impose(self, violations: Sequence[Violation]) -> None:
         """Add what an audit has found to what is imposed."""
         self.fresh = [v for v in violations if (v.phase, v.name) not in self._known]
