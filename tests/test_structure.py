@@ -43,6 +43,7 @@ MAY_IMPORT = {
     "safety": FOUNDATION | {"vehicle", "script", "log"},
     "abort": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
+    "simulate": FOUNDATION | {"vehicle", "script", "log"},
     "view": FOUNDATION | {"vehicle", "flight", "log", "ocp", "safety"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},

@@ -25,6 +25,7 @@ class Verbs(click.Group):
         "view": "Make a page that plays the show in any browser.",
         "safety": "Work out where drones may fall, and what is left around.",
         "abort": "Plan how the fleet comes down, from any moment of the show.",
+        "simulate": "Fly the show in wind and gusts, many times.",
         "report": "Make the page on which a show is signed off.",
         "diff": "Compare two compiled shows.",
         "upload": "Put missions onto vehicles, read them back, keep a record.",

@@ -1,0 +1,1 @@
+"""Simulation: the flight in wind, with rotors that lag and an estimator that errs."""

@@ -1,0 +1,277 @@
+"""Many runs of a show in wind: how far drones stray, how near they come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from showc.simulate.gusts import LOWEST, Gusts, Scales
+from showc.simulate.plant import Imperfections, Plant
+from showc.simulate.tracking import Gains, Reference, Tracker
+
+if TYPE_CHECKING:
+    from showc.arrays import FloatArray
+    from showc.log.reader import LoggedShow
+    from showc.progress import Progress
+    from showc.script.show import Show
+
+STEP = 0.005
+"""Step of the integration, classical Runge-Kutta [s]."""
+CONTROL = 2
+"""Steps between two commands: 100 Hz."""
+LOOK = 20
+"""Steps between two looks at the distances of drones: 0.1 s."""
+CONFIDENCE = 0.95
+"""With which a tube is said to hold."""
+WANTED = 0.999
+"""Share of flights that a tube is to hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """Wind and gusts of a campaign."""
+
+    wind: float
+    """Mean wind, of a direction drawn for each run [m/s]."""
+    gusts: str
+    """``none``, ``light``, ``moderate`` or ``severe``."""
+    runs: int
+    """How often the show is flown."""
+    seed: int = 0
+    """Of the first run; the others follow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """What flies, besides the vehicle."""
+
+    gains: Gains = field(default_factory=Gains)
+    """Of the controller."""
+    imperfections: Imperfections = field(default_factory=Imperfections)
+    """Of rotors and estimator."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """How far drones stray over a part of the show."""
+
+    name: str
+    """Of the leg."""
+    start: float
+    """Show time [s]."""
+    greatest: float
+    """Greatest error of any drone in any run [m]."""
+    radius: float
+    """Radius that holds the share of flights [m]."""
+    share: float
+    """Share of flights that the radius holds, with the confidence of 95 %."""
+    rms: float
+    """Root of the mean squared error [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What a campaign found; of the model, not of an aircraft."""
+
+    weather: Weather
+    tubes: tuple[Tube, ...]
+    """By leg; the last is the whole show."""
+    closest: float
+    """Least distance of two drones in any run, looked at every 0.1 s [m]."""
+    saturated: float
+    """Share of all commands that rotors could not follow."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the campaign as JSON-able data."""
+        return {
+            "wind": self.weather.wind,
+            "gusts": self.weather.gusts,
+            "runs": self.weather.runs,
+            "seed": self.weather.seed,
+            "closest": round(self.closest, 4),
+            "saturated": round(self.saturated, 6),
+            "legs": [
+                {
+                    "name": tube.name,
+                    "start": round(tube.start, 3),
+                    "greatest": round(tube.greatest, 4),
+                    "radius": round(tube.radius, 4),
+                    "share": round(tube.share, 5),
+                    "rms": round(tube.rms, 4),
+                }
+                for tube in self.tubes
+            ],
+        }
+
+
+def tube_radius(errors: FloatArray) -> tuple[float, float]:
+    """Return a radius that holds flights, and the share that it holds surely.
+
+    An order statistic: of n independent flights the k-th smallest error lies above the
+    quantile p with the probability that fewer than k of n lie below it. Where there are
+    too few flights for the wanted share, the greatest error holds a smaller one.
+
+    Parameters
+    ----------
+    errors
+        Greatest error of each flight, shape (n,) [m].
+    """
+    ordered = np.sort(errors)
+    count = ordered.size
+    # Logarithms of the binomial terms C(n, j) p^(n-j) (1-p)^j: j flights lie beyond
+    # the quantile.
+    beyond = np.arange(count)
+    steps = np.log(np.maximum(count - beyond[:-1], 1)) - np.log(beyond[:-1] + 1.0)
+    ways = np.concatenate([[0.0], np.cumsum(steps)])
+    terms = ways + (count - beyond) * np.log(WANTED) + beyond * np.log(1.0 - WANTED)
+    missed = np.cumsum(np.exp(terms))
+    enough = np.flatnonzero(missed <= 1.0 - CONFIDENCE)
+    if enough.size:
+        # As many of the greatest may be left out.
+        return float(ordered[count - 1 - int(enough[-1])]), WANTED
+    return float(ordered[-1]), float((1.0 - CONFIDENCE) ** (1.0 / count))
+
+
+def campaign(
+    logged: LoggedShow,
+    show: Show,
+    weather: Weather,
+    progress: Progress,
+    *,
+    model: Model | None = None,
+) -> Campaign:
+    """Fly a show several times in wind.
+
+    Parameters
+    ----------
+    logged
+        The log.
+    show
+        What its script asks for.
+    weather
+        Wind, gusts, how many runs.
+    progress
+        Notified of every run.
+    model
+        Controller, rotors and estimator; None: as usual.
+    """
+    flights = [logged.trajectory(drone) for drone in range(logged.drones)]
+    at = np.arange(0.0, logged.duration, STEP * CONTROL)
+    state = np.stack([flight.state(at) for flight in flights], axis=1)
+    control = np.stack([flight.control(at) for flight in flights], axis=1)
+    push = np.stack(
+        [flight.state.select([3, 4, 5]).derivative()(at) for flight in flights],
+        axis=1,
+    )
+    course = _Course(at, state, control, push)
+    legs = [(one.message.name, one.start, one.duration) for one in logged.segments]
+    worst, squares, closest, saturated = [], [], np.inf, 0.0
+    progress.stage(f"fly {weather.runs} times", weather.runs)
+    for run in range(weather.runs):
+        flown = _Run(show, course, weather, run, model or Model()).fly()
+        worst.append(flown.errors)
+        squares.append(flown.errors**2)
+        closest = min(closest, flown.closest)
+        saturated += flown.saturated / weather.runs
+        progress.advance()
+    errors, square = np.stack(worst), np.stack(squares)
+    tubes = []
+    for name, start, duration in [*legs, ("whole show", 0.0, logged.duration)]:
+        met = (at >= start) & (at <= start + duration)
+        each = errors[:, met].max(axis=1).ravel()
+        radius, share = tube_radius(each)
+        rms = float(np.sqrt(square[:, met].mean()))
+        tubes.append(Tube(name, start, float(each.max()), radius, share, rms))
+    return Campaign(weather, tuple(tubes), float(closest), saturated)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Course:
+    """References at the times of commands, shape (commands, drones, ...)."""
+
+    times: FloatArray
+    state: FloatArray
+    control: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flown:
+    errors: FloatArray
+    """Distance from the reference, shape (commands, drones) [m]."""
+    closest: float
+    saturated: float
+
+
+class _Run:
+    """One flight of the whole show."""
+
+    def __init__(
+        self,
+        show: Show,
+        course: _Course,
+        weather: Weather,
+        run: int,
+        model: Model,
+    ) -> None:
+        self.course, self.off = course, model.imperfections
+        area = 0.5 * sum(show.body.drag_area)
+        self.plant = Plant(show.vehicle, area, self.off.rotor_lag)
+        self.tracker = Tracker(show.vehicle, model.gains, course.state[0, :, 3:6])
+        self.random = np.random.default_rng([weather.seed, run, 1])
+        bearing = self.random.uniform(0.0, 2.0 * np.pi)
+        along = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+        across = np.array([-along[1], along[0], 0.0])
+        self.frame = np.stack([along, across, [0.0, 0.0, 1.0]])
+        self.mean = weather.wind * along
+        height = course.state[:, :, 2].max(axis=0)
+        scales = Scales.at(height, weather.gusts)
+        seed = int(self.random.integers(2**31))
+        self.gusts = Gusts(scales, weather.wind, STEP * CONTROL, seed)
+
+    def fly(self) -> _Flown:
+        """Fly from the first hover to the last."""
+        course, off = self.course, self.off
+        drones = course.state.shape[1]
+        state, thrust = course.state[0].copy(), course.control[0].copy()
+        sizes = np.repeat([off.position, off.velocity, off.attitude, off.rate], 3)
+        fade = np.exp(-STEP * CONTROL / off.correlation) if off.correlation else 0.0
+        error = sizes * self.random.standard_normal((drones, 12))
+        waiting = [course.control[0]] * max(1, round(off.delay / (STEP * CONTROL)))
+        errors = np.empty(course.state.shape[:2])
+        closest, clipped = np.inf, 0.0
+        for number in range(course.times.size):
+            noise = sizes * self.random.standard_normal((drones, 12))
+            error = fade * error + np.sqrt(1.0 - fade**2) * noise
+            estimate = state + error
+            wanted = Reference(
+                course.state[number],
+                course.control[number],
+                course.acceleration[number],
+            )
+            asked, limited = self.plant.clipped(self.tracker.command(estimate, wanted))
+            clipped += float(limited.mean()) / course.times.size
+            waiting.append(asked)
+            command = waiting.pop(0)
+            air = self.mean + self.gusts() @ self.frame
+            errors[number] = np.linalg.norm(state[:, :3] - wanted.state[:, :3], axis=1)
+            if number % (LOOK // CONTROL) == 0:
+                closest = min(closest, _closest(state[:, :3]))
+            # The ground brakes the wind, and holds what stands on it.
+            air *= np.clip(wanted.state[:, 2:3] / LOWEST, 0.0, 1.0)
+            for _ in range(CONTROL):
+                state, thrust = self.plant.after(state, thrust, command, air, STEP)
+            self.tracker.observe(estimate, thrust, STEP * CONTROL)
+        return _Flown(errors, closest, clipped)
+
+
+def _closest(places: FloatArray) -> float:
+    """Least distance of two of n places (n, 3) [m]."""
+    if len(places) < 2:
+        return np.inf
+    square = np.sum(places**2, axis=1)
+    gap = square[:, None] + square[None, :] - 2.0 * places @ places.T
+    np.fill_diagonal(gap, np.inf)
+    return float(np.sqrt(max(gap.min(), 0.0)))

@@ -1,0 +1,120 @@
+"""A tracking controller: differential flatness with a disturbance observer.
+
+The reference's accelerations, attitudes, rates and torques are fed forward (Mellinger
+and Kumar 2011, Minimum snap trajectory generation and control for quadrotors); what the
+air adds is estimated by a Luenberger observer on the velocity and taken off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.vehicle.motion import (
+    angular_acceleration,
+    thrust_direction,
+    torques_for,
+)
+
+if TYPE_CHECKING:
+    from showc.arrays import FloatArray
+    from showc.vehicle import Quadrotor
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Of the loops; the inner ones are several times as fast as the outer."""
+
+    position: float = 3.0
+    """[1/s²]."""
+    velocity: float = 3.0
+    """[1/s]."""
+    attitude: float = 8.0
+    """[1/s]."""
+    rate: float = 16.0
+    """[1/s]."""
+    observer: float = 3.0
+    """Both poles of the observer [1/s]; 0: none."""
+    lean: float = 0.7
+    """Greatest roll and pitch that are asked for [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """What n drones are to do at one instant."""
+
+    state: FloatArray
+    """Shape (n, 12)."""
+    control: FloatArray
+    """Shape (n, 4)."""
+    acceleration: FloatArray
+    """Shape (n, 3) [m/s²]."""
+
+
+class Tracker:
+    """Controls n drones along their references."""
+
+    def __init__(self, vehicle: Quadrotor, gains: Gains, velocity: FloatArray) -> None:
+        self.vehicle, self.gains = vehicle, gains
+        self._velocity = velocity.copy()
+        self._disturbance = np.zeros_like(velocity)
+
+    def command(self, estimate: FloatArray, wanted: Reference) -> FloatArray:
+        """Return the controls U1..U4, (n, 4), for estimated states (n, 12)."""
+        gains, vehicle = self.gains, self.vehicle
+        push = (
+            wanted.acceleration
+            + gains.position * (wanted.state[:, :3] - estimate[:, :3])
+            + gains.velocity * (wanted.state[:, 3:6] - estimate[:, 3:6])
+            - self._disturbance
+        )
+        push[:, 2] += vehicle.gravity
+        push[:, 2] = np.maximum(push[:, 2], 0.2 * vehicle.gravity)
+        axis = np.stack(
+            thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
+        )
+        thrust = vehicle.mass * np.sum(push * axis, axis=1)
+        yaw = wanted.state[:, 8]
+        unit = push / np.linalg.norm(push, axis=1)[:, None]
+        roll = np.arcsin(unit[:, 0] * np.sin(yaw) - unit[:, 1] * np.cos(yaw))
+        ahead = unit[:, 0] * np.cos(yaw) + unit[:, 1] * np.sin(yaw)
+        pitch = np.arctan2(ahead, unit[:, 2])
+        attitude = np.stack(
+            [
+                np.clip(roll, -gains.lean, gains.lean),
+                np.clip(pitch, -gains.lean, gains.lean),
+                yaw,
+            ],
+            axis=1,
+        )
+        rates = wanted.state[:, 9:12] + gains.attitude * (attitude - estimate[:, 6:9])
+        turning = gains.rate * (rates - estimate[:, 9:12])
+        planned = angular_acceleration(
+            vehicle, _columns(wanted.state[:, 9:12]), _columns(wanted.control[:, 1:4])
+        )
+        torques = torques_for(
+            vehicle,
+            _columns(estimate[:, 9:12]),
+            _columns(turning + np.stack(planned, axis=1)),
+        )
+        return np.stack([thrust, *torques], axis=1)
+
+    def observe(self, estimate: FloatArray, control: FloatArray, step: float) -> None:
+        """Learn from estimates (n, 12) what the air adds, over a ``step`` [s]."""
+        pole = self.gains.observer
+        if not pole:
+            return
+        axis = np.stack(
+            thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
+        )
+        own = control[:, :1] / self.vehicle.mass * axis
+        own[:, 2] -= self.vehicle.gravity
+        gap = estimate[:, 3:6] - self._velocity
+        self._velocity += step * (own + self._disturbance + 2.0 * pole * gap)
+        self._disturbance += step * pole**2 * gap
+
+
+def _columns(rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return rows[:, 0], rows[:, 1], rows[:, 2]

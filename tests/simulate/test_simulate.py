@@ -1,0 +1,141 @@
+"""Gusts have Dryden's statistics, the plant the physics, the tubes their confidence."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from showc.log.reader import read_log
+from showc.progress import Silent
+from showc.safety.case import show_of
+from showc.simulate.campaign import (
+    WANTED,
+    Model,
+    Weather,
+    campaign,
+    tube_radius,
+)
+from showc.simulate.gusts import KNOT, Gusts, Scales
+from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
+from showc.simulate.tracking import Gains
+from showc.vehicle import PRESETS
+
+VEHICLE = PRESETS["formation-625g"].vehicle
+IDEAL = Imperfections(position=0.0, velocity=0.0, attitude=0.0, rate=0.0)
+
+
+@pytest.fixture(scope="module")
+def flown(compiled):
+    """One flight of each model in each wind, flown once."""
+    logged = read_log(compiled("swap"))
+    kept = {}
+
+    def fly(wind, model):
+        key = wind, model
+        if key not in kept:
+            weather = Weather(wind, "none", 1)
+            kept[key] = campaign(
+                logged, show_of(logged), weather, Silent(), model=model
+            )
+        return kept[key]
+
+    return fly
+
+
+def test_scales_are_those_of_the_standard():
+    # At 30 m, with the wind of 5 m/s at 20 ft: 0.50 and 0.86 m/s, 152 and 30 m.
+    scales = Scales.at(np.array([30.0]), "light")
+    share = 5.0 / (15.0 * KNOT)
+    assert share * scales.sigma_up[0] == pytest.approx(0.50, abs=0.005)
+    assert share * scales.sigma[0] == pytest.approx(0.86, abs=0.01)
+    assert scales.length[0] == pytest.approx(152.0, abs=1.0)
+    assert scales.length_up[0] == pytest.approx(30.0)
+
+
+def test_gusts_have_their_variance_and_fade_with_their_scale():
+    scales = Scales.at(np.full(400, 30.0), "moderate")
+    step, speed = 0.5, 10.0
+    gusts = Gusts(scales, speed, step, 3)
+    series = np.array([gusts() for _ in range(400)])
+    wanted = [scales.sigma[0], scales.sigma[0], scales.sigma_up[0]]
+    assert series.std(axis=(0, 1)) == pytest.approx(wanted, rel=0.08)
+    # First order: the correlation falls with exp(-t V / L).
+    lag = 10
+    along = series[:, :, 0]
+    same = np.mean(along[:-lag] * along[lag:]) / np.mean(along**2)
+    fade = np.exp(-lag * step * speed / scales.length[0])
+    assert same == pytest.approx(fade, abs=0.05)
+    # Second order, from its spectrum: (1 - t / (2 T)) exp(-t / T) after t.
+    share = lag * step * speed / scales.length[0]
+    across = series[:, :, 1]
+    same = np.mean(across[:-lag] * across[lag:]) / np.mean(across**2)
+    assert same == pytest.approx((1.0 - 0.5 * share) * np.exp(-share), abs=0.05)
+
+
+def test_a_seed_gives_the_same_gusts_and_another_gives_others():
+    scales = Scales.at(np.full(2, 20.0), "light")
+    one, same, other = (Gusts(scales, 5.0, 0.01, seed)() for seed in (1, 1, 2))
+    assert (one == same).all()
+    assert (one != other).all()
+
+
+def test_a_drone_without_thrust_reaches_its_terminal_speed():
+    plant = Plant(VEHICLE, 0.03, 0.03)
+    state, control = np.zeros((1, 12)), np.zeros((1, 4))
+    for _ in range(4000):
+        state, control = plant.after(state, control, control, np.zeros((1, 3)), 0.005)
+    speed = np.sqrt(2.0 * VEHICLE.hover_thrust / (AIR_DENSITY * 0.03))
+    assert -state[0, 5] == pytest.approx(speed, rel=1e-3)
+
+
+def test_rotors_follow_with_their_lag():
+    plant = Plant(VEHICLE, 0.03, 0.05)
+    hover = VEHICLE.hover_control()[None]
+    _, control = plant.after(
+        np.zeros((1, 12)), 0.0 * hover, hover, np.zeros((1, 3)), 0.05
+    )
+    assert control[0, 0] / hover[0, 0] == pytest.approx(1.0 - np.exp(-1.0))
+
+
+def test_rotors_give_no_more_than_they_can():
+    plant = Plant(VEHICLE, 0.03, 0.05)
+    asked = np.array([[100.0, 0.0, 0.0, 0.0], VEHICLE.hover_control()])
+    given, limited = plant.clipped(asked)
+    assert given[0, 0] == pytest.approx(VEHICLE.thrust_max)
+    assert limited.tolist() == [True, False]
+    assert given[1] == pytest.approx(asked[1])
+
+
+def test_in_calm_air_drones_stay_near_their_paths(flown):
+    found = flown(0.0, Model(imperfections=IDEAL))
+    assert found.tubes[-1].greatest < 0.25
+    assert found.tubes[-1].rms < 0.06
+
+
+def test_wind_pushes_and_the_observer_pushes_back(flown):
+    calm = flown(0.0, Model(imperfections=IDEAL)).tubes[-1].rms
+    blown = flown(8.0, Model(replace(Gains(), observer=0.0))).tubes[-1].rms
+    watched = flown(8.0, Model()).tubes[-1].rms
+    assert calm < watched < 0.5 * blown
+    # Drag over the stiffness of the position loop, where nothing else resists.
+    area = 0.5 * sum(PRESETS["formation-625g"].body.drag_area)
+    push = 0.5 * AIR_DENSITY * area * 8.0**2 / VEHICLE.mass / Gains().position
+    assert blown == pytest.approx(push, rel=0.35)
+
+
+def test_the_command_flies_the_same_again(compiled, run_showc, flown):
+    run = run_showc(
+        "simulate", compiled("swap"), "--wind", "8", "--runs", "1", "--json"
+    )
+    assert run.code == 0, run.err
+    assert json.loads(run.out) == flown(8.0, Model()).to_json()
+
+
+def test_a_tube_holds_its_share_with_its_confidence():
+    assert tube_radius(np.arange(10.0)) == (9.0, pytest.approx(0.05**0.1))
+    assert tube_radius(np.arange(2994.0))[1] < WANTED
+    assert tube_radius(np.arange(2995.0)) == (2994.0, WANTED)
+    # The second greatest is enough from 4742 on (Wilks 1941).
+    assert tube_radius(np.arange(4741.0)) == (4740.0, WANTED)
+    assert tube_radius(np.arange(4742.0)) == (4740.0, WANTED)
