@@ -48,7 +48,15 @@ MAY_IMPORT = {
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},
     # Most of it imports less: see the rooms of verify.
-    "verify": {"errors", "_version", "files", "processes", "script", "vehicle"}
+    "verify": {
+        "errors",
+        "_version",
+        "files",
+        "processes",
+        "progress",
+        "script",
+        "vehicle",
+    }
     | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
     "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
@@ -67,7 +75,7 @@ ROOMS_OF_VERIFY = {
     "verify/missions": {"verify", "errors", "files", "script"}
     | {"log.showc_pb2", "log.sample"},
     "verify/samples.py": {"verify", "script", "light", "log.scene", "log.sample"},
-    "verify": {"verify", "errors", "_version", "files", "processes"}
+    "verify": {"verify", "errors", "_version", "files", "processes", "progress"}
     | {"log.showc_pb2", "log.schema"},
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,12 @@ from typing import TYPE_CHECKING, Any
 from showc.processes import side_by_side
 from showc.verify.damage import Damage
 from showc.verify.decode import read_show
+from showc.verify.kernel.certificates import certified
+from showc.verify.kernel.choreography import joined_up
+from showc.verify.kernel.dynamics import radius, ties
+from showc.verify.kernel.fence import Nearest, fenced, nearest
+from showc.verify.kernel.limits import Extreme, extremes, kept
+from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import parts_of_script
 from showc.verify.report import Check, Place, Verification
 from showc.verify.samples import Samples
@@ -17,19 +24,19 @@ from showc.verify.schemas import check_schemas
 from showc.verify.specification.cover import check_cover
 from showc.verify.specification.demands import hold_against
 from showc.verify.specification.script import read_anchor
-from showc.verify.theorems import (
-    check_choreography,
-    flight_checks,
-    segment_parts,
-    separation_parts,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from showc.log.showc_pb2 import Rules
+    from showc.progress import Progress
+    from showc.verify.kernel.separation import Encounter
+    from showc.verify.kernel.show import LoggedShow, Segment, Statement
     from showc.verify.logfile import LogFile
-    from showc.verify.progress import Progress
 
 BEGUN = (
     *("missions", "segments", "separation"),
@@ -79,15 +86,15 @@ def prove(
     samples = Samples(log, show, lights, anchor.show)
     # In the order in which damage is reported if there is more than one.
     work: dict[str, Sequence[Callable[[], Any]]] = {
-        "segments": segment_parts(show),
-        "separation": separation_parts(show),
-        "choreography": [partial(check_choreography, show)],
+        "segments": [partial(_examined, one, show.rules) for one in show.segments],
+        "separation": encounter_parts(show),
+        "choreography": [partial(joined_up, show)],
         "samples": samples.parts(),
         "missions": parts_of_script(log, show, anchor.show) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += flight_checks(show, found["segments"], found["separation"])
-    checks += found["choreography"][0]
+    checks += [_check("choreography", one) for one in found["choreography"][0]]
     checks += join_samples(found["samples"])
     if missions:
         checks += [check for part in found["missions"] for check in part]
@@ -170,3 +177,57 @@ def _integrity(log: LogFile) -> list[Check]:
         for offset, text in log.warnings
     ]
     return checks
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """What is proved about one segment by itself."""
+
+    radius: NDArray[np.float64]
+    extremes: list[Extreme]
+    nearest: Nearest | None
+
+
+def _examined(segment: Segment, rules: Rules) -> Examined:
+    return Examined(
+        radius(segment, rules.vehicle),
+        extremes(segment, rules),
+        nearest(segment, rules.site),
+    )
+
+
+def flight_checks(
+    show: LoggedShow, examined: Sequence[Examined], encounters: Sequence[Encounter]
+) -> list[Check]:
+    """Join what the parts found, in the order of the segments."""
+    radii = [one.radius for one in examined]
+    limits = kept(show, radii, [one.extremes for one in examined])
+    fence = fenced(show, radii, [one.nearest for one in examined])
+    apart = separated(show, radii, closest_of(encounters))
+    return [
+        *(_check("physics", one) for one in ties(show, radii)),
+        *(_check("limits", one) for one in (*limits, fence)),
+        _check("separation", apart),
+        *(_check("certificates", one) for one in certified(show, encounters)),
+    ]
+
+
+def _check(group: str, statement: Statement) -> Check:
+    """Turn what the kernel proves into a check under a heading."""
+    holds, drones = statement.holds, [drone + 1 for drone in statement.drones]
+    return Check(
+        statement.code,
+        group,
+        statement.title,
+        "skipped" if holds is None else "pass" if holds else "fail",
+        statement.value,
+        statement.limit,
+        statement.unit,
+        Place(
+            drones[0] if len(drones) == 1 else None,
+            (drones[0], drones[1]) if len(drones) == 2 else None,
+            statement.segment,
+            statement.time,
+        ),
+        statement.notes,
+    )

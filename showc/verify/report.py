@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -74,32 +74,24 @@ class Place:
     """Name of another file than the log."""
 
     def __str__(self) -> str:
-        parts = []
-        if self.file is not None:
-            parts.append(self.file)
-        if self.pair is not None:
-            parts.append(f"drones {self.pair[0]} and {self.pair[1]}")
-        if self.drone is not None:
-            parts.append(f"drone {self.drone}")
-        if self.segment is not None:
-            parts.append(f"“{self.segment}”")
-        if self.time is not None:
-            parts.append(f"at {self.time:.3f} s")
-        if self.offset is not None:
-            parts.append(f"byte {self.offset:,}")
-        return ", ".join(parts)
+        pair, time, offset = self.pair, self.time, self.offset
+        parts = (
+            self.file,
+            pair and f"drones {pair[0]} and {pair[1]}",
+            self.drone and f"drone {self.drone}",
+            self.segment and f"“{self.segment}”",
+            None if time is None else f"at {time:.3f} s",
+            None if offset is None else f"byte {offset:,}",
+        )
+        return ", ".join(part for part in parts if part)
 
     def to_json(self) -> dict[str, Any]:
         """Return only what is known."""
-        known = {
-            "drone": self.drone,
-            "pair": None if self.pair is None else list(self.pair),
-            "segment": None if self.segment is None else printable(self.segment),
-            "time": self.time,
-            "offset": self.offset,
-            "file": None if self.file is None else printable(self.file),
+        return {
+            key: _plain(value)
+            for key, value in asdict(self).items()
+            if value is not None
         }
-        return {key: value for key, value in known.items() if value is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,17 +119,8 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
-        return {
-            "code": self.code,
-            "group": self.group,
-            "name": printable(self.name),
-            "verdict": self.verdict,
-            "value": _finite(self.value),
-            "limit": _finite(self.limit),
-            "unit": self.unit,
-            "where": self.where.to_json(),
-            "notes": [printable(note) for note in self.notes],
-        }
+        whole = {key: _plain(value) for key, value in asdict(self).items()}
+        return whole | {"where": self.where.to_json()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,5 +324,12 @@ def _figure(check: Check) -> str:
     return f" {value}" + (f" of {limit}" if limit else "") if value else ""
 
 
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds
+    """Value that JSON can hold: texts printable, numbers finite or None."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, (tuple, list)):
+        return [_plain(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.progress import Progress, Silent
 from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.mcap import open_log
-from showc.verify.progress import Progress, Silent
 
 if TYPE_CHECKING:
     from showc.verify.logfile import LogFile

@@ -7,7 +7,7 @@ import pytest
 from verified import with_table
 
 from showc.log import showc_pb2 as pb
-from showc.verify.theorems import check_choreography
+from showc.verify.kernel.choreography import joined_up
 
 HOVER = "VRF331"
 REACHED = "VRF333"
@@ -24,7 +24,7 @@ def show(log_and_show):
 
 
 def failures(show):
-    return {check.code for check in check_choreography(show) if check.verdict == "fail"}
+    return {one.code for one in joined_up(show) if not one.holds}
 
 
 def moved(show, number, component, shift, *, drone=1, begin=True, end=True):
