@@ -398,19 +398,16 @@ def test_other_rates_hit_every_step(vertical, write):
     assert frames[2] == 200_000_000
 
 
-def test_thousand_drones_take_seconds_and_little_memory(tmp_path):
+def test_a_thousand_drones_take_little_memory(tmp_path):
     # A subprocess, so that the memory of other tests does not count.
     code = (
-        "import resource, sys, time; from pathlib import Path\n"
+        "import sys; from pathlib import Path\n"
+        "from memory import peak\n"
         "from synthetic import gliding_flight\n"
         "from showc.log.writer import write_log\n"
         "flight = gliding_flight(1000, moves=1)\n"
-        "begin = time.process_time()\n"
-        "found = write_log(flight, Path(sys.argv[1]), manifest=b'{}')\n"
-        "used = time.process_time() - begin\n"
-        "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        "scale = 1 if sys.platform == 'darwin' else 1024\n"
-        "print(found.samples, used, peak * scale)\n"
+        "write_log(flight, Path(sys.argv[1]), manifest=b'{}')\n"
+        "print(peak())\n"
     )
     root = Path(__file__).parents[2]
     path = os.pathsep.join([str(root), str(root / "tests")])
@@ -421,10 +418,7 @@ def test_thousand_drones_take_seconds_and_little_memory(tmp_path):
         text=True,
         env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
     )
-    samples, used, peak = map(float, result.stdout.split())
-    # 300 s of show are 6,000 steps; 60 s of processor time is far above the usual 6.
-    assert used / samples * 6000.0 < 60.0
-    assert peak < 1 << 30
+    assert int(result.stdout) < 1 << 30
 
 
 def test_a_full_disk_is_an_os_error(vertical):

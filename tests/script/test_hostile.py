@@ -14,6 +14,7 @@ import zlib
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 
 from showc.script import load_show
 
@@ -23,12 +24,11 @@ MEMORY = 300_000_000
 """Resident memory that a check may take [bytes]."""
 
 PROBE = """
-import json, resource, sys
+import json, sys
+from memory import peak
 from showc.__main__ import run
 code = run(["check", "--json", *sys.argv[1:]])
-most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-most *= 1 if sys.platform == "darwin" else 1024
-print(json.dumps({"exit": code, "memory": most}))
+print(json.dumps({"exit": code, "memory": peak()}))
 """
 
 
@@ -46,7 +46,12 @@ def checked(folder, *arguments):
         check=False,
         preexec_fn=limited,
         timeout=300,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        env={
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+            "PYTHONPATH": str(ROOT / "tests"),
+        },
     )
     assert "Traceback" not in done.stderr
     assert done.returncode == 0, done.stderr[-2000:] + done.stdout[-500:]

@@ -1,10 +1,16 @@
-"""Checking is quick, start-up included, and knows no solver."""
+"""Processor time of `showc check`, beside that of starting Python with its libraries.
+
+Run as ``python tests/benchmarks/check_time.py``. The ratio of both is the same on fast
+and on slow machines.
+"""
 
 import math
 import os
 import resource
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 HUNDRED = """\
 showc: 1
@@ -71,31 +77,21 @@ def cpu_time(arguments, folder):
     return min(times)
 
 
-def test_a_hundred_drones_are_checked_in_a_blink(tmp_path):
-    (tmp_path / "hundred.yaml").write_text(HUNDRED, encoding="utf-8")
-    start_up = cpu_time(["-c", "import numpy, yaml, click"], tmp_path)
-    check = cpu_time(["-m", "showc", "check", "hundred.yaml"], tmp_path)
-    # 0.3 s on a machine without other work, of which the libraries take a part that
-    # is measured here and now, as much slower as the machine is busier.
-    assert check < 0.3 * max(1.0, start_up / 0.12)
+def main():
+    """Print a row for each show."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "hundred.yaml").write_text(HUNDRED, encoding="utf-8")
+        (folder / "thousand.yaml").write_text(THOUSAND, encoding="utf-8")
+        globe(folder / "ball.obj", 1.0)
+        globe(folder / "egg.obj", 1.4)
+        start_up = cpu_time(["-c", "import numpy, yaml, click"], folder)
+        for show in ("hundred", "thousand"):
+            check = cpu_time(["-m", "showc", "check", f"{show}.yaml"], folder)
+            sys.stdout.write(
+                f"{show:<10} {check:6.2f} s   {check / start_up:6.1f} x start-up\n"
+            )
 
 
-def test_a_thousand_drones_with_text_and_meshes_are_checked_in_a_second(tmp_path):
-    (tmp_path / "thousand.yaml").write_text(THOUSAND, encoding="utf-8")
-    globe(tmp_path / "ball.obj", 1.0)
-    globe(tmp_path / "egg.obj", 1.4)
-    start_up = cpu_time(["-c", "import numpy, yaml, click"], tmp_path)
-    check = cpu_time(["-m", "showc", "check", "thousand.yaml"], tmp_path)
-    assert check < 1.0 * max(1.0, start_up / 0.12)
-
-
-def test_checking_imports_no_solver(tmp_path):
-    (tmp_path / "hundred.yaml").write_text(HUNDRED, encoding="utf-8")
-    code = (
-        "import sys\nfrom showc.__main__ import main\n"
-        "sys.argv = ['showc', 'check', 'hundred.yaml']\n"
-        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
-        "heavy = {'casadi', 'scipy', 'trimesh', 'PIL', 'svgelements', 'mcap'}\n"
-        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
-    )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+if __name__ == "__main__":
+    main()
