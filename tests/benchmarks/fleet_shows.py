@@ -213,6 +213,54 @@ def swap(drones: int, time: float) -> FleetShow:
     return FleetShow(label, drones, script, cases)
 
 
+def turned(time: float) -> FleetShow:
+    """Sixty drones on a grid of 1.2 times the separation, turned in place by 90°."""
+    body = "{type: grid, rows: 4, columns: 5, layers: 3, step: 1.2, centre: [0, 0, 20]"
+    label = "60 turned by 90° in place, spacing 1.2 x d_safe"
+    script = _script(
+        label,
+        60,
+        {"g": body + "}", "t": body + ", transform: [{rotate: 90 deg}]}"},
+        fixed=True,
+    )
+    return FleetShow(label, 60, script, (Case(label, 1, time, 0.08),))
+
+
+def word(time: float) -> FleetShow:
+    """A thousand drones into a filled word whose places are as near as they may be."""
+    formations = {
+        "word": "{type: text, text: SHOW, height: 27, draw: inside, spread: true, "
+        "centre: [0, 0, 40]}",
+        "ball": "{type: sphere, radius: 14, centre: [0, 0, 40]}",
+    }
+    label = "1,000 into a filled word, spacing 1.0 x d_safe"
+    script = _script(label, 1000, formations, pads="{type: grid, step: 1.34}")
+    cases = (
+        Case(label, 0, time, 0.05),
+        Case("1,000 out of the filled word", 1, time, 0.05),
+    )
+    return FleetShow(label, 1000, script, cases)
+
+
+def through_the_centre(time: float) -> FleetShow:
+    """Forty drones on a sphere, each to the place opposite its own."""
+    index = np.arange(40) + 0.5
+    polar, turn = np.arccos(1.0 - index / 20.0), np.pi * (1.0 + math.sqrt(5.0)) * index
+    ring = np.column_stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    )
+    files = {
+        f"{name}.csv": "".join(f"{x:.4f},{y:.4f},{30.0 + z:.4f}\n" for x, y, z in rows)
+        for name, rows in (("here", 6.0 * ring), ("there", -6.0 * ring))
+    }
+    label = "40 through the centre of a sphere"
+    formations = {
+        name: f"{{type: csv, file: {name}.csv}}" for name in ("here", "there")
+    }
+    script = _script(label, 40, formations, fixed=True)
+    return FleetShow(label, 40, script, (Case(label, 1, time, 0.03),), files)
+
+
 def all_shows() -> dict[str, FleetShow]:
     """All shows by key, in the order of the table."""
     return {
@@ -225,6 +273,9 @@ def all_shows() -> dict[str, FleetShow]:
         "swap-6": swap(6, 2.0),
         "swap-12": swap(12, 4.0),
         "swap-24": swap(24, 10.0),
+        "turned": turned(10.0),
+        "centre": through_the_centre(15.0),
+        "word": word(60.0),
     }
 
 
