@@ -19,6 +19,12 @@ from showc.cli.console import outside_option
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of solved transitions, as for compile.",
 )
+@click.option(
+    "--labels",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the timeline as labels for Audacity (.txt), or as CSV for Reaper and "
+    "others (.csv), in the music's time.",
+)
 @outside_option
 @click.option(
     "--detailed-exitcode",
@@ -29,6 +35,7 @@ def command(
     script: str,
     as_json: bool,
     cache_dir: Path | None,
+    labels: Path | None,
     allow_outside: bool,
     detailed_exitcode: bool,
 ) -> int:
@@ -41,11 +48,13 @@ def command(
 
     \b
       showc plan my-show.yaml
+      showc plan my-show.yaml --labels my-show.txt
     """
     from showc.cli.compile import report
+    from showc.files import write_file
     from showc.fleet.options import SolveOptions
     from showc.mission.feasibility import mission_outlook
-    from showc.pipeline.outlook import outlook
+    from showc.pipeline.outlook import cue_sheet, outlook
     from showc.plan import build_itinerary
     from showc.script import load_show
 
@@ -55,6 +64,12 @@ def command(
         return result.exit_code(strict=False) or 1
     itinerary = build_itinerary(result.show)
     legs = outlook(itinerary, SolveOptions(cache=cache_dir))
+    if labels is not None:
+        music = result.show.music
+        sheet = cue_sheet(
+            legs, 0.0 if music is None else music.offset, csv=labels.suffix == ".csv"
+        )
+        write_file(labels, sheet)
     missions = mission_outlook(itinerary)
     pending = sum(leg.solve for leg in legs)
     if as_json:

@@ -71,6 +71,30 @@ def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     return found
 
 
+def cue_sheet(legs: list[LegOutlook], offset: float, *, csv: bool) -> bytes:
+    """Return the timeline as Audacity reads labels, or as CSV with a header.
+
+    Parameters
+    ----------
+    legs
+        As :func:`outlook` found them.
+    offset
+        Show time at which the music begins [s]; what ends before it is left out.
+    csv
+        Whether to write CSV with the columns Name, Start and End, as Reaper does.
+    """
+    ends = [leg.start for leg in legs[1:]]
+    ends.append(legs[-1].start + legs[-1].upper)
+    joint = "," if csv else "\t"
+    rows = ["Name,Start,End"] if csv else []
+    for leg, end in zip(legs, ends, strict=True):
+        times = [f"{max(time - offset, 0.0):.3f}" for time in (leg.start, end)]
+        name = " ".join(leg.name.replace(joint, " ").replace('"', "").split())
+        if end > offset:
+            rows.append(joint.join([name, *times] if csv else [*times, name]))
+    return ("\n".join(rows) + "\n").encode()
+
+
 def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # noqa: FBT001
     from showc.fleet.timetable import straight_time  # noqa: PLC0415 - heavy
 

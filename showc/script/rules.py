@@ -41,6 +41,60 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _parking(sketch)
     yield from _groups(sketch)
     yield from _unused(sketch)
+    yield from _legible(sketch)
+
+
+STEM = 3.5
+"""Least height of a letter as a multiple of the distance of neighbouring places: the
+coarsest letters of dots that people read are 3 wide and 5 high, which is four times;
+places along strokes lie on no grid, so that a little less does."""
+
+
+def _legible(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Find texts with too few drones to be read (SHW216)."""
+    if "formations" not in sketch.settings:
+        return
+    for name, setting in sketch.settings.section("formations").values.items():
+        own, formation = setting.value, sketch.formations.get(name)
+        if (
+            not isinstance(own, Settings)
+            or formation is None
+            or own.broken
+            or "text" not in own
+            or len(formation.points) < 2
+        ):
+            continue
+        points = formation.points
+        apart = float(np.median(_neighbours(points)))
+        lines = own.text("text").count("\n") + 1
+        # As drawn; a transform that scales it scales both.
+        extent = float(np.max(np.ptp(points, axis=0)[1:]))
+        stem = extent / lines
+        if stem >= STEM * apart:
+            continue
+        # Along strokes the number grows with the length, over areas with its square.
+        power = 2.0 if own.text("draw") == "inside" else 1.0
+        needed = int(np.ceil(len(points) * (STEM * apart / stem) ** power))
+        yield Diagnostic(
+            "SHW216",
+            Severity.WARNING,
+            f"the text of `{name}` cannot be read: its letters are "
+            f"{number_text(round(stem, 1))} m high, its places "
+            f"{number_text(round(apart, 1))} m apart",
+            own.mark_of("text"),
+            notes=(f"{len(points)} drones write it",),
+            help=f"use about {needed} drones, or write less",
+        )
+
+
+def _neighbours(points: FloatArray) -> FloatArray:
+    """Distance of each place from the next one, shape (n,) [m]."""
+    found = np.empty(len(points))
+    for row, point in enumerate(points):
+        square = ((points - point) ** 2).sum(axis=1)
+        square[row] = np.inf
+        found[row] = sqrt(float(square.min()))
+    return found
 
 
 def transitions_of(sketch: Sketch) -> list[Settings]:

@@ -119,6 +119,16 @@ CODES = (
         "transitions: [{to: ring, at: 20, hold: 9}, {to: star, at: 25}]",
     ),
     Code(
+        "SHW216",
+        "text that cannot be read",
+        "The letters of a text are less than three and a half times as high as its "
+        "places are apart: the coarsest letters of dots that people read are 3 wide "
+        "and 5 high, which is four times.",
+        "Use as many drones as the message says, or write less.",
+        "drones: 16\nformations: {word: {type: text, text: WELCOME}}",
+        Severity.WARNING,
+    ),
+    Code(
         "SHW214",
         "above the ceiling",
         "A place, or the hover above a pad, is higher than `site: ceiling:`. Drones "
