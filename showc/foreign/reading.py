@@ -23,6 +23,9 @@ LARGEST_BINARY = 1 << 20
 MOST_FILES = 5000
 """Drones in a folder."""
 
+SHORTEST = 1e-4
+"""Flights that take less are damage: formats count in milliseconds [s]."""
+
 SUFFIXES = (".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb")
 """Endings of the files that are known here."""
 
@@ -43,6 +46,16 @@ def read_show(path: Path) -> ForeignShow:
     DamagedFileError
         If the bytes are not what the format wants; the message says where.
     """
+    show = _read(path)
+    if show.duration < SHORTEST:
+        raise DamagedFileError(
+            f"{path}: its flights take {show.duration:.3g} s; wanted at least "
+            f"{SHORTEST} s"
+        )
+    return show
+
+
+def _read(path: Path) -> ForeignShow:
     if not path.exists():
         raise UsageError(f"{path}: is not there; wanted {KNOWN}")
     if path.is_dir():

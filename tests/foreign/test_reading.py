@@ -150,6 +150,13 @@ def test_three_answers_are_kept_apart(skyc):
     ]
 
 
+def test_flights_without_a_time_are_damage(skyc):
+    instant = trajectory([0, [0, 0, 0], []], [1e-300, [0, 0, 9], []])
+    result = verify_foreign(skyc(show_of(instant)))
+    assert result.exit_code == 1
+    assert "flights take 1e-300 s" in str(result.checks[0].notes)
+
+
 def test_durations_that_the_server_shortens_are_said(skyc):
     times = np.round(np.arange(0.0, 20.0, 1.001), 3)
     slow = trajectory(*[[t, [0, 0, 0.5 * t], []] for t in times.tolist()])

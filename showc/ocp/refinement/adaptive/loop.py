@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.ocp.audit.optimality import objective_size
 from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.guess import Guess
 from showc.ocp.outcome import Result
@@ -21,6 +22,7 @@ from showc.ocp.refinement.adaptive.options import (
     LOOSELY,
     ROUGH,
     SWITCH_TRIALS,
+    TIGHTER,
     TRIAL_EFFORT,
     UNEVENNESS,
     WEIGHINGS,
@@ -213,6 +215,7 @@ class _Refinement:
             fresh = self.judge(
                 solution, former, proposal.structures, mended=proposal.complete
             )
+            fresh = self._closed(proposal, former, fresh)
             rough = max(fresh.error.dynamics, fresh.error.path)
             # Wrong arcs are mended by the next meshes, if these cost little.
             errs = unknowns > CHEAP and fresh.error.objective > max(
@@ -227,6 +230,34 @@ class _Refinement:
         else:
             self.accept(fresh)
         return fresh
+
+    def _closed(
+        self, proposal: Proposal, former: Judgement | None, fresh: Judgement
+    ) -> Judgement:
+        """Solve again, tighter, where only what the solver left open errs too much.
+
+        Another mesh would leave as much open.
+        """
+        share = fresh.solution.slack / objective_size(fresh.solution)
+        error = replace(fresh.error, objective=fresh.error.objective - share)
+        if self.reached(fresh) or not self.reached(replace(fresh, error=error)):
+            return fresh
+        words = f"the solver leaves {share:.1e} of the objective open; again, tighter"
+        self.history.note(fresh.solution, fresh, words)
+        base, self.attempts.former = self.options.solver, self.attempts.latest
+        solution = self.attempts.attempt(
+            proposal.mesh,
+            fresh.solution,
+            arcs=proposal.arcs,
+            structures=proposal.structures,
+            solver=replace(base, tolerance=TIGHTER * base.tolerance),
+        )
+        if not solution.result.usable or is_worse(self.problem, solution, fresh):
+            return fresh
+        closer = self.judge(
+            solution, former, proposal.structures, mended=proposal.complete
+        )
+        return closer if closer.error.objective < fresh.error.objective else fresh
 
     def reached(self, passed: Judgement) -> bool:
         """Whether all errors are within the tolerance."""

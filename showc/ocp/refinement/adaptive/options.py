@@ -39,6 +39,9 @@ LOOSE = 1e-6
 """Solver's tolerance on costly programs whose mesh is yet too coarse by far."""
 CLOSE = 1e-7
 """Solver's tolerance on other costly programs: the last digits cost most iterations."""
+TIGHTER = 0.1
+"""Share of the solver's tolerance that is asked for where only what it leaves open
+keeps a mesh from being the last."""
 EFFORT = 1e6
 """Unknowns times iterations that one mesh may cost; at least a hundred iterations."""
 TRIAL_EFFORT = 3e5
