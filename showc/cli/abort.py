@@ -31,6 +31,11 @@ def rows_of(log: Path) -> list[dict[str, Any]]:
     return []
 
 
+def longest_of(rows: list[dict[str, Any]]) -> float | None:
+    """Return how long the longest abort of a table takes [s]; None: no table."""
+    return max((float(row["total"]) for row in rows), default=None)
+
+
 def _row(row: dict[str, Any]) -> dict[str, Any]:
     """Return a row as the page wants it, whatever the file holds."""
     closest = row["closest"]
@@ -96,7 +101,7 @@ def command(
     write_file(place, (json.dumps(content, indent=1) + "\n").encode())
     for row in table.rows:
         click.echo(
-            f"at {clock(row.time)}: stands in {row.stop:.1f} s, {row.way} in "
+            f"at {clock(row.time)}: stands in {row.stop:.2f} s, {row.way} in "
             f"{row.duration:.1f} s"
         )
     longest = table.longest

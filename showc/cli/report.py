@@ -38,7 +38,7 @@ def command(
       showc report output.mcap                   writes output-report.html
       showc report output.mcap --leg 2 --drone 5    one drone's solution, as plots
     """
-    from showc.cli.abort import rows_of
+    from showc.cli.abort import longest_of, rows_of
     from showc.cli.console import progress
     from showc.errors import UsageError
     from showc.files import write_file
@@ -65,9 +65,9 @@ def command(
     with progress(quiet=quiet) as watcher:
         verification = verify_log(log, progress=watcher)
     page = output or log.with_name(f"{log.stem}-report.html")
-    content = render_report(
-        logged, verification.to_json(), safety_case(logged), rows_of(log)
-    )
+    aborts = rows_of(log)
+    case = safety_case(logged, abort=longest_of(aborts))
+    content = render_report(logged, verification.to_json(), case, aborts)
     write_file(page, content.encode())
     click.echo(verification.to_json()["verdict"])
     click.echo(f"wrote {page}; open it in a browser")

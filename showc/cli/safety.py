@@ -62,7 +62,7 @@ def command(
       showc safety output.mcap
       showc safety output.mcap --wind 8 --rotation 7
     """
-    from showc.cli.abort import rows_of
+    from showc.cli.abort import longest_of, rows_of
     from showc.export.pictures import kml_file
     from showc.export.solved import solved_show
     from showc.files import write_file
@@ -80,9 +80,10 @@ def command(
         shift=risk.shift if shift is None else shift,
     )
     show = replace(show, site=replace(show.site, risk=risk))
-    case = safety_case(logged, show)
+    aborts = rows_of(log)
+    case = safety_case(logged, show, longest_of(aborts))
     page = output or log.with_name(f"{log.stem}-safety.html")
-    write_file(page, render_safety(logged, case, rows_of(log)).encode())
+    write_file(page, render_safety(logged, case, aborts).encode())
     write_file(page.with_suffix(".kml"), kml_file(solved_show(logged), case))
     if as_json:
         click.echo(json.dumps(case.to_json(), indent=1))

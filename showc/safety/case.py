@@ -253,7 +253,9 @@ def _fence(show: Show) -> FloatArray:
     )
 
 
-def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
+def safety_case(
+    logged: LoggedShow, show: Show | None = None, abort: float | None = None
+) -> SafetyCase:
     """Work out the case of a logged show.
 
     Parameters
@@ -262,6 +264,9 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         The log.
     show
         Site, risk and aircraft to judge it by; None: what the log's script says.
+    abort
+        How long the longest abort takes that was planned [s]; None: the longest stop,
+        and the descent from the greatest height.
 
     Raises
     ------
@@ -281,7 +286,7 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         show.vehicle.gravity,
     )
     failing = failures(states, fall, show.body.size, show.site.risk.ground)
-    return _Assessment(show, flight_pieces(logged), stopping, failing, fall).case()
+    return _Assessment(show, flight_pieces(logged), stopping, failing, fall).case(abort)
 
 
 class _Assessment:
@@ -317,7 +322,8 @@ class _Assessment:
         self.distances: list[Distance] = []
         self.findings: list[Finding] = []
 
-    def case(self) -> SafetyCase:
+    def case(self, abort: float | None) -> SafetyCase:
+        """Return the case; ``abort`` [s] is that of :func:`safety_case`."""
         geography = hull(self.pieces, self.flight)
         contingency = widened(geography, self.buffers.contingency)
         self._fence()
@@ -335,7 +341,7 @@ class _Assessment:
             hull(self.pieces, self.impacts),
             tuple(self.distances),
             self.impact_speed,
-            self._energy(),
+            self._energy(abort),
             self._failures(),
             self.stopping,
             tuple(sorted(self.findings, key=lambda item: item.severity)),
@@ -398,7 +404,7 @@ class _Assessment:
         found = least(self.pieces, Footing(stop=own), inside)
         self._note(
             "SAF142",
-            "fence to a drone that strays, braked at its own speed",
+            "drone that strays, braked at its own speed, to the fence",
             float(found.bound[0]),
             self.risk.misplaced,
             found.places[0],
@@ -439,13 +445,12 @@ class _Assessment:
             Place(int(self.pieces.drone[first]), float(middle)),
         )
 
-    def _energy(self) -> Energy:
+    def _energy(self, abort: float | None) -> Energy:
         show = self.show
-        # Down from the greatest height after the longest stop.
-        descent = self.highest / show.landing.descent_speed
-        found = flight_energy(
-            self.pieces, show.vehicle, show.battery, self.stopping.sure + descent
-        )
+        if abort is None:
+            descent = self.highest / show.landing.descent_speed
+            abort = self.stopping.sure + descent
+        found = flight_energy(self.pieces, show.vehicle, show.battery, abort)
         worst, allowed = found.worst, show.battery.allowed
         needed = float(found.used[worst]) + found.abort
         if needed > allowed:

@@ -66,7 +66,7 @@ def safety_section(
     """
     risk = case.show.site.risk
     return (
-        "<h2>Safety of the site<small>every bound holds at every instant of the flight"
+        "<h2>Safety of the site<small>volumes and distances hold at every instant"
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
@@ -181,7 +181,7 @@ def _stops(stops: Stops) -> str:
         f"distance, and accelerations of {kept.level:.1f} m/s² sideways, {kept.up:.1f} "
         f"up and {kept.down:.1f} down. From every second below the fleet stands within "
         f"{stops.longest:.2f} s, from any instant within {stops.sure:.2f} s (proved). "
-        f"<code>showc stream</code> stops so.</p>{plot}"
+        f"<code>showc stream</code> stops so.</p><div class='maps'>{plot}</div>"
     )
 
 
@@ -194,7 +194,7 @@ def _aborts(rows: Sequence[Mapping[str, Any]]) -> str:
         row(
             [
                 clock(float(one["time"])),
-                f"{one['stop']:.1f}",
+                f"{one['stop']:.2f}",
                 text(one["way"]),
                 f"{one['duration']:.1f}",
                 f"{one['total']:.1f}",

@@ -98,3 +98,12 @@ def test_too_small_a_battery_is_found(logged):
     weak = replace(show, battery=replace(show.battery, resistance=0.5))
     assert "SAF132" in {item.code for item in safety_case(logged, weak).errors}
     assert "SAF131" not in {item.code for item in safety_case(logged, show).findings}
+
+
+def test_a_longer_abort_takes_more(logged):
+    show = show_of(logged)
+    short, long = (safety_case(logged, show, abort).energy for abort in (10.0, 40.0))
+    assert long.abort == pytest.approx(4.0 * short.abort)
+    # Hovering for 40 s: its power at the voltage of the pack.
+    charge = 40.0 * show.battery.hover_power / show.battery.voltage
+    assert long.abort > charge / show.battery.capacity
