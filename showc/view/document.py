@@ -8,12 +8,26 @@ from string import Template
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
 
 def text(value: object) -> str:
     """Escape a value for HTML; arrows of plain characters become real ones."""
     return html.escape(str(value).replace("->", "→"))
+
+
+def badge(verification: Mapping[str, Any] | None) -> str:
+    """Return the verdict that ``showc verify --json`` gives; green only if proved."""
+    if verification is None:
+        return '<div class="verdict none">NOT VERIFIED<small>no proofs</small></div>'
+    kind, word = "fail", "NOT PROVED"
+    if verification["proved"]:
+        kind, word = "pass", "PROVED"
+    elif verification["passed"]:
+        kind, word = "open", "MISSIONS NOT PROVED"
+    said = text(verification["verdict"].partition(": ")[2])
+    return f'<div class="verdict {kind}">{word}<small>{said}</small></div>'
 
 
 def clock(seconds: float) -> str:

@@ -17,8 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.view.digest import digest, metric_scale, speeds, tightest, tilt_angles
+from showc.view.document import badge
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
@@ -36,8 +39,10 @@ STEPS = 65_000
 """Steps over the bounding box along each axis; fits 16 bits."""
 
 
-def render_page(logged: LoggedShow) -> str:
-    """Return the page as HTML.
+def render_page(
+    logged: LoggedShow, verification: Mapping[str, Any] | None = None
+) -> str:
+    """Return the page as HTML, with the verdict of ``showc verify --json``, or none.
 
     The positions in it are within a 130,000th of the flight's extent of the logged
     ones (1 mm for 130 m), between frames along straight lines. The address of the page
@@ -84,6 +89,7 @@ def render_page(logged: LoggedShow) -> str:
     folder = files("showc.view") / "assets"
     return Template((folder / "page.html").read_text("utf-8")).substitute(
         title=html.escape(logged.rules.name),
+        badge=badge(verification),
         style=(folder / "style.css").read_text("utf-8"),
         script="\n".join((folder / name).read_text("utf-8") for name in SCRIPTS),
         # A "<" inside a script element could end it or hide what follows.

@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.view.digest import Digest, digest, tightest
-from showc.view.document import clock, document, row, small, table, text
+from showc.view.document import badge, clock, document, row, small, table, text
 from showc.view.forecast import forecast_section
 from showc.view.safety import safety_section
 from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
@@ -80,21 +80,12 @@ def render_report(
 
 
 def _head(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
-    if verification is None:
-        badge = '<div class="verdict none">NOT VERIFIED<small>no proofs</small></div>'
-    else:
-        kind, word = "fail", "NOT PROVED"
-        if verification["proved"]:
-            kind, word = "pass", "PROVED"
-        elif verification["passed"]:
-            kind, word = "open", "MISSIONS NOT PROVED"
-        said = text(verification["verdict"].partition(": ")[2])
-        badge = f'<div class="verdict {kind}">{word}<small>{said}</small></div>'
     site = logged.rules.site
     return (
         f"<header><div><h1>{text(logged.rules.name)}</h1>"
         f"<p>Drone show report · site {site.latitude:.6f}°, {site.longitude:.6f}°, "
-        f"{site.altitude:.1f} m · heading {site.heading:.1f}°</p></div>{badge}</header>"
+        f"{site.altitude:.1f} m · heading {site.heading:.1f}°</p></div>"
+        f"{badge(verification)}</header>"
     )
 
 

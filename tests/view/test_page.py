@@ -128,3 +128,17 @@ def test_five_minutes_of_a_thousand_drones_stay_under_15_megabytes(big_page):
     assert header_of(big_page)["duration"] > 300.0
     assert header_of(big_page)["drones"] == 1000
     assert len(big_page) < 15e6
+
+
+@pytest.mark.parametrize(
+    ("proved", "passed", "kind"),
+    [(True, True, "pass"), (False, True, "open"), (False, False, "fail")],
+)
+def test_the_badge_is_green_only_for_what_is_proved(gliding_log, proved, passed, kind):
+    verdict = "SAID: <b> by verify."
+    verification = {"proved": proved, "passed": passed, "verdict": verdict}
+    shown = render_page(gliding_log, verification)
+    assert f'<div class="verdict {kind}">' in shown
+    assert "&lt;b&gt; by verify." in shown
+    assert ('class="verdict pass"' in shown) == proved
+    assert 'class="verdict none"' in render_page(gliding_log)
