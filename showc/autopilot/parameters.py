@@ -86,9 +86,10 @@ MEASURED = Gains.of(GAINS)
 """The same in SI."""
 
 
-WINDY_SPEED = 4.8
+WINDY_SPEED = 4.2
 """Greatest horizontal speed of a leg in wind [m/s]: in 5 m/s of it drones were up to
-0.7 m off their predicted flights on legs up to 5 m/s, and 1.9 m on one of 6.4 m/s."""
+0.7 m off their predicted flights on short legs, 1.1 m on one flown at 4.8 m/s, and
+1.9 m at 6.2 m/s."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
 GRAVITY = 9.80665
 """Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
-CRUISE, WINDY = 8.0, 4.8
+CRUISE, WINDY = 8.0, 4.2
 """Fastest leg of any mission [m/s], in calm air and where the script states wind."""
 
 
