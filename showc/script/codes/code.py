@@ -23,3 +23,5 @@ class Code:
     """Part of a script, or a situation, that causes it."""
     severity: Severity = Severity.ERROR
     """How bad it is unless a caller is strict."""
+    instead: str = ""
+    """Part of a script that says the same without the finding."""

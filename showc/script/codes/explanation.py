@@ -22,11 +22,13 @@ _CHAPTERS = {
 
 
 def explanation(code: Code) -> str:
-    """Return cause, example and repair as plain text."""
+    """Return cause, example, repair and a corrected example as plain text."""
     parts = [f"{code.code} ({code.severity}): {code.title}", code.cause]
     if code.example:
         parts.append("Example:\n\n" + indent(code.example, "    "))
     parts.append(f"What to do: {code.repair}")
+    if code.instead:
+        parts.append("Use instead:\n\n" + indent(code.instead, "    "))
     return "\n\n".join(parts) + "\n"
 
 
@@ -65,4 +67,6 @@ def reference(codes: Iterable[Code]) -> str:
         if code.example:
             lines += ["", "```text", code.example, "```"]
         lines += ["", code.repair]
+        if code.instead:
+            lines += ["", "*Use instead:*", "", "```text", code.instead, "```"]
     return "\n".join(lines) + "\n"

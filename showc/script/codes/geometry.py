@@ -13,6 +13,8 @@ CODES = (
         "Make the formation larger, use fewer drones, or add `spread: true`, which "
         "pushes places apart as little as possible.",
         "separation: 2\nformations: {ring: {type: circle, radius: 3, count: 16}}",
+        instead="separation: 2\n"
+        "formations: {ring: {type: circle, radius: 8, count: 16}}",
     ),
     Code(
         "SHW202",
@@ -21,9 +23,10 @@ CODES = (
         "drones at least s/√2 apart, and not more. Below √2 times the separation the "
         "planner must bend or delay paths, which takes longer.",
         "Nothing need be done; a wider formation is quicker to reach.",
-        "separation: 2\nformations: {row: {type: line, length: 30, count: 16}}    "
-        "(2 m apart)",
+        "separation: 2\nformations: {row: {type: line, length: 30, count: 16}}  "
+        "# 2 m apart",
         Severity.WARNING,
+        instead="separation: 2\nformations: {row: {type: line, length: 45, count: 16}}",
     ),
     Code(
         "SHW203",
@@ -32,6 +35,7 @@ CODES = (
         "Move the formation, make it smaller, or enlarge the volume. Without "
         "`site: volume:` the box is 200 m x 200 m and 120 m high.",
         "ring: {type: circle, radius: 20, plane: front, centre: [0, 0, 10]}",
+        instead="ring: {type: circle, radius: 20, plane: front, centre: [0, 0, 30]}",
     ),
     Code(
         "SHW204",
@@ -40,6 +44,7 @@ CODES = (
         "`fence_margin` allows.",
         "Move the formation or the fence.",
         "site: {fence: [[-20, -20], [20, -20], [0, 20]]}",
+        instead="site: {fence: [[-40, -40], [40, -40], [40, 40], [-40, 40]]}",
     ),
     Code(
         "SHW205",
@@ -48,6 +53,7 @@ CODES = (
         "has no `parking` where the others could wait.",
         "Change `count` or `drones`, or add `parking`.",
         "drones: 16\nformations: {ring: {type: circle, count: 12}}",
+        instead="drones: 16\nformations: {ring: {type: circle, radius: 10, count: 16}}",
     ),
     Code(
         "SHW206",
@@ -62,7 +68,8 @@ CODES = (
         "the vehicle cannot hover",
         "The weight is not between the least and the greatest thrust.",
         "Change the thrust limits, the mass, or the rotors' parameters.",
-        "limits: {thrust_max: 5 N}    (the aircraft weighs 6.1 N)",
+        "limits: {thrust_max: 5 N}  # the aircraft weighs 6.1 N",
+        instead="limits: {thrust_max: 12 N}",
     ),
     Code(
         "SHW208",
@@ -78,7 +85,8 @@ CODES = (
         "No drone can make the move in the time given, by its speed and thrust alone, "
         "whatever the planner does.",
         "Give at least the time the message names, or leave `duration` out.",
-        "transitions: [{to: far_away, duration: 2}]",
+        "transitions: [{to: ring, duration: 1}]",
+        instead="transitions: [{to: ring, duration: 30}]",
     ),
     Code(
         "SHW210",
@@ -87,8 +95,9 @@ CODES = (
         "greatest speed, so that it never takes effect.",
         "Check the limit, or the vehicle's parameters. The rotors' own limit holds in "
         "any case.",
-        "limits: {thrust_max: 30 N}    (the rotors give 21 N)",
+        "limits: {thrust_max: 30 N}  # the rotors give 21 N",
         Severity.WARNING,
+        instead="limits: {thrust_max: 15 N}",
     ),
     Code(
         "SHW211",
@@ -97,8 +106,9 @@ CODES = (
         "follow, so that it never takes effect.",
         "Lower the limit, or write `envelope: airframe` for a flight that no autopilot "
         "is known to follow.",
-        "limits: {acceleration: 9}    (the autopilot follows 4.2 m/s²)",
+        "limits: {acceleration: 9}  # the autopilot follows 4.2 m/s²",
         Severity.WARNING,
+        instead="limits: {acceleration: 4}",
     ),
     Code(
         "SHW212",
@@ -117,6 +127,7 @@ CODES = (
         "Give the time that the message names, or more; shorten the holds before it; "
         "or begin the music later (`music: {offset: ...}`).",
         "transitions: [{to: ring, at: 20, hold: 9}, {to: star, at: 25}]",
+        instead="transitions: [{to: ring, at: 20, hold: 9}, {to: star, at: 50}]",
     ),
     Code(
         "SHW216",
@@ -136,6 +147,8 @@ CODES = (
         "Lower the formation, or have a higher ceiling allowed.",
         "site: {ceiling: 20}\nformations: {row: {type: line, length: 9, "
         "centre: [0, 0, 25]}}",
+        instead="site: {ceiling: 40}\n"
+        "formations: {row: {type: line, length: 45, centre: [0, 0, 25]}}",
     ),
     Code(
         "SHW215",

@@ -12,6 +12,7 @@ CODES = (
         "Fly lower, or pass over the finding with the authorisation as the reason.",
         "ring: {type: circle, centre: [0, 0, 140]}",
         Severity.WARNING,
+        instead="ring: {type: circle, radius: 10, centre: [0, 0, 60]}",
     ),
     Code(
         "SHW302",
@@ -21,6 +22,7 @@ CODES = (
         "Raise the formation, or the launch and landing altitudes.",
         "launch: {altitude: 2}",
         Severity.WARNING,
+        instead="launch: {altitude: 10}",
     ),
     Code(
         "SHW303",
@@ -31,6 +33,7 @@ CODES = (
         "distance.",
         "separation: 1",
         Severity.WARNING,
+        instead="separation: 1.5",
     ),
     Code(
         "SHW304",
@@ -40,6 +43,7 @@ CODES = (
         "Leave at least 2 m between pads.",
         "pads: {type: grid, step: 1.5}",
         Severity.WARNING,
+        instead="pads: {type: grid, step: 3}",
     ),
     Code(
         "SHW305",
@@ -57,6 +61,7 @@ CODES = (
         "Shorten the holds, or split the show.",
         "transitions: [{to: ring, hold: 15 min}]",
         Severity.WARNING,
+        instead="transitions: [{to: ring, hold: 15 s}]",
     ),
     Code(
         "SHW307",

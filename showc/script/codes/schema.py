@@ -10,6 +10,7 @@ CODES = (
         "The key has no meaning at this place.",
         "Take the suggestion, or look the keys up in the reference of show scripts.",
         "seperation: 1.5",
+        instead="separation: 1.5",
     ),
     Code(
         "SHW102",
@@ -17,6 +18,7 @@ CODES = (
         "Something that has no default is missing.",
         "Add the key that the message names.",
         "transitions:\n  - {hold: 5}",
+        instead="transitions:\n  - {to: ring, hold: 5}",
     ),
     Code(
         "SHW103",
@@ -24,6 +26,7 @@ CODES = (
         "A value is a text, number, list or mapping where another form is wanted.",
         "Write what the message wants. A value that begins with # needs quotes.",
         "separation: wide",
+        instead="separation: 1.5 m",
     ),
     Code(
         "SHW104",
@@ -31,6 +34,7 @@ CODES = (
         "The number, or the length of the text, is beyond what makes sense here.",
         "Check the unit: plain numbers are in the unit the message names.",
         "limits: {tilt: 200}",
+        instead="limits: {tilt: 30}",
     ),
     Code(
         "SHW105",
@@ -38,6 +42,7 @@ CODES = (
         "The unit is unknown, or measures something else than what is wanted.",
         "Use one of the units the message lists, or a plain number.",
         "limits: {speed: 20 deg}",
+        instead="limits: {speed: 5 m/s}",
     ),
     Code(
         "SHW106",
@@ -45,13 +50,15 @@ CODES = (
         "The value must be one of a few words.",
         "Take the suggestion, or one of the words listed.",
         "separation: {distance: 1.5, shape: ball}",
+        instead="separation: {distance: 1.5, shape: sphere}",
     ),
     Code(
         "SHW107",
         "name of nothing",
         "A formation or group is named that the script does not define.",
         "Take the suggestion, or define it.",
-        "transitions:\n  - {to: rnig}    (the formation is called ring)",
+        "transitions:\n  - {to: rnig}  # the formation is called ring",
+        instead="transitions:\n  - {to: ring}",
     ),
     Code(
         "SHW108",
@@ -61,6 +68,7 @@ CODES = (
         "Use the showc the script was written for, or adapt the script and its "
         "version.",
         "showc: 7",
+        instead="showc: 1",
     ),
     Code(
         "SHW109",
@@ -84,6 +92,7 @@ CODES = (
         "Two keys are given of which only one can hold.",
         "Keep one of them.",
         "ring: {type: circle, like: star}",
+        instead="ring: {type: circle, radius: 10}",
     ),
     Code(
         "SHW112",
@@ -91,6 +100,7 @@ CODES = (
         "A list is longer or shorter than it must be.",
         "Positions have three numbers: x, y, z.",
         "ring: {type: circle, centre: [0, 20]}",
+        instead="ring: {type: circle, radius: 10, centre: [0, 0, 20]}",
     ),
     Code(
         "SHW113",
@@ -98,6 +108,7 @@ CODES = (
         "Each is defined by the other, so that none is defined.",
         "Give one of them a shape.",
         "a: {like: b}\nb: {like: a}",
+        instead="a: {type: circle, radius: 10}\nb: {like: a, centre: [0, 0, 30]}",
     ),
     Code(
         "SHW114",
@@ -105,6 +116,7 @@ CODES = (
         "The text is neither a CSS colour name nor hexadecimal.",
         'Write a name, or hexadecimal in quotes: "#ff8800".',
         "ring: {type: circle, colour: golden}",
+        instead="ring: {type: circle, radius: 10, colour: gold}",
     ),
     Code(
         "SHW115",
@@ -120,6 +132,7 @@ CODES = (
         "with another group.",
         "Drones are numbered from 1; each belongs to one group at most.",
         "groups: {left: 1-8, right: 8-16}",
+        instead="groups: {left: 1-8, right: 9-16}",
     ),
     Code(
         "SHW117",
@@ -129,6 +142,7 @@ CODES = (
         "Remove it, or write `# showc: ignore[SHW303] why it is right here`.",
         "separation: 3  # showc: ignore[SHW303] we have RTK",
         Severity.WARNING,
+        instead="separation: 1.5",
     ),
     Code(
         "SHW118",
@@ -136,8 +150,14 @@ CODES = (
         "A formation is defined, and no transition, pads, parking or other formation "
         "uses it.",
         "Remove it, or fly to it.",
-        "formations: {ring: {type: circle}, spare: {type: line}}",
+        "formations:\n"
+        "  ring: {type: circle, radius: 10}\n"
+        "  spare: {type: line, length: 45}",
         Severity.WARNING,
+        instead="formations:\n"
+        "  ring: {type: circle, radius: 10}\n"
+        "  spare: {type: line, length: 45}\n"
+        "transitions: [ring, spare]",
     ),
     Code(
         "SHW119",
@@ -147,6 +167,8 @@ CODES = (
         "or it has more findings than are shown.",
         "The message says what is too much, and the limit.",
         "formations: {swarm: {type: grid, rows: 1000, columns: 1000}}",
+        instead="formations: {swarm: {type: grid, rows: 4, columns: 4}}\n"
+        "transitions: [swarm]",
     ),
     Code(
         "SHW120",
@@ -154,6 +176,7 @@ CODES = (
         "The flight volume's lower corner is not below its upper corner.",
         "Swap the numbers.",
         "site: {volume: {min: [50, -50, 0], max: [-50, 50, 100]}}",
+        instead="site: {volume: {min: [-50, -50, 0], max: [50, 50, 100]}}",
     ),
     Code(
         "SHW121",

@@ -10,6 +10,7 @@ CODES = (
         "Look at the marked line and the one before: a missing colon or space after "
         "it, an open bracket or quote, an indentation that fits nothing.",
         "formations:\n  ring: {type: circle, radius: 5",
+        instead="formations:\n  ring: {type: circle, radius: 10}",
     ),
     Code(
         "SHW002",
@@ -17,6 +18,7 @@ CODES = (
         "YAML forbids tabs in indentation, because editors draw them differently.",
         "Indent with spaces.",
         "site:\n\theading: 30",
+        instead="site:\n  heading: 30",
     ),
     Code(
         "SHW003",
@@ -32,6 +34,7 @@ CODES = (
         "which one holds.",
         "Keep one of them.",
         "separation: 1.5\nseparation: 2",
+        instead="separation: 2",
     ),
     Code(
         "SHW005",
@@ -39,6 +42,7 @@ CODES = (
         "A number is infinite, not a number, or too large to be stored.",
         "Write an ordinary number; leave the key out if there is to be no limit.",
         "separation: .inf",
+        instead="separation: 1.5",
     ),
     Code(
         "SHW006",
@@ -48,6 +52,7 @@ CODES = (
         "Write `true` or `false` if a truth value is meant, else put the word in "
         "quotes.",
         "name: no",
+        instead='name: "no"',
     ),
     Code(
         "SHW007",
@@ -56,6 +61,7 @@ CODES = (
         "dropped.",
         "Write an ordinary decimal number.",
         "transitions:\n  - {to: ring, hold: 1:30}",
+        instead="transitions:\n  - {to: ring, hold: 90}",
     ),
     Code(
         "SHW008",
