@@ -65,7 +65,7 @@ def test_the_greatest_bound_is_that_of_all_moves():
     moves[:, 2] *= 0.4
     aircraft = Aircraft(VEHICLE, LIMITS, "held", 0.0)
     start = np.zeros_like(moves)
-    found = limiting_time(aircraft, start, moves, InProcess(), Silent(), solve=False)
+    found = limiting_time(aircraft, start, moves, InProcess(), Silent())
     relaxation = Relaxation(VEHICLE, LIMITS)
     every = [
         lower_bound(relaxation, row, move, 4.0).time for row, move in enumerate(moves)
