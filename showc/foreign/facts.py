@@ -53,6 +53,9 @@ _NARROW = 0.5
 _MOST_PARTS = 1_000
 """Parts into which a search cuts the time: what ten minutes at 5 m/s need."""
 
+_HEAP = 8
+"""Equally near pairs for each drone beyond which they are not listed."""
+
 _FINDINGS = 8
 """Oddities that are spelt out; the rest are counted."""
 
@@ -233,9 +236,14 @@ def closest_pairs(tracks: Tracks, found: Encounter) -> list[tuple[int, int]]:
     """Pairs that come as near as the closest one at the same instant, in order.
 
     Shows are often symmetric; which of several equal pairs a search names is chance.
+    Where drones stand in heaps, the pair that the search names stands for all.
     """
     place = place_at(tracks, found.time)
-    pairs = cKDTree(place).query_pairs(found.upper + CONTINUOUS, output_type="ndarray")
+    tree, reach = cKDTree(place), found.upper + CONTINUOUS
+    # Every drone counts with itself, every pair twice.
+    if tree.count_neighbors(tree, reach) > tracks.drones * (1 + 2 * _HEAP):
+        return [found.pair]
+    pairs = tree.query_pairs(reach, output_type="ndarray")
     inside = [(int(first), int(second)) for first, second in np.sort(pairs, axis=1)]
     return sorted({*inside, found.pair})
 
