@@ -322,13 +322,14 @@ def _as_claimed(
         "required_separation": show.rules.separation.distance,
     }
     names = {(one.message.index, one.message.name) for one in show.segments}
+    keys = _LEG if start is None else _LEG | {"slots_utc"}
     try:
         bad = [key for key, value in wanted.items() if said[key] != value]
         bad += ["keys"] if said.keys() != wanted.keys() | _PREDICTED else []
         bad += [
             f"leg {leg['leg']}"
             for leg in said["legs"]
-            if leg.keys() != _LEG or (leg["leg"], leg["name"]) not in names
+            if leg.keys() != keys or (leg["leg"], leg["name"]) not in names
         ]
         latest = said["latest_mission_start"]
         if latest is not None and not latest <= _latest_start(missions):
