@@ -63,7 +63,7 @@ _FEW = 32
 """Kinds of moves below which it is building programs that takes the time."""
 _FEW_LEFT, _FALLING = 8, 0.1
 """Conflicts up to which every one fewer counts; of more, a tenth has to go in half as
-many rounds. Up to so many, single drones move around all others in the end."""
+many rounds. With this few left, single drones move around all others."""
 _CLEARANCE = 0.04
 _STRAY = 0.02
 """How much farther from the fence walls go each time that they were not enough [m]."""
