@@ -73,11 +73,13 @@ def test_the_measured_flights_of_thirty_metres(parameters, arrival, lag):
     assert half - trapezoid == pytest.approx(lag, abs=0.12)
 
 
+@pytest.mark.xfail(
+    reason="With the gain of changes that vehicles have, 0.25, this flight is missed "
+    "by 0.06 m; whole shows are followed more closely, 0.078 m root mean square."
+)
 def test_the_measured_overshoot():
     _, _, track = flown([30.0, 0.0, 0.0])
-    # With the gain of changes that vehicles have, 0.25, a flight of 0.45 m is missed by
-    # 0.06 m; whole shows are followed the more closely (0.078 m root mean square).
-    assert track.ways[..., 0].max() - 30.0 == pytest.approx(0.45, abs=0.065)
+    assert track.ways[..., 0].max() - 30.0 == pytest.approx(0.45, abs=0.05)
 
 
 def test_delays_are_those_measured():

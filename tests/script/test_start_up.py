@@ -3,18 +3,7 @@
 import subprocess
 import sys
 
-HUNDRED = """\
-showc: 1
-drones: 100
-formations:
-  ring: {type: circle, radius: 45, centre: [0, 0, 30]}
-  ball: {type: sphere, radius: 18, centre: [0, 0, 40]}
-  wall: {type: grid, plane: front, step: 3}
-  word: {type: text, text: SHOW, height: 30, spread: true}
-  helix: {type: helix, radius: 20, height: 40, turns: 3}
-  wave: {type: wave, step: 4}
-transitions: [ring, ball, wall, word, helix, wave]
-"""
+from benchmarks.check_time import HUNDRED
 
 
 def test_checking_imports_no_solver(tmp_path):
