@@ -99,8 +99,7 @@ class _Rows:
         self.lean, self.lift, self.lift_total = values[18:20], values[20], values[21]
         # What is summed up, and what of.
         self.sums, self.summands = values[:7], values[7:14]
-        self.late, self.leans = values[14:20], values[16:18]
-        self.level_missed, self.upright_missed = values[11:13], values[13]
+        self.late, self.level_missed = values[14:20], values[11:13]
         self.level_speed, self.upright_speed = values[7:9], values[9]
 
 

@@ -90,8 +90,6 @@ class LogSummary:
     """Number of messages of all topics."""
     samples: int
     """Number of steps of the fleet."""
-    end_ns: int
-    """Show time of the last sample [ns]."""
 
 
 def write_log(
@@ -288,8 +286,7 @@ class _Steps:
             self.progress.advance(seconds - done)
             done = seconds
         self.log.finish()
-        end = int(windows.show_times[-1])
-        return LogSummary(self.log.messages, int(windows.show_times.size), end)
+        return LogSummary(self.log.messages, int(windows.show_times.size))
 
     def _events(self) -> list[tuple[int, Callable[[], None]]]:
         """List what is written once, at its time: rules, scene, segments, flights."""

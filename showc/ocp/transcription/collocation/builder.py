@@ -69,7 +69,6 @@ class Discretisation:
     """Unknown = scale x scaled unknown, shape (unknowns,)."""
     row_scale: FloatArray
     """Row = scale x scaled row, shape (constraints,)."""
-    parameter_names: tuple[str, ...]
     half_space_offsets: dict[str, tuple[int, int, int]]
     """For each group of half-spaces: first parameter, rows, states."""
     coupling_margins: dict[tuple[int, str], float]
@@ -246,7 +245,6 @@ class Builder:
             tuple(self.groups),
             scale,
             row_scale,
-            tuple(self.problem.parameters),
             self.half_space_offsets,
             {(entry.phase, entry.name): entry.margin for entry in self.couplings},
         )
