@@ -201,6 +201,8 @@ class StageBuilder:
     """Altitude of each drone's home, shape (drones,) [m]."""
     parameters: Parameters
     """The autopilot's."""
+    fastest: FloatArray | float = np.inf
+    """Further limit of each drone's speed along its legs, shape (drones,) [m/s]."""
 
     def on_grid(
         self, drones: IntArray, points: FloatArray
@@ -273,9 +275,10 @@ class StageBuilder:
         displacement = autopilot_displacement(start, goal, self.frame.latitude)
         allowed = np.minimum(_box_speed(end - begin, limits), speed)
         leg = law.leg_limits(displacement, self.parameters, allowed)
-        fastest = fitting_speed(leg, self.parameters)
-        shortest = law.profile(leg, self.parameters, fastest).duration
         whose = np.tile(drones, len(legs))[moves]
+        most = np.broadcast_to(self.fastest, self.home_altitude.shape)[whose]
+        fastest = np.minimum(fitting_speed(leg, self.parameters), most)
+        shortest = law.profile(leg, self.parameters, fastest).duration
         every = Lines(whose, begin, end, goal, leg, fastest, shortest, self.parameters)
         number = np.repeat(np.arange(len(legs)), drones.size)[moves]
         parts = iter(

@@ -30,6 +30,7 @@ from showc.schedule.encodings import Encoding, choose_encoding
 from showc.schedule.releases import STEP
 from showc.schedule.separation import Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion
+from showc.schedule.tubes import BESIDE, room_used
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,6 +52,16 @@ last moment, and twice the spread of a leg [s]."""
 
 TAKEOFF_HEIGHT = 2.5
 """Greatest height of the untimed take-off [m]; a waypoint flies the rest."""
+
+FULL = 0.98
+"""Part of the room beside its line that a drone may use, seen every 0.1 s: between, it
+swings by less than the rest."""
+
+SLOWER = 0.95
+"""Part of the room that a slowed drone is to use: swings grow with speed."""
+
+MOST_SLOWINGS = 12
+"""So often are drones slowed; once or twice is enough for most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,6 +196,7 @@ class _Layout:
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
         self.timing = Timing(wind=self.show.site.wind)
+        self.fastest = np.full((0, self.show.drones), np.inf)
         self.arrival = 0.0
         self.free = 0.0
 
@@ -198,20 +210,10 @@ class _Layout:
         positions[takeoff.drones] = takeoff.end
         positions[staging.drones] = staging.end
         self.progress.advance()
-        found, places = self._encodings(moves[1:-1], positions)
+        places = self._places(moves[1:-1], positions)
         climbed = LIFT_OFF + takeoff.finish() + staging.finish()
-        self._reached(climbed, climbed + UNSURE)
-        encodings = iter(zip(found, places[1:], strict=True))
-        legs = []
-        for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
-            if item.leg.kind == "hold":
-                self.free = max(self.free, self.arrival + item.duration)
-            elif item.leg.kind not in {"launch", "land"}:
-                encoding, positions = next(encodings)
-                scheduled = self._timed(item, float(start), encoding)
-                if scheduled is not None:
-                    legs.append(scheduled)
-        legs = self._tracked(legs)
+        legs = self._scheduled(moves[1:-1], places, climbed)
+        positions = places[-1]
         pause = max(self.show.landing.hold, 1.0)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
@@ -231,6 +233,68 @@ class _Layout:
             launch_closest,
             land_closest,
         )
+
+    def _scheduled(
+        self, moves: list[LegFlight], places: list[FloatArray], climbed: float
+    ) -> list[ScheduledLeg]:
+        """Encode the timed legs and put them on the clock, from ``climbed`` [s] on.
+
+        A drone that would leave the room beside its line flies that leg more slowly.
+        All flights are then predicted anew: a leg begins as the one before it ends.
+
+        Raises
+        ------
+        ExportError
+            If a leg cannot be kept apart, or is left however slowly it is flown.
+        """
+        self.fastest = np.full((len(moves), self.show.drones), np.inf)
+        encodings: dict[int, Encoding] = {}
+        some = list(range(len(moves)))
+        for _ in range(MOST_SLOWINGS):
+            encodings |= self._encodings(moves, places, some)
+            legs = self._tracked(self._on_clock(moves, encodings, climbed))
+            some = self._slowed(moves, legs)
+            if not some:
+                return legs
+            self.progress.stage("missions, slower where drones swing", len(some))
+        raise ExportError(
+            f"{moves[some[0]].leg.name}: drones leave their lines by more than "
+            f"{BESIDE:g} m, slowed down {MOST_SLOWINGS} times; fly the show with "
+            "`showc stream`"
+        )
+
+    def _slowed(self, moves: list[LegFlight], legs: list[ScheduledLeg]) -> list[int]:
+        """Slow drones that leave their lines; return on which of the moves they are."""
+        number = {item.leg.index: number for number, item in enumerate(moves)}
+        found = set()
+        for leg in legs:
+            move = number[leg.leg.index]
+            for _, stage, track in leg.tracked:
+                used = room_used(stage, track, self.timing)
+                over = np.flatnonzero(used > FULL)
+                slower = (
+                    np.minimum(SLOWER, 1.0 / used[over]) * stage.profile.speed[over]
+                )
+                self.fastest[move, stage.drones[over]] = slower
+                found |= {move} if over.size else set()
+        return sorted(found)
+
+    def _on_clock(
+        self, moves: list[LegFlight], encodings: dict[int, Encoding], climbed: float
+    ) -> list[ScheduledLeg]:
+        """Release the stages one after the other, the first once all have climbed."""
+        number = {item.leg.index: number for number, item in enumerate(moves)}
+        self._reached(climbed, climbed + UNSURE)
+        legs = []
+        for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
+            if item.leg.kind == "hold":
+                self.free = max(self.free, self.arrival + item.duration)
+            elif item.leg.index in number:
+                encoding = encodings[number[item.leg.index]]
+                scheduled = self._timed(item, float(start), encoding)
+                if scheduled is not None:
+                    legs.append(scheduled)
+        return legs
 
     def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
         """Add how the drones are likely to fly ``legs``, one after the other."""
@@ -277,19 +341,22 @@ class _Layout:
             )
         return found
 
-    def _encodings(
+    def _places(
         self, moves: list[LegFlight], positions: FloatArray
-    ) -> tuple[list[Encoding], list[FloatArray]]:
-        """Encode the timed legs, and say where everyone is before and after each.
-
-        That is known, however the legs before it are flown.
-        """
+    ) -> list[FloatArray]:
+        """Say where everyone is before and after each move, however it is flown."""
         places = [positions]
         for item in moves:
             after = places[-1].copy()
             drones = item.leg.drones
             _, after[drones] = self.builder.on_grid(drones, item.leg.goal)
             places.append(after)
+        return places
+
+    def _encodings(
+        self, moves: list[LegFlight], places: list[FloatArray], some: list[int]
+    ) -> dict[int, Encoding]:
+        """Encode ``some`` of the moves; ``places`` are those before and after each."""
 
         def encode(number: int) -> Encoding:
             around = Surroundings(
@@ -299,8 +366,9 @@ class _Layout:
                 self.timing,
                 self.pause,
             )
+            builder = replace(self.builder, fastest=self.fastest[number])
             item = moves[number]
-            chosen = choose_encoding(item.leg, item, self.builder, around)
+            chosen = choose_encoding(item.leg, item, builder, around)
             kept = [
                 (stage, closest)
                 for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
@@ -311,9 +379,9 @@ class _Layout:
 
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
-        parts = [partial(encode, number) for number in range(len(moves))]
+        parts = [partial(encode, number) for number in some]
         found = side_by_side(parts, jobs, self.progress.advance)
-        return found, places
+        return dict(zip(some, found, strict=True))
 
     def _timed(
         self, item: LegFlight, planned_start: float, encoding: Encoding

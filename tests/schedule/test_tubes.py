@@ -1,0 +1,61 @@
+"""Flights that swing beside their lines are slowed until the proof has room."""
+
+from dataclasses import replace
+
+import numpy as np
+from mission.flights import shift_flight
+
+from showc.autopilot.parameters import Parameters
+from showc.autopilot.stage import StageBuilder
+from showc.autopilot.timing import Timing
+from showc.geodesy import SiteFrame
+from showc.progress import Silent
+from showc.schedule import timeline
+from showc.schedule.tubes import room_used
+
+
+def steep_timeline():
+    """Two drones climb by 35 degrees along 49 m, and come back, at up to 8 m/s."""
+    flight = shift_flight(2, (40.0, 2.0, 28.0))
+    fast = {"velocity_min": (-8.0, -8.0, -8.0), "velocity_max": (8.0, 8.0, 8.0)}
+    # The autopilot's own time counts, not that of a slower solved flight.
+    legs = tuple(
+        replace(
+            item,
+            duration=1.0,
+            leg=replace(item.leg, limits=replace(item.leg.limits, **fast)),
+        )
+        if item.leg.kind in {"transition", "approach"}
+        else item
+        for item in flight.legs
+    )
+    builder = StageBuilder(
+        SiteFrame(47.0, 8.0, 400.0, 0.0), np.full(2, 400.0), Parameters()
+    )
+    return timeline.build_timeline(
+        replace(flight, legs=legs), builder, Silent(), jobs=1
+    )
+
+
+def most_used(found):
+    return max(
+        float(room_used(stage, track, Timing()).max())
+        for leg in found.legs
+        for _, stage, track in leg.tracked
+    )
+
+
+def top_speed(found):
+    return max(
+        stage.profile.speed.max() for leg in found.legs for _, stage in leg.flown
+    )
+
+
+def test_fast_climbs_are_slowed_until_their_swing_is_within_the_proof(monkeypatch):
+    slowed = steep_timeline()
+    assert most_used(slowed) <= timeline.FULL
+    monkeypatch.setattr(timeline, "FULL", np.inf)
+    fast = steep_timeline()
+    assert most_used(fast) > 1.0
+    # No slower than they must be.
+    assert 0.8 * top_speed(fast) < top_speed(slowed) < top_speed(fast)
