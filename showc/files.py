@@ -162,6 +162,26 @@ def write_file(path: Path, content: bytes) -> None:
         raise unwritable(path, error) from error
 
 
+def rewrite_file(path: Path, content: bytes) -> None:
+    """Replace a user's file, whole or not at all; links and permissions stay.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be written, or is no regular file.
+    """
+    target = path.resolve()
+    try:
+        if not target.is_file():
+            raise UsageError(f"cannot write {str(path)!r}: it is no regular file")
+        with stage_for(target) as stage:
+            write_through(stage / target.name, content)
+            (stage / target.name).chmod(stat.S_IMODE(target.stat().st_mode))
+            (stage / target.name).replace(target)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
 def write_through(path: Path, content: bytes) -> None:
     """Write a new file, down to the disk."""
     with path.open("wb") as stream:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from showc.cli.console import outside_option
+
+if TYPE_CHECKING:
+    from showc.script import LoadResult
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
 
@@ -32,6 +36,7 @@ FORMATS = ("text", "json", "sarif", "github", "junit")
     "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
 )
 @click.option("--ignore", multiple=True, metavar="CODE", help="Not these codes.")
+@click.option("--fix", "mending", is_flag=True, help="Mend what has one right answer.")
 @outside_option
 @click.option("--exit-zero", is_flag=True, help="End with 0 whatever is found.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing when all is well.")
@@ -42,6 +47,7 @@ def command(
     strict: bool,
     select: tuple[str, ...],
     ignore: tuple[str, ...],
+    mending: bool,
     allow_outside: bool,
     exit_zero: bool,
     quiet: bool,
@@ -51,6 +57,9 @@ def command(
     Reads each SHOW.yaml and every file it names, and reports all findings at once, each
     with file, line and column: syntax, keys, units, ranges, references, spacing of
     formations, flight volume. Nothing is solved; a script takes a fraction of a second.
+
+    --fix replaces what can mean one thing only: mistyped words with one near neighbour,
+    decimal commas, missing commas, units, colours without quotes.
 
     A warning on a line that ends in "# showc: ignore[SHW303] why" is left out.
 
@@ -64,6 +73,9 @@ def command(
     from showc.script.diagnostic import select_diagnostics
     from showc.script.render import render
 
+    if mending:
+        for script in scripts:
+            _mend(Path(script), allow_outside=allow_outside)
     results = [load_show(script, allow_outside=allow_outside) for script in scripts]
     found = select_diagnostics(
         [diagnostic for result in results for diagnostic in result.diagnostics],
@@ -90,3 +102,31 @@ def command(
     if any(result.unreadable for result in results):
         return 2
     return int(any(item.severity == Severity.ERROR for item in found))
+
+
+def _mend(script: Path, *, allow_outside: bool) -> None:
+    """Mend a script and say what was mended; the findings say what cannot be."""
+    from showc.files import UnreadableFileError, read_file, rewrite_file
+    from showc.script import read_show
+    from showc.script.document import MAX_BYTES
+    from showc.script.mending import mend
+
+    try:
+        content = read_file(script, MAX_BYTES)
+    except UnreadableFileError:
+        return
+
+    def read(given: bytes) -> LoadResult:
+        return read_show(
+            given, path=str(script), folder=script.parent, allow_outside=allow_outside
+        )
+
+    mended = mend(content, read)
+    if mended.done:
+        rewrite_file(script, mended.content)
+    for item in mended.done:
+        line = 0 if item.span is None else item.span.line
+        click.echo(
+            f"{script}:{line}: mended [{item.code}]: {item.message}; now {item.fix}",
+            err=True,
+        )

@@ -41,7 +41,14 @@ class UtcTime(click.ParamType[datetime]):
             )
         if time.microsecond:
             self.fail(f"{value!r} has a fraction of a second; use whole ones")
-        return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+        if time.tzinfo is None:
+            self.fail(
+                f"{value!r} names no time zone; write {value}Z for UTC, or "
+                f"{value}+02:00 for two hours ahead of it",
+                param,
+                ctx,
+            )
+        return time.astimezone(UTC)
 
 
 @click.command(name="compile")
@@ -59,8 +66,8 @@ class UtcTime(click.ParamType[datetime]):
 @click.option(
     "--start",
     type=UtcTime(),
-    help="UTC time at which the missions begin (2026-06-01T20:00:00Z).  Without it "
-    "they begin at a minute of any hour.",
+    help="Time at which the missions begin, with its zone (2026-06-01T20:00:00Z, or "
+    "22:00:00+02:00).  Without it they begin at a minute of any hour.",
 )
 @click.option(
     "--start-minute",

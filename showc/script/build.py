@@ -24,7 +24,7 @@ from showc.script.gallery import Bench, Gallery, Picture, effect_of
 from showc.script.motions import formations_of, motions_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
-from showc.script.scalars import suggestion
+from showc.script.scalars import certain, suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import (
     Export,
@@ -132,7 +132,7 @@ class Builder:
             f"there is no formation `{name}`",
             mark,
             help_text=f"did you mean `{near}`?" if near else f"formations: {names}",
-            fix=near,
+            fix=certain(name, self.table),
         )
         return False
 

@@ -8,7 +8,8 @@ is still the text the author wrote when it is judged.
 from __future__ import annotations
 
 import gc
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -29,7 +30,8 @@ MAX_DEPTH = 40
 MAX_FOUND = 100
 """Findings after which reading ends: more of them help to mend the first."""
 
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_COLOUR_COMMENT = re.compile(r"[ \t]+(#[0-9a-fA-F]{3,8})\s*$")
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,9 @@ class Scalar:
     """Whether it stands without quotes."""
     mark: Mark
     size: int = 1
+    comment: str = ""
+    """Colour such as ``#ff8800`` that YAML takes for a comment where it was to stand;
+    then the mark is that of the comment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +80,15 @@ class Mapping:
     def get(self, key: str) -> Entry | None:
         """Return the entry of a key, if it is there."""
         return self.entries.get(key)
+
+    def before(self, entry: Entry) -> Entry | None:
+        """Return what stands before an entry, if anything does."""
+        found = None
+        for one in self:
+            if one is entry:
+                return found
+            found = one
+        return None
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(self.entries.values())
@@ -191,10 +205,12 @@ class _Builder:
         self.root: Node | None = None
         self.documents = 0
         self.total = 0
+        self.lines: list[str] = []
 
     def build(self, text: str) -> Node | None:
         """Read all events; return the root, or None if reading cannot go on."""
         # A tree has no cycles, and looking for some takes as long as the reading.
+        self.lines = text.split("\n")
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -205,7 +221,7 @@ class _Builder:
 
     def _built(self, text: str) -> Node | None:
         try:
-            for event in yaml.parse(text, Loader=_LOADER):
+            for event in yaml.parse(text, Loader=LOADER):
                 self._take(event)
                 if len(self.found) >= MAX_FOUND:
                     return None
@@ -294,7 +310,20 @@ class _Builder:
             self._key(frame, event.value, mark)
             return
         node = Scalar(event.value, event.implicit[0] and not event.style, mark)
+        if not event.value and node.plain:
+            node = self._commented(node)
         self._place(node, event.anchor)
+
+    def _commented(self, node: Scalar) -> Scalar:
+        """Return an empty value with the colour behind it that is a comment, if any."""
+        mark = node.mark
+        line = self.lines[mark.line - 1] if mark.line <= len(self.lines) else ""
+        found = _COLOUR_COMMENT.match(line, mark.column - 1)
+        if found is None:
+            return node
+        start, end = (found.start(1) + 1, found.end(1) + 1)
+        span = replace(mark, column=start, end_line=mark.line, end_column=end)
+        return replace(node, mark=span, comment=found.group(1))
 
     def _tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:

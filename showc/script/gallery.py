@@ -10,7 +10,7 @@ import numpy as np
 from showc.script.diagnostic import Label
 from showc.script.formations import SHAPES, FormationError, Request
 from showc.script.placing import paint, transform, unit_vector
-from showc.script.scalars import suggestion
+from showc.script.scalars import certain, suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import Effect, EffectKind, Mark
 from showc.script.spacing import closest, crowded
@@ -279,7 +279,7 @@ class Gallery:
                 f"there is no formation `{name}`",
                 mark,
                 help_text=f"did you mean `{near}`?" if near else "define it",
-                fix=near,
+                fix=certain(name, self._table),
             )
             return None
         if name in self._open:

@@ -31,8 +31,14 @@ from showc.script.kinds import (
     Section,
     Table,
 )
-from showc.script.quantity import NUMBER
-from showc.script.scalars import ScalarError, read_scalar, suggestion
+from showc.script.meaning import (
+    MEANT,
+    about_commas,
+    decimal_comma,
+    mixed_colour,
+    with_commas,
+)
+from showc.script.scalars import ScalarError, certain, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
 from showc.script.wording import form_of, shortened, wanted_text
 
@@ -199,9 +205,14 @@ class Reader:
     ) -> None:
         if self.full:
             return
+        comma = decimal_comma(entry, node)
+        if comma is not None:
+            self.found.append(comma)
+            return
         absent = [key for key in known if node.get(key) is None]
         near = MEANT.get(entry.key.lower(), "")
-        near = near if near in absent else suggestion(entry.key, absent)
+        known_as = near in absent
+        near = near if known_as else suggestion(entry.key, absent)
         if near:
             self._meant.add((id(node), near))
         tag = node.get(section.tag) if section.tag else None
@@ -219,7 +230,7 @@ class Reader:
             f"unknown key `{entry.key}` in {where}",
             entry.mark,
             help_text=advice,
-            fix=near,
+            fix=near if known_as else certain(entry.key, absent),
         )
 
     def _exclusive(self, section: Section, node: Mapping, settings: Settings) -> None:
@@ -291,7 +302,7 @@ class Reader:
                 return self._items(kind, node, span, key)
             case _:
                 if isinstance(kind, Paint) and isinstance(node, Sequence):
-                    node = _mixed(node)
+                    node = mixed_colour(node)
                 if not isinstance(node, Scalar):
                     raise self._bad(
                         "SHW103",
@@ -315,16 +326,18 @@ class Reader:
 
     def _empty(self, node: Scalar, span: Mark, key: str, kind: Kind) -> None:
         if node.plain and node.text in {"", "~", "null", "Null", "NULL"}:
-            advice = f"give {wanted_text(kind)}"
-            if _paints(kind) and not node.text:
-                advice += "; a colour like `#ff8800` needs quotes"
+            advice, fix = f"give {wanted_text(kind)}", ""
+            if _paints(kind) and node.comment:
+                fix = f'"{node.comment}"'
+                advice = f"`#` begins a comment: write `{fix}`, with the quotes"
             elif isinstance(kind, Section) and not kind.short:
                 advice += ", indented below, or leave the key out"
             raise self._bad(
                 "SHW103",
                 f"`{key}` has no value",
-                node.mark if node.text else span,
+                node.mark if node.text or fix else span,
                 help_text=advice,
+                fix=fix,
             )
 
     def _choose(self, kind: Either, node: Node) -> Kind:
@@ -384,7 +397,8 @@ class Reader:
                 "SHW103",
                 f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
-                help_text=_about_commas(kind, node),
+                help_text=about_commas(kind, node),
+                fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
             )
         size = len(node.items)
         if not kind.least <= size <= kind.most:
@@ -392,7 +406,8 @@ class Reader:
                 "SHW112",
                 f"`{key}` has {size} elements, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
-                help_text=_about_commas(kind, node),
+                help_text=about_commas(kind, node),
+                fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
             )
         elements: list[Setting] = []
         sound = True
@@ -424,71 +439,23 @@ def _has_broken(value: Value) -> bool:
     return isinstance(value, Settings) and value.broken
 
 
-MEANT = {
-    "lat": "latitude",
-    "lon": "longitude",
-    "lng": "longitude",
-    "long": "longitude",
-    "alt": "altitude",
-    "elevation": "altitude",
-    "color": "colour",
-    "colors": "colour",
-    "center": "centre",
-    "position": "centre",
-    "at": "centre",
-    "offset": "centre",
-    "time": "duration",
-    "wait": "hold",
-    "pause": "hold",
-    "shape": "type",
-    "kind": "type",
-}
-"""Keys as people write them, and how scripts do, where there is such a key."""
-
-
-def _mixed(node: Sequence) -> Node:
-    """Return a list of red, green and blue as the text of one colour; others as is."""
-    parts = [item.text for item in node.items if isinstance(item, Scalar)]
-    numbers = len(parts) == len(node.items) == 3 and all(
-        part.isdecimal() for part in parts
-    )
-    return (
-        Scalar(f"rgb({', '.join(parts)})", plain=False, mark=node.mark)
-        if numbers
-        else node
-    )
-
-
-def _about_commas(kind: Items, node: Node) -> str:
-    """Say how numbers are separated, where that is what went wrong."""
-    if isinstance(node, Scalar):
-        written = [node]
-    else:
-        items = node.items if isinstance(node, Sequence) else ()
-        written = [item for item in items if isinstance(item, Scalar)]
-    words = [word for item in written for word in item.text.replace(",", " ").split()]
-    if not words or not all(re.fullmatch(NUMBER, word) for word in words):
-        return ""
-    if len(words) > len(written) and kind.least <= len(words) <= kind.most:
-        return f"separate with commas: `[{', '.join(words)}]`"
-    if len(words) == len(written) > kind.most:
-        return "commas separate elements; a decimal point is a point: `[1.5, 0, 20]`"
-    return ""
-
-
 def _paints(kind: Kind) -> bool:
     return isinstance(kind, Paint) or (
         isinstance(kind, Section) and kind.name == "colour"
     )
 
 
+def _on_one_line(mark: Mark) -> bool:
+    return mark.end_line == mark.line
+
+
 def _first_line(mark: Mark) -> Mark:
     """Return the part of a span on its first line, one column if it goes on."""
-    if mark.end_line == mark.line:
+    if _on_one_line(mark):
         return mark
     return replace(mark, end_line=mark.line, end_column=mark.column + 1)
 
 
 def _near(mark: Mark, key: Mark) -> Mark:
     """Return the span of a value if it stands on one line, else that of its key."""
-    return mark if mark.end_line == mark.line else key
+    return mark if _on_one_line(mark) else key

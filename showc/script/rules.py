@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.company import company_findings, transitions_of
 from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
 from showc.script.motions import formations_of
 from showc.script.settings import Settings
-from showc.script.spacing import closest, closest_between, crowded
-from showc.script.wording import number_text
+from showc.script.spacing import closest, crowded
+from showc.script.wording import number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,8 +39,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _ways(sketch)
     yield from _around(sketch)
     yield from _places(sketch)
-    yield from _parking(sketch)
-    yield from _groups(sketch)
+    yield from company_findings(sketch)
     yield from _unused(sketch)
     yield from _legible(sketch)
 
@@ -97,14 +97,6 @@ def _neighbours(points: FloatArray) -> FloatArray:
     return found
 
 
-def transitions_of(sketch: Sketch) -> list[Settings]:
-    """Return the settings of the transitions that could be read."""
-    if "transitions" not in sketch.settings:
-        return []
-    values = [item.value for item in sketch.settings.items("transitions")]
-    return [item for item in values if isinstance(item, Settings) and not item.broken]
-
-
 def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
     """Places of one formation against the separation (SHW201, SHW202)."""
     separation = sketch.separation
@@ -121,7 +113,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
         where = [formation.points[place] for place in (pair.first, pair.second)]
         names = f"places {pair.first + 1} and {pair.second + 1} of `{formation.name}`"
         notes = tuple(
-            f"place {place + 1} is at {_point(point)}"
+            f"place {place + 1} is at {point_text(point)}"
             for place, point in zip((pair.first, pair.second), where, strict=True)
         )
         if pair.distance < distance * (1.0 - _SLACK):
@@ -198,8 +190,8 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
             notes=(
                 f"{count} of {len(points)} places are outside",
                 (
-                    f"the formation reaches from {_point(points.min(axis=0))} to "
-                    f"{_point(points.max(axis=0))}"
+                    f"the formation reaches from {point_text(points.min(axis=0))} to "
+                    f"{point_text(points.max(axis=0))}"
                 ),
             ),
             help="move the formation, make it smaller, or enlarge `site: volume:`",
@@ -245,7 +237,7 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                     Label(sketch.settings.section("site").mark_of("fence"), "fence"),
                 ),
                 notes=(
-                    f"it is at {_point(formation.points[place])}",
+                    f"it is at {point_text(formation.points[place])}",
                     (
                         f"{int(outside.sum())} of {len(formation.points)} places are "
                         "outside or too near"
@@ -283,7 +275,7 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
                             sketch.settings.section("site").mark_of("fence"), "fence"
                         ),
                     ),
-                    notes=(f"the place is at {_point(formation.points[place])}",),
+                    notes=(f"the place is at {point_text(formation.points[place])}",),
                     help="widen the passage, or ask for less `fence_margin`",
                 )
                 break
@@ -339,7 +331,7 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                     formation.mark,
                     secondary=(Label(section.mark_of(key), f"`{name}`"),),
                     notes=(
-                        f"it is at {_point(points[place])}",
+                        f"it is at {point_text(points[place])}",
                         f"{int(met.sum())} of {len(points)} places are there",
                     ),
                     help="move the formation away",
@@ -382,90 +374,6 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
             )
 
 
-def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Parked drones against the pictures that others fly meanwhile (SHW206)."""
-    parking = sketch.formations.get(sketch.parking or "")
-    if parking is None or sketch.separation is None or sketch.drones is None:
-        return
-    most, needs = 0, None
-    seen = set()
-    for item in transitions_of(sketch):
-        formation = sketch.formations.get(item.text("to"))
-        group = item.text("group") if "group" in item else None
-        if formation is None or (group is not None and group not in sketch.groups):
-            continue
-        flying = sketch.drones if group is None else len(sketch.groups[group])
-        waiting = flying - len(formation.points)
-        if waiting > most:
-            most, needs = waiting, item
-        if waiting <= 0 or formation.name in seen:
-            continue
-        seen.add(formation.name)
-        pair = closest_between(
-            parking.points,
-            formation.points,
-            sketch.separation.distance,
-            sketch.separation,
-        )
-        if pair is not None:
-            yield Diagnostic(
-                "SHW206",
-                Severity.ERROR,
-                f"place {pair.first + 1} of the parking `{parking.name}` is "
-                f"{number_text(pair.distance)} m from place {pair.second + 1} of "
-                f"`{formation.name}`, the separation is "
-                f"{number_text(sketch.separation.distance)} m",
-                parking.mark,
-                secondary=(Label(formation.mark, "the picture"),),
-                help="park further away",
-            )
-    if needs is not None and len(parking.points) < most:
-        yield Diagnostic(
-            "SHW205",
-            Severity.ERROR,
-            f"the parking `{parking.name}` has {len(parking.points)} places, {most} "
-            "drones wait there",
-            parking.mark,
-            secondary=(Label(needs.mark_of("to"), "during this picture"),),
-            help="add places to the parking",
-        )
-
-
-def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Check formations of two groups that stand at the same time (SHW208)."""
-    if sketch.separation is None:
-        return
-    standing: dict[str, tuple[Formation, Settings]] = {}
-    for item in transitions_of(sketch):
-        formation = sketch.formations.get(item.text("to"))
-        if formation is None or "group" not in item:
-            standing.clear()
-            continue
-        group = item.text("group")
-        for other, (theirs, where) in standing.items():
-            if other == group:
-                continue
-            pair = closest_between(
-                formation.points,
-                theirs.points,
-                sketch.separation.distance,
-                sketch.separation,
-            )
-            if pair is not None:
-                yield Diagnostic(
-                    "SHW208",
-                    Severity.ERROR,
-                    f"place {pair.first + 1} of `{formation.name}` (group `{group}`) "
-                    f"is {number_text(pair.distance)} m from place "
-                    f"{pair.second + 1} of `{theirs.name}` (group `{other}`), the "
-                    f"separation is {number_text(sketch.separation.distance)} m",
-                    item.mark_of("to"),
-                    secondary=(Label(where.mark_of("to"), f"`{other}` stands here"),),
-                    help="move one of the formations away",
-                )
-        standing[group] = (formation, item)
-
-
 def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
     """Find formations that nothing uses (SHW118)."""
     used = {item.text("to") for item in transitions_of(sketch)}
@@ -476,6 +384,8 @@ def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
     if len(transitions_of(sketch)) < len(sketch.settings.items("transitions")):
         return  # one that could not be read may fly to it
     table = sketch.settings.section("formations").values
+    if used - table.keys() - {sketch.pads, sketch.parking, ""}:
+        return  # a name that is none may mean it
     for setting in table.values():
         if isinstance(setting.value, Settings):
             used |= set(bases_of(setting.value))
@@ -489,7 +399,3 @@ def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
                 setting.key_mark,
                 help="fly to it in a transition, or remove it",
             )
-
-
-def _point(point: FloatArray) -> str:
-    return "(" + ", ".join(number_text(round(float(part), 3)) for part in point) + ") m"

@@ -38,6 +38,9 @@ _LONGEST_WORD = 60
 """Longest name there is [characters]."""
 _MOST_NAMES = 300
 """Names compared with a word."""
+_CLEARLY = 0.1
+"""By how much more a word must be like one than like the next, as difflib's ratio
+measures it: one letter more of ten in common."""
 
 
 class ScalarError(ValueError):
@@ -64,10 +67,29 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     lower = {name.lower(): name for name in names}
     if word.lower() in lower:
         return lower[word.lower()]
+    near = _near(word, lower)
+    return lower[near[0]] if near else ""
+
+
+def certain(word: str, known: Iterable[str]) -> str:
+    """Return the known word that was surely meant: far nearer than any other."""
+    names = list(known)[:_MOST_NAMES]
+    if len(word) > _LONGEST_WORD:
+        return ""
+    from difflib import SequenceMatcher  # noqa: PLC0415 - start-up counts
+
+    near = _near(word, [name.lower() for name in names])
+    likeness = [SequenceMatcher(None, one, word.lower()).ratio() for one in near]
+    if len(near) > 1 and likeness[0] - likeness[1] < _CLEARLY:
+        return ""
+    return suggestion(word, names)
+
+
+def _near(word: str, lower: Iterable[str]) -> list[str]:
+    """Return the words of small letters that are like another, best first."""
     from difflib import get_close_matches  # noqa: PLC0415 - start-up counts
 
-    near = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
-    return lower[near[0]] if near else ""
+    return get_close_matches(word.lower(), list(lower), n=2, cutoff=0.6)
 
 
 def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - one case a kind
@@ -198,7 +220,7 @@ def _choice(kind: Choice, node: Scalar, key: str) -> str:
         f"`{key}` cannot be `{node.text}`",
         (f"did you mean `{near}`? " if near else "")
         + f"words: {', '.join(kind.options)}",
-        near,
+        certain(node.text, kind.options),
     )
 
 
@@ -239,6 +261,6 @@ def _paint(node: Scalar) -> tuple[float, float, float]:
             f"`{node.text}` is no colour",
             (f"did you mean `{near}`? " if near else "")
             + 'a CSS name, `[255, 136, 0]`, or hexadecimal in quotes: "#ff8800"',
-            near,
+            certain(node.text.strip(), COLOUR_NAMES),
         )
     return colour

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity
-from showc.script.rules import transitions_of
 from showc.script.show import chapters
 from showc.script.wording import number_text
 

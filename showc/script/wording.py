@@ -27,6 +27,8 @@ from showc.script.kinds import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from showc.arrays import FloatArray
+
 
 _LONGEST = 600
 """Longest message [characters]: longer ones repeat what the script says there."""
@@ -37,6 +39,11 @@ def number_text(value: float) -> str:
     if value == round(value) and abs(value) < 1e10:
         return str(int(value))
     return f"{value:.6g}"
+
+
+def point_text(point: FloatArray) -> str:
+    """Return a place (3,) [m] as people write it, to a millimetre."""
+    return "(" + ", ".join(number_text(round(float(part), 3)) for part in point) + ") m"
 
 
 def shortened(text: str) -> str:

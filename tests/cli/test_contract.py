@@ -40,6 +40,7 @@ def test_every_verb_has_help(run_showc, verb):
         (["compile", "nowhere.yaml"], "nowhere.yaml"),
         (["compile", str(GRID), "-o", "night.bag"], "does not end in .mcap"),
         (["compile", str(GRID), "--start", "tomorrow"], "is no time"),
+        (["compile", str(GRID), "--start", "2026-06-01T20:00"], "no time zone"),
         (["compile", str(GRID), "--jobs", "0"], "jobs"),
         (["verify", "nowhere.mcap"], "nowhere.mcap"),
         (["view", "nowhere.mcap"], "nowhere.mcap"),

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from showc.script import read_show
+from showc.script.mending import mend
 from showc.script.render import render
 
 GOLDEN = Path(__file__).with_name("mistakes.txt")
@@ -37,6 +38,11 @@ CASES = {
     "a decimal comma": f"{HEAD}formations:\n  it:\n    type: circle\n"
     f"    radius: 9,5\n{TAIL}",
     "a decimal comma in a list": circle("centre: [1,5, 0, 20]"),
+    "a decimal comma in braces": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\n"
+        "transitions:\n  - {to: it, hold: 2,5}\n"
+    ),
+    "decimal commas and no others": circle("centre: [0 1,5 20]"),
     "no commas in a list": circle("centre: [0 20 40]"),
     "neither commas nor brackets": circle("centre: 0 20 40"),
     "a CSV without heights": formation("type: csv, file: flat.csv"),
@@ -72,6 +78,12 @@ CASES = {
     "the separation that nobody wrote": (
         f"showc: 1\ndrones: 40\nformations: {{it: {{type: circle, radius: 9}}}}\n{TAIL}"
     ),
+    "a group beside a drone that stands by": (
+        f"{HEAD}pads: {{type: line, spacing: 3}}\n"
+        "formations:\n  it: {type: points, points: [[4.5, 0, 11], [0, 5, 10]]}\n"
+        "groups: {front: [1, 2]}\n"
+        "transitions:\n  - {group: front, to: it}\n"
+    ),
     "too little time": (
         f"{HEAD}formations:\n  it: {{type: circle, radius: 9}}\n"
         "  up: {type: circle, radius: 9, centre: [0, 0, 25]}\n"
@@ -85,6 +97,14 @@ def said(script, folder):
         (folder / name).write_bytes(content)
     result = read_show(script.encode(), path="show.yaml", folder=folder)
     return render(result.diagnostics, {result.path: result.text})
+
+
+def mended(script, folder):
+    for name, content in FILES.items():
+        (folder / name).write_bytes(content)
+    return mend(
+        script.encode(), lambda given: read_show(given, path="show.yaml", folder=folder)
+    )
 
 
 def sections():
@@ -104,6 +124,43 @@ def test_one_mistake_is_one_message_that_helps(name, tmp_path):
     found = read_show(CASES[name].encode(), folder=tmp_path).errors
     assert len(found) == (2 if name == "lat and lon" else 1)
     assert all(item.help for item in found)
+
+
+MENDABLE = {
+    "a colour that YAML takes for a comment": 'colour: "#ff8800"',
+    "a decimal comma": "radius: 9.5",
+    "a decimal comma in braces": "{to: it, hold: 2.5}",
+    "no commas in a list": "centre: [0, 20, 40]",
+    "neither commas nor brackets": "centre: [0, 20, 40]",
+    "a mistyped section": "formations: {it: {type",
+    "a mistyped type": "{type: circle, radius: 9}",
+    "a mistyped name": "transitions: [ring]",
+    "lat and lon": "{latitude: 47.4, longitude: 8.5}",
+    "meters": "radius: 9 m}",
+    "sec": "hold: 5 s}",
+    "color": "colour: red",
+    "center": "centre: [0, 0, 20]",
+}
+"""What stands in the script after ``check --fix``."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_has_one_right_answer_is_mended_and_nothing_else(name, tmp_path):
+    found = mended(CASES[name], tmp_path)
+    if name not in MENDABLE:
+        assert found.content.decode() == CASES[name] and not found.done
+        return
+    assert MENDABLE[name] in found.content.decode()
+    assert not read_show(found.content, folder=tmp_path).errors
+    assert mended(found.content.decode(), tmp_path).done == ()
+
+
+def test_a_word_with_two_near_neighbours_is_not_mended(tmp_path):
+    script = (
+        f"{HEAD}formations:\n  ring1: {{type: circle, radius: 9}}\n"
+        "  ring2: {like: ring1}\ntransitions: [ring, ring1, ring2]\n"
+    )
+    assert mended(script, tmp_path).done == ()
 
 
 def test_every_golden_section_has_a_case():

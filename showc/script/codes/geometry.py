@@ -75,7 +75,8 @@ CODES = (
         "SHW208",
         "groups too near each other",
         "Two groups stand in formations at the same time that are closer to each "
-        "other than the separation.",
+        "other than the separation, or a group flies to where a drone of no group "
+        "stands by.",
         "Move one of the formations away.",
         "transitions: [{to: left_ring, group: left}, {to: same_place, group: right}]",
     ),

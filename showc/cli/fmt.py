@@ -1,0 +1,68 @@
+"""``showc fmt``: one layout for all scripts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="fmt")
+@click.argument("scripts", nargs=-1, required=True, metavar="SHOW.yaml...")
+@click.option("--check", is_flag=True, help="Change nothing; end with 1 if it would.")
+@click.option("--diff", is_flag=True, help="Change nothing; print what would change.")
+def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
+    """Give scripts one layout.
+
+    Indentation, spaces and blank lines become uniform; values, comments, their order
+    and their lines stay. The show is the same, which is checked before the file is
+    replaced. What is no valid YAML is left as it is, with its findings.
+
+    \b
+      showc fmt my-show.yaml
+      showc fmt --check shows/*.yaml        in a CI job
+    """
+    from showc.files import UnreadableFileError, read_file, rewrite_file
+    from showc.script.document import MAX_BYTES, parse_document
+    from showc.script.layout import format_script
+    from showc.script.render import render
+
+    code = 0
+    for name in scripts:
+        path = Path(name)
+        try:
+            content = read_file(path, MAX_BYTES)
+        except UnreadableFileError as fault:
+            click.echo(f"error: {name!r} cannot be read: {fault.reason}", err=True)
+            code = 2
+            continue
+        root, text, found = parse_document(content, name)
+        if root is None or found:
+            click.echo(render(found, {name: text}).rstrip("\n"), err=True)
+            code = 2
+            continue
+        formatted = format_script(text)
+        if formatted.encode() == content:
+            continue
+        if diff:
+            click.echo(_difference(text, formatted, name), nl=False)
+        if check or diff:
+            click.echo(f"{name}: would be formatted", err=diff)
+            code = code or 1
+        else:
+            rewrite_file(path, formatted.encode())
+            click.echo(f"{name}: formatted")
+    return code
+
+
+def _difference(before: str, after: str, name: str) -> str:
+    from difflib import unified_diff
+
+    lines = unified_diff(
+        before.splitlines(),
+        after.splitlines(),
+        name,
+        f"{name} (formatted)",
+        lineterm="",
+    )
+    return "".join(f"{line}\n" for line in lines)

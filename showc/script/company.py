@@ -1,0 +1,171 @@
+"""Company: formations against whatever stands in the air at the same time.
+
+Drones that are parked, other groups, and drones that stand by.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.settings import Settings
+from showc.script.show import chapters
+from showc.script.spacing import closest_between
+from showc.script.wording import number_text, point_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from showc.arrays import IntArray
+    from showc.script.build import Sketch
+    from showc.script.show import Formation, Show, Transition
+
+
+def company_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield what is wrong between drones that stand at the same time."""
+    yield from _parking(sketch)
+    yield from _groups(sketch)
+    yield from _standing_by(sketch)
+
+
+def transitions_of(sketch: Sketch) -> list[Settings]:
+    """Return the settings of the transitions that could be read."""
+    if "transitions" not in sketch.settings:
+        return []
+    values = [item.value for item in sketch.settings.items("transitions")]
+    return [item for item in values if isinstance(item, Settings) and not item.broken]
+
+
+def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Parked drones against the pictures that others fly meanwhile (SHW206)."""
+    parking = sketch.formations.get(sketch.parking or "")
+    if parking is None or sketch.separation is None or sketch.drones is None:
+        return
+    most, needs = 0, None
+    seen = set()
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        group = item.text("group") if "group" in item else None
+        if formation is None or (group is not None and group not in sketch.groups):
+            continue
+        flying = sketch.drones if group is None else len(sketch.groups[group])
+        waiting = flying - len(formation.points)
+        if waiting > most:
+            most, needs = waiting, item
+        if waiting <= 0 or formation.name in seen:
+            continue
+        seen.add(formation.name)
+        pair = closest_between(
+            parking.points,
+            formation.points,
+            sketch.separation.distance,
+            sketch.separation,
+        )
+        if pair is not None:
+            yield Diagnostic(
+                "SHW206",
+                Severity.ERROR,
+                f"place {pair.first + 1} of the parking `{parking.name}` is "
+                f"{number_text(pair.distance)} m from place {pair.second + 1} of "
+                f"`{formation.name}`, the separation is "
+                f"{number_text(sketch.separation.distance)} m",
+                parking.mark,
+                secondary=(Label(formation.mark, "the picture"),),
+                help="park further away",
+            )
+    if needs is not None and len(parking.points) < most:
+        yield Diagnostic(
+            "SHW205",
+            Severity.ERROR,
+            f"the parking `{parking.name}` has {len(parking.points)} places, {most} "
+            "drones wait there",
+            parking.mark,
+            secondary=(Label(needs.mark_of("to"), "during this picture"),),
+            help="add places to the parking",
+        )
+
+
+def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Check formations of two groups that stand at the same time (SHW208)."""
+    if sketch.separation is None:
+        return
+    standing: dict[str, tuple[Formation, Settings]] = {}
+    for item in transitions_of(sketch):
+        formation = sketch.formations.get(item.text("to"))
+        if formation is None or "group" not in item:
+            standing.clear()
+            continue
+        group = item.text("group")
+        for other, (theirs, where) in standing.items():
+            if other == group:
+                continue
+            pair = closest_between(
+                formation.points,
+                theirs.points,
+                sketch.separation.distance,
+                sketch.separation,
+            )
+            if pair is not None:
+                yield Diagnostic(
+                    "SHW208",
+                    Severity.ERROR,
+                    f"place {pair.first + 1} of `{formation.name}` (group `{group}`) "
+                    f"is {number_text(pair.distance)} m from place "
+                    f"{pair.second + 1} of `{theirs.name}` (group `{other}`), the "
+                    f"separation is {number_text(sketch.separation.distance)} m",
+                    item.mark_of("to"),
+                    secondary=(Label(where.mark_of("to"), f"`{other}` stands here"),),
+                    help="move one of the formations away",
+                )
+        standing[group] = (formation, item)
+
+
+def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Check formations of groups against drones that stand by (SHW208).
+
+    Where a drone stands that was given its place by the planner is not known here.
+    """
+    show, separation = sketch.show, sketch.separation
+    if show is None or separation is None:
+        return
+    pads = show.formations[show.pads].points[: show.drones]
+    places = pads + np.array([0.0, 0.0, show.launch.altitude])
+    for chapter in chapters(show):
+        flown = [show.transitions[index] for index in chapter]
+        busy = np.zeros(show.drones, dtype=bool)
+        for transition in flown:
+            busy[_members(show, transition)] = True
+        rows = np.flatnonzero(~busy & np.isfinite(places).all(axis=1))
+        for transition in flown:
+            formation = show.formations[transition.to]
+            pair = closest_between(
+                formation.points, places[rows], separation.distance, separation
+            )
+            if pair is not None:
+                drone = rows[pair.second]
+                yield Diagnostic(
+                    "SHW208",
+                    Severity.ERROR,
+                    f"place {pair.first + 1} of `{formation.name}` (group "
+                    f"`{transition.group}`) is {number_text(pair.distance)} m from "
+                    f"drone {drone + 1}, which stands by, the separation "
+                    f"is {number_text(separation.distance)} m",
+                    transition.mark,
+                    notes=(f"the drone stands at {point_text(places[drone])}",),
+                    help="move the formation away, or send that drone elsewhere first",
+                )
+        for transition in flown:
+            members = _members(show, transition)
+            points = show.formations[transition.to].points
+            known = transition.assignment == "fixed" and len(points) == len(members)
+            known = known and not transition.motion
+            places[members] = points if known else np.nan
+
+
+def _members(show: Show, transition: Transition) -> IntArray:
+    """Drones of a transition, counting from 0, shape (n,)."""
+    if transition.group is None:
+        return np.arange(show.drones)
+    return np.array(show.groups[transition.group])

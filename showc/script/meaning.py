@@ -1,0 +1,96 @@
+"""Meaning: what people write, and what they mean by it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
+from showc.script.quantity import NUMBER
+
+if TYPE_CHECKING:
+    from showc.script.kinds import Items
+
+MEANT = {
+    "lat": "latitude",
+    "lon": "longitude",
+    "lng": "longitude",
+    "long": "longitude",
+    "alt": "altitude",
+    "elevation": "altitude",
+    "color": "colour",
+    "colors": "colour",
+    "center": "centre",
+    "position": "centre",
+    "at": "centre",
+    "offset": "centre",
+    "time": "duration",
+    "wait": "hold",
+    "pause": "hold",
+    "shape": "type",
+    "kind": "type",
+}
+"""Keys as people write them, and how scripts do, where there is such a key."""
+
+
+def decimal_comma(entry: Entry, node: Mapping) -> Diagnostic | None:
+    """Find the number that a key is the decimals of, as in ``{hold: 2,5}``."""
+    before = node.before(entry)
+    value = None if before is None else before.value
+    if before is None or not isinstance(value, Scalar) or not entry.key.isdecimal():
+        return None
+    first, behind = value.mark, entry.mark
+    beside = (first.end_line, first.end_column + 1) == (behind.line, behind.column)
+    if not beside or not re.fullmatch(r"[-+]?\d+", value.text):
+        return None
+    right = f"{value.text}.{entry.key}"
+    return Diagnostic(
+        "SHW103",
+        Severity.ERROR,
+        f"`{before.key}`: `{value.text},{entry.key}` has a decimal comma",
+        replace(first, end_line=behind.end_line, end_column=behind.end_column),
+        help=f"write `{right}`",
+        fix=right,
+    )
+
+
+def mixed_colour(node: Sequence) -> Node:
+    """Return a list of red, green and blue as the text of one colour; others as is."""
+    parts = [item.text for item in node.items if isinstance(item, Scalar)]
+    numbers = len(parts) == len(node.items) == 3 and all(
+        part.isdecimal() for part in parts
+    )
+    return (
+        Scalar(f"rgb({', '.join(parts)})", plain=False, mark=node.mark)
+        if numbers
+        else node
+    )
+
+
+def _numbers_in(node: Node) -> tuple[list[str], int]:
+    """Return the numbers that a value's words are, and of how many values; or none."""
+    items = node.items if isinstance(node, Sequence) else (node,)
+    written = [item for item in items if isinstance(item, Scalar)]
+    words = [word for item in written for word in item.text.replace(",", " ").split()]
+    sound = all(re.fullmatch(NUMBER, word) for word in words)
+    return (words if sound else []), len(written)
+
+
+def with_commas(kind: Items, node: Node) -> str:
+    """Return a list with the commas that it lacks, where that is what went wrong."""
+    words, written = _numbers_in(node)
+    if len(words) > written and kind.least <= len(words) <= kind.most:
+        return f"[{', '.join(words)}]"
+    return ""
+
+
+def about_commas(kind: Items, node: Node) -> str:
+    """Say how numbers are separated, where that is what went wrong."""
+    if mended := with_commas(kind, node):
+        return f"separate with commas: `{mended}`"
+    words, _ = _numbers_in(node)
+    if len(words) > kind.most:
+        return "commas separate elements; a decimal point is a point: `[1.5, 0, 20]`"
+    return ""
