@@ -20,10 +20,11 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 MB = 10**6
 MOST = files.MOST_BYTES
 SAID = (
-    f"{document.MAX_BYTES // MB} MB, {document.MAX_NODES:,} values",
+    f"{document.MAX_BYTES // MB} MB, {document.MAX_NODES:,} keys and values",
     f"written out, {document.MAX_DEPTH} deep |",
     f"| {kinds.Table(kinds.Flag(), '').most:,}; {gallery.MAX_PLACES:,}; ",
     f"; {gallery.MAX_DRAWN:,} |",
+    f"| drones times transitions | {gallery.MAX_FLOWN:,} |",
     f"| {gallery.MAX_CHAIN} |",
     f"{MOST['.csv'] // MB} MB, {csv_file.MAX_LINES:,} lines",
     f"{MOST['.svg'] // MB} MB, {svg.MAX_ELEMENTS:,} elements with copies written out",

@@ -163,7 +163,13 @@ class Builder:
             gallery.counts |= needed_counts(
                 settings, gallery, drones, groups, self.parking
             )
-            formations = self._formations(gallery, drones, separation)
+            excess = gallery.excess(drones, len(self._transitions()))
+            if excess:
+                self.reader.say(
+                    "SHW119", excess, settings.mark, help_text="make two shows of it"
+                )
+            else:
+                formations = self._formations(gallery, drones, separation)
         pads = self.pads or "pads"
         sketch = Sketch(
             settings, None, separation, formations, site, drones, groups, pads,

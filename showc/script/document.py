@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 4_000_000
 """Largest script that is read [bytes]."""
-MAX_NODES = 200_000
-"""Most values a script may have once its aliases are written out: at some 500 bytes
-each, they are a third of the memory that a check may take."""
+MAX_NODES = 100_000
+"""Most keys and values a script may have once its aliases are written out: twice what
+ten thousand places take, in half a second."""
 MAX_DEPTH = 40
 """Deepest nesting."""
 MAX_FOUND = 100
@@ -307,6 +307,8 @@ class _Builder:
         self._tag(event.tag, mark)
         frame = self.frames[-1] if self.frames else None
         if frame is not None and frame.mapping and frame.key is None:
+            self._spend(1, mark)
+            frame.size += 1
             self._key(frame, event.value, mark)
             return
         node = Scalar(event.value, event.implicit[0] and not event.style, mark)
@@ -369,15 +371,16 @@ class _Builder:
                 help="write the value out",
             )
             raise _RefusedError
-        self.total += node.size
-        self._budget(mark)
+        self._spend(node.size, mark)
         self._place(node, None, counted=True)
 
-    def _budget(self, mark: Mark) -> None:
+    def _spend(self, size: int, mark: Mark) -> None:
+        """Take keys and values from what a script may have."""
+        self.total += size
         if self.total > MAX_NODES:
             self._say(
                 "SHW008",
-                f"more than {MAX_NODES} values, with aliases written out",
+                f"more than {MAX_NODES} keys and values, with aliases written out",
                 mark,
                 help="put long lists of points into CSV files",
             )
@@ -418,8 +421,7 @@ class _Builder:
 
     def _place(self, node: Node, anchor: str | None, *, counted: bool = False) -> None:
         if not counted:
-            self.total += 1
-            self._budget(node.mark)
+            self._spend(1, node.mark)
         if anchor is not None:
             self.anchors[anchor] = node
         if not self.frames:

@@ -71,8 +71,10 @@ def effect_of(settings: Settings) -> Effect:
 
 MAX_PLACES = 10_000
 """Places of one formation: the largest fleet."""
-MAX_DRAWN = 1_000_000
-"""Places of all formations and their parts together."""
+MAX_DRAWN = 200_000
+"""Places of all formations and their parts together: twenty of the largest fleet."""
+MAX_FLOWN = 1_000_000
+"""Drones times transitions: a hundred of the largest fleet."""
 MAX_CHAIN = 50
 """How many times a formation may be like one that is like another."""
 FARTHEST = 1e6
@@ -136,6 +138,33 @@ class Gallery:
             return sum(known) if len(known) == len(counts) else None
         shape = SHAPES[settings.text("type")]
         return shape.own_count(settings, self._bench.read)
+
+    def excess(self, drones: int, moves: int) -> str:
+        """Return what the script asks for beyond what is drawn; empty if nothing.
+
+        Parameters
+        ----------
+        drones
+            Size of the fleet.
+        moves
+            Number of transitions.
+        """
+        wanted = [self.own_count(name) for name in self._table]
+        places = sum(
+            min(self.counts.get(name, 0) if own is None else own, MAX_PLACES)
+            for name, own in zip(self._table, wanted, strict=True)
+        )
+        if places > MAX_DRAWN:
+            return (
+                f"{len(self._table)} formations with {places} places together, at most "
+                f"{MAX_DRAWN} are drawn"
+            )
+        if drones * moves > MAX_FLOWN:
+            return (
+                f"{drones} drones in {moves} transitions are {drones * moves} moves, "
+                f"at most {MAX_FLOWN} are planned"
+            )
+        return ""
 
     def picture(self, name: str) -> Picture | None:
         """Draw a formation; None if that is impossible, which is then reported."""

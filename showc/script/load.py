@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
     from showc.script.show import Show
 
-MAX_SECONDS = 120.0
-"""Processor time that reading a script may take [s]: a hundred times what a thousand
-drones in pictures from meshes need."""
+MAX_SECONDS = 30.0
+"""Processor time that reading a script may take [s]: five times what a hundred texts of
+a thousand drones need."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -31,10 +32,15 @@ class Unit:
     @property
     def exact(self) -> Fraction | None:
         """The same as a fraction of small numbers, where it is one."""
-        from fractions import Fraction  # noqa: PLC0415 - start-up counts
+        return _exact(self.factor)
 
-        fraction = Fraction(self.factor).limit_denominator(10**9)
-        return fraction if float(fraction) == self.factor else None
+
+@cache
+def _exact(factor: float) -> Fraction | None:
+    from fractions import Fraction  # noqa: PLC0415 - start-up counts
+
+    fraction = Fraction(factor).limit_denominator(10**9)
+    return fraction if float(fraction) == factor else None
 
 
 def _units(dimension: str, **factors: float) -> dict[str, Unit]:
@@ -220,6 +226,8 @@ def match_number(text: str) -> str:
 def _converted(number: str, source: Unit, target: Unit) -> float:
     """Return a number in another unit, correctly rounded where units are decimal."""
     value = float(number)
+    if source.factor == target.factor:
+        return value
     top, bottom = source.exact, target.exact
     if top is None or bottom is None or not math.isfinite(value) or value == 0.0:
         return value * source.factor / target.factor

@@ -99,19 +99,20 @@ class _Boxes:
         """Pairs of boxes less than a limit apart, the nearest first, and their gaps."""
         low, high = self.placed.min(axis=2), self.placed.max(axis=2)
         low2, high2 = self.other_placed.min(axis=2), self.other_placed.max(axis=2)
+        first, second = _overlapping((low, high), (low2, high2), limit)
+        if self.same:
+            first, second = first[first <= second], second[first <= second]
         # Rounding is monotone: no pair of places is nearer than its boxes are.
         gap = np.maximum(
-            low[:, :, None] - high2[:, None], low2[:, None] - high[:, :, None]
+            low[:, first] - high2[:, second], low2[:, second] - high[:, first]
         )
         x, y, z = np.maximum(gap, 0.0)
-        apart = measure_parts(x, y, z, separation=self.separation)
-        wanted = apart < limit
-        if self.same:
-            wanted &= np.triu(np.ones_like(wanted))
-        first, second = np.nonzero(wanted)
-        gaps = apart[first, second]
+        gaps = measure_parts(x, y, z, separation=self.separation)
+        wanted = gaps < limit
+        first, second, gaps = first[wanted], second[wanted], gaps[wanted]
         # Boxes with themselves come first: places near each other share a box.
-        order = np.lexsort((gaps, (first != second) | (not self.same)))
+        apart = (first != second) | (not self.same)
+        order = np.lexsort((second, first, gaps, apart))
         return first[order], second[order], gaps[order]
 
     def distances(
@@ -131,6 +132,11 @@ class _Boxes:
 
     def closest(self, limit: float) -> Closeness | None:
         """Return the closest pair below a limit, the first of them in order."""
+        if self.same:
+            # What is found within the boxes is the farthest that others can matter.
+            own = np.arange(len(self.rows))
+            nearest = float(self.distances(own, own)[2].min())
+            limit = min(limit, float(np.nextafter(nearest, np.inf)))
         first, second, gaps = self.near(limit)
         best, least = None, limit
         for start in range(0, len(first), _BATCH):
@@ -153,6 +159,35 @@ class _Boxes:
             if best is None or _key(found) < _key(best):
                 best, least = found, nearest
         return best
+
+
+def _overlapping(
+    one: tuple[FloatArray, FloatArray],
+    other: tuple[FloatArray, FloatArray],
+    limit: float,
+) -> tuple[IntArray, IntArray]:
+    """Pairs of boxes that may be less than a limit apart, by one level axis alone.
+
+    Parameters
+    ----------
+    one, other
+        Lower and upper corners of boxes, each of shape (3, boxes) [m].
+    limit
+        [m].
+    """
+    axis = int(np.argmax(np.ptp(one[0][:2], axis=1)))
+    order = np.argsort(other[0][axis], kind="stable")
+    low = other[0][axis][order]
+    # The highest end of any box up to here: it never falls.
+    high = np.maximum.accumulate(other[1][axis][order])
+    # Twice the limit, for what rounding takes is not to matter.
+    begin = np.searchsorted(high, one[0][axis] - 2.0 * limit)
+    end = np.searchsorted(low, one[1][axis] + 2.0 * limit, side="right")
+    many = np.maximum(end - begin, 0)
+    first = np.repeat(np.arange(len(many)), many)
+    past = np.cumsum(many) - many
+    second = order[np.arange(len(first)) - np.repeat(past - begin, many)]
+    return first, np.asarray(second, dtype=np.int64)
 
 
 def _limit(threshold: float) -> float:

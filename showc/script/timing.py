@@ -28,9 +28,9 @@ ENVELOPE_UNITS = {
     "acceleration_down": "m/s²",
 }
 """Limits that an autopilot's envelope sets, and their units."""
-_SAMPLE, _PAIRS = 40, 2_000_000
-"""Others that each place is first held against, and pairs of places that are looked at:
-all of them up to a fleet of 1,400."""
+_FEW, _SAMPLE, _PAIRS = 4, 40, 2_000_000
+"""Others that each place is first held against, at least and at most, and pairs of
+places that are looked at in a script: all of them up to ten moves of 450 drones."""
 _MORE = 1.01
 """How far above the rotors' own limit a limit may be: printed ones are rounded."""
 
@@ -307,9 +307,10 @@ def least_duration(show: Show, index: int) -> tuple[float, int | None]:
         return float(times[drone]), drone
     if transition.assignment == "fixed":
         return 0.0, None
+    pairs = _PAIRS // len(show.transitions)
     return max(
-        _furthest(start, goal, lambda way: _moves(show, way)),
-        _furthest(goal, start, lambda way: _moves(show, -way)),
+        _furthest(start, goal, lambda way: _moves(show, way), pairs),
+        _furthest(goal, start, lambda way: _moves(show, -way), pairs),
     ), None
 
 
@@ -318,7 +319,10 @@ def _moves(show: Show, displacement: FloatArray) -> FloatArray:
 
 
 def _furthest(
-    places: FloatArray, others: FloatArray, times: Callable[[FloatArray], FloatArray]
+    places: FloatArray,
+    others: FloatArray,
+    times: Callable[[FloatArray], FloatArray],
+    pairs: int,
 ) -> float:
     """Return how long the way to the nearest other takes, from the furthest place [s].
 
@@ -331,11 +335,14 @@ def _furthest(
         Shape (n, 3) and (m, 3) [m].
     times
         Least times of displacements, shape (..., 3) [m], to shape (...) [s].
+    pairs
+        How many displacements take little time.
     """
-    few = others[:: max(len(others) // _SAMPLE, 1)]
+    sample = min(max(pairs // (2 * len(places)), _FEW), _SAMPLE)
+    few = others[:: max(len(others) // sample, 1)]
     most = np.min([times(other - places) for other in few], axis=0)
     least = 0.0
-    for place in np.argsort(-most, kind="stable")[: max(_PAIRS // len(others), 1)]:
+    for place in np.argsort(-most, kind="stable")[: max(pairs // len(others), 1)]:
         if most[place] <= least:
             break
         least = max(least, float(times(others - places[place]).min()))

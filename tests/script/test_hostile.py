@@ -226,6 +226,8 @@ def keys(count, form):
     return f"showc: 1\ndrones: 4\nformations:\n{rows}transitions: [f0]\n"
 
 
+KEYS = [f"{n:x}" for n in range(500_000)]
+ANCHORS = ", ".join(f"&a{n} [*a]" for n in range(90_000))
 GROW = ", ".join(["{scale: 1000}"] * 100)
 SCRIPTS = {
     "a chain of 1,900": (chain(1900, upwards=True), {"SHW119"}),
@@ -241,13 +243,13 @@ SCRIPTS = {
         keys(100_000, "  f{}: {{type: circle}}\n"),
         {"SHW008"},
     ),
-    "40,000 formations": (keys(40_000, "  f{}: {{type: circle}}\n"), {"SHW119"}),
-    "100,000 unknown keys": (
-        show("{type: circle}", more="".join(f"key{n}: 1\n" for n in range(90_000))),
+    "20,000 formations": (keys(20_000, "  f{}: {{type: circle}}\n"), {"SHW119"}),
+    "45,000 unknown keys": (
+        show("{type: circle}", more="".join(f"key{n}: 1\n" for n in range(45_000))),
         {"SHW101", "SHW119"},
     ),
-    "100,000 keys twice": (
-        show("{type: circle}", more="name: x\n" * 90_000),
+    "45,000 keys twice": (
+        show("{type: circle}", more="name: x\n" * 45_000),
         {"SHW004", "SHW119"},
     ),
     "groups of everyone, often": (
@@ -297,6 +299,50 @@ SCRIPTS = {
             f"transitions: [{', '.join(['wall', 'field'] * 6)}]\n"
         ),
         {"SHW305"},
+    ),
+    "half a million keys": (
+        show("{type: circle}", more="name:\n " + ":\n ".join(KEYS)),
+        {"SHW008"},
+    ),
+    "half a million keys in braces": (
+        show("{type: circle}", more=f"name: {{{','.join(KEYS)}}}\n"),
+        {"SHW008"},
+    ),
+    "a fence of 100,000 corners": (
+        show("{type: circle}", more=f"site: {{fence: [{'[1, 2], ' * 100_000}]}}\n"),
+        {"SHW008"},
+    ),
+    "90,000 anchors": (
+        show(
+            "{type: circle}",
+            more="x: &a [1]\ny: [" + ANCHORS + "]\n",
+        ),
+        {"SHW008"},
+    ),
+    "9,000 places at one point, spread": (
+        show(
+            f"{{type: points, spread: true, points: [{'[1, 1, 10], ' * 9000}]}}",
+            drones=9000,
+        ),
+        {"SHW203"},
+    ),
+    "60 texts of 10,000": (
+        "showc: 1\ndrones: 10000\nformations:\n"
+        + "".join(f"  t{n}: {{type: text, text: HELLO {n}}}\n" for n in range(60))
+        + "transitions: [t0]\n",
+        {"SHW119"},
+    ),
+    "a thousand moves of 10,000": (
+        (
+            "showc: 1\ndrones: 10000\n"
+            "formations:\n  a: {type: grid, step: 3}\n  b: {type: grid, step: 4}\n"
+            f"transitions: [{', '.join(['a', 'b'] * 500)}]\n"
+        ),
+        {"SHW119"},
+    ),
+    "10,000 drones in moves to formations that are not there": (
+        f"showc: 1\ndrones: 10000\nformations: {{}}\ntransitions: [{'a, ' * 200}]\n",
+        {"SHW107"},
     ),
     "epoch before logs begin": (
         show("{type: circle}", more="epoch: 0001-01-01T00:00:00Z\n"),
