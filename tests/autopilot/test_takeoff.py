@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mission.flights import shift_flight
+from mission.flights import hop_flight, shift_flight
 
 from showc.autopilot.parameters import Parameters
 from showc.autopilot.takeoff import takeoff_times
 from showc.autopilot.timing import LIFT_OFF
 from showc.mission import mission_files
-from showc.mission.predict import LAND_LEG, descent
+from showc.mission.predict import descent
 
 FLOWN = [
     (5.0, 2.5, 250, 2.547),
@@ -70,7 +70,19 @@ def test_each_drone_sinks_after_its_own_last_leg():
     predicted, last = missions.predicted, missions.prediction["legs"][-1]
     pause = predicted.timeline.landing_pause
     for drone, ended in zip(last["drones"], last["ended"], strict=True):
-        begin = ended + pause + LAND_LEG
-        before, after = predicted.position([begin - 0.2, begin + 3.0])[:, drone - 1, 2]
+        # Its own leg to the pad takes up to 1.15 s.
+        hovers, sinks = ended + pause - 0.1, ended + pause + 3.5
+        before, after = predicted.position([hovers, sinks])[:, drone - 1, 2]
         assert before == pytest.approx(6.0, abs=0.05)
         assert after < 5.0
+
+
+@pytest.mark.parametrize(
+    ("off", "measured"),
+    [(0.0, 0.0), (0.013, 0.83), (0.02, 0.93), (0.03, 1.0), (0.045, 1.1), (0.057, 1.15)],
+)
+def test_a_landing_first_flies_the_centimetres_to_its_height(off, measured):
+    # Landings flown in simulation: what passed more than for drones at their heights.
+    predicted = mission_files(hop_flight(1)).predicted
+    (took,) = predicted.pad_legs(np.array([off]))
+    assert took == pytest.approx(measured, abs=0.08)
