@@ -320,8 +320,11 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
 
 
 def _figure(check: Check) -> str:
+    """Return the worst figure with its limit; what a check has noted if it has none."""
     value, limit = _found(check)
-    return f" {value}" + (f" of {limit}" if limit else "") if value else ""
+    if not value:
+        return f": {check.notes[0]}" if check.notes else ""
+    return f" {value}" + (f" of {limit}" if limit else "")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds

@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.log import showc_pb2 as pb
-from showc.verify.missions.distances import near_pairs, nearest_places, part_distance
+from showc.verify.kernel.slices import measures
+from showc.verify.missions.law import Profiles
+from showc.verify.missions.legs import FleetLegs
+from showc.verify.missions.separation import (
+    Nearest,
+    _Best,
+    _near,
+    nearest_untimed,
+    part_distance,
+)
 
 SHAPES = pb.Separation.Shape.values()
 
@@ -27,38 +36,37 @@ def distance(difference, shape):
     return float(np.sqrt(x * x + y * y + (z / stretch) ** 2))
 
 
+def standing(places):
+    """Fleet whose drones rise and sink by nothing where they stand."""
+    legs = np.repeat(places, 3, axis=0)
+    none = np.zeros(len(legs))
+    flights = Profiles(*[none] * len(Profiles.__dataclass_fields__))
+    first = np.arange(0, len(legs) + 1, 3)
+    return FleetLegs(first, legs, legs, np.full(len(legs), np.nan), flights, none)
+
+
 @given(
     st.integers(0, 2**32 - 1),
     st.sampled_from(SHAPES),
-    st.integers(2, 300),
+    st.integers(1, 200),
     st.sampled_from([0.5, 20.0]),
+    st.booleans(),
 )
 @settings(deadline=None, max_examples=30)
-def test_the_nearest_places_are_those_of_all_pairs(seed, shape, count, spread):
+def test_the_nearest_places_are_those_of_all_pairs(seed, shape, count, spread, landing):
     generator = np.random.default_rng(seed)
-    # Whole numbers, so that several pairs are equally near.
-    places = np.round(
-        generator.normal(scale=(spread, 2.0 * spread, 4.0), size=(count, 3))
-    )
-    moving = generator.random(count) < 0.3
+    places = generator.normal(scale=(spread, 2.0 * spread, 4.0), size=(count, 3))
+    found = nearest_untimed(standing(places), rules(shape), landing=landing)
     pairs = [
         (distance(places[a] - places[b], shape), a, b)
         for a, b in combinations(range(count), 2)
-        if moving[a] or moving[b]
     ]
-    found = nearest_places(places, rules(shape), moving)
     if not pairs:
         assert found is None
         return
     least, a, b = min(pairs)
-    assert found is not None
-    assert found[2] == pytest.approx(least, abs=1e-12)
-    if least > 0.0:
-        again = nearest_places(places, rules(shape), moving, found[2] * 1.001)
-        assert again == found
-        assert nearest_places(places, rules(shape), moving, found[2]) is None
-    if shape != pb.Separation.ELLIPSOID:  # its distances are not rounded alike
-        assert found[:2] == (a, b)
+    assert found.distance == pytest.approx(least, abs=1e-12)
+    assert found.pair == (a, b)
 
 
 @given(
@@ -72,21 +80,21 @@ def test_no_pair_of_parts_that_is_near_is_left_out(seed, shape, count, limit):
     generator = np.random.default_rng(seed)
     one = np.round(generator.normal(scale=15.0, size=(count, 3)))
     other = one + np.round(generator.normal(scale=3.0, size=(count, 3)))
-    moving = generator.random(count) < 0.5
-    found = [
-        pair
-        for a, b in near_pairs(one, other, rules(shape), limit, moving)
-        for pair in zip(a.tolist(), b.tolist(), strict=True)
-    ]
-    assert len(set(found)) == len(found)
-    assert all(a < b and (moving[a] or moving[b]) for a, b in found)
+    best = _Best()
+    best.found = Nearest((0, 1), 0.0, limit)
     a, b = np.array(list(combinations(range(count), 2))).T
-    wanted = (moving[a] | moving[b]) & (
-        part_distance((one[a].T, other[a].T), (one[b].T, other[b].T), rules(shape))
-        <= limit
-    )
-    near = set(zip(a[wanted].tolist(), b[wanted].tolist(), strict=True))
-    assert near <= set(found)
+    for measure in measures(rules(shape)):
+        begin, end = measure.space(one), measure.space(other)
+        found = [
+            pair
+            for rows, columns in _near(begin, end, measure, best)
+            for pair in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
+        assert len(set(found)) == len(found)
+        assert all(first < second for first, second in found)
+        gap = part_distance((begin[a], end[a]), (begin[b], end[b]), measure)
+        near = gap < limit
+        assert set(zip(a[near].tolist(), b[near].tolist(), strict=True)) <= set(found)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -94,7 +102,8 @@ def test_no_pair_of_parts_that_is_near_is_left_out(seed, shape, count, limit):
 def test_parts_are_as_far_apart_as_their_nearest_points(seed):
     generator = np.random.default_rng(seed)
     a, b, c, d = np.round(generator.normal(scale=3.0, size=(4, 40, 3)))
-    least = part_distance((a.T, b.T), (c.T, d.T), rules(pb.Separation.SPHERE))
+    (measure,) = measures(rules(pb.Separation.SPHERE))
+    least = part_distance((a, b), (c, d), measure)
     share = np.linspace(0.0, 1.0, 41)[:, None, None]
     first, second = a + share * (b - a), c + share * (d - c)
     gaps = np.linalg.norm(first[:, None] - second[None], axis=-1)

@@ -9,7 +9,7 @@ from verified import with_table
 from showc.log import showc_pb2 as pb
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.dynamics import radius
-from showc.verify.kernel.fence import RESOLUTION, _enclosed, _inside, fenced, nearest
+from showc.verify.kernel.fence import RESOLUTION, _inside, enclosed, fenced, nearest
 
 ELL = np.array(
     [[-9.0, -9.0], [9.0, -9.0], [9.0, 0.0], [0.0, 0.0], [0.0, 9.0], [-9.0, 9.0]]
@@ -45,7 +45,7 @@ def test_the_least_distance_is_enclosed(seed, degree):
     corner = rng.uniform([-9.0, -9.0], [0.0, 9.0])
     path = corner + rng.normal(0.0, 3.0, (1, degree + 1, 2))
     flown = (basis(degree, np.linspace(0.0, 1.0, 800)) @ path)[0]
-    lower, row = _enclosed(path, ELL)
+    lower, row = enclosed(path, ELL)
     assert row == 0
     if inside_ell(flown).all():
         least = to_ell(flown).min()
@@ -62,9 +62,9 @@ def test_flight_along_a_wall_is_settled_exactly(height):
         [[[-8.0, -8.0], [-2.0, height - 2.0], [0.5, height], [8.0, height]]]
     )
     straight = np.array([[[-8.0, height], [8.0, height]]])
-    lower, _ = _enclosed(straight, ELL)
+    lower, _ = enclosed(straight, ELL)
     assert lower == pytest.approx(-height, abs=2 * RESOLUTION)
-    lower, _ = _enclosed(path, ELL)
+    lower, _ = enclosed(path, ELL)
     assert lower <= -height
 
 

@@ -185,14 +185,16 @@ def least(
     begin, length = np.zeros(row.size), np.ones(row.size)
     where, fraction = 0, 0.0
     for _ in range(_ROUNDS):
-        for end in (0, -1):
-            value = reached(work[:, end])
-            index = int(np.argmin(value)) if value.size else 0
-            if value.size and value[index] < best:
-                best, where = float(value[index]), int(row[index])
-                fraction = float(begin[index] - end * length[index])
         bound = bounded(work)
         # Numbers that are undefined stay open, and nothing is proved.
+        rows = np.flatnonzero(~(bound >= best - resolution))
+        for end in (0, -1):
+            value = reached(work[rows, end])
+            index = int(np.argmin(value)) if value.size else 0
+            if value.size and value[index] < best:
+                at = rows[index]
+                best, where = float(value[index]), int(row[at])
+                fraction = float(begin[at] - end * length[at])
         undecided = ~(bound >= best - resolution)
         lower = min(lower, float(np.min(bound[~undecided], initial=np.inf)))
         if not undecided.any():

@@ -148,7 +148,7 @@ def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
     tracks = Tracks.of(segment)
     place = tracks.between(tracks.at(pair, time), time, time)[:, 0]
     distance = min(
-        float(measure((place[1] - place[0])[list(measure.axes)] * measure.scale))
+        float(measure(measure.space(place[1] - place[0])))
         for measure in measures(show.rules.separation)
     )
     claimed = closest.distance

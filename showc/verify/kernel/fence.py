@@ -65,12 +65,12 @@ def nearest(segment: Segment, site: Site) -> Nearest | None:
         return None
     found = []
     for table in segment.tables:
-        lower, row = _enclosed(np.ascontiguousarray(table.state[:, :, :2]), fence)
+        lower, row = enclosed(np.ascontiguousarray(table.state[:, :, :2]), fence)
         found.append(Nearest(lower, int(table.owner[row]), float(table.start[row])))
     return min(found, key=lambda one: one.lower)
 
 
-def _enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
+def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
     """Lower bound of the distance of paths (rows, degree + 1, 2), and the worst row."""
     rounding = GAMMA * float(max(np.abs(path).max(), np.abs(fence).max()))
     outside = ~_inside(path[:, 0], fence)

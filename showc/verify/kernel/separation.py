@@ -188,8 +188,7 @@ class _Search:
 
     def over(self, tracks: Tracks, during: str) -> Encounter:
         """Search the tracks from their begin to their end."""
-        axes = list(self.measure.axes)
-        scaled = tracks.position[:, :, axes] * np.array(self.measure.scale)
+        scaled = self.measure.space(tracks.position)
         positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(np.abs(scaled).max(initial=0.0))

@@ -133,6 +133,10 @@ class Measure:
     largest: bool
     """Whether the distance is the largest component (else the Euclidean length)."""
 
+    def space(self, points: FloatArray) -> FloatArray:
+        """Places (..., 3) in the space whose distances count, (..., axes)."""
+        return np.asarray(points[..., list(self.axes)] * np.array(self.scale))
+
     def __call__(self, difference: FloatArray, axis: int = -1) -> FloatArray:
         """Distances of differences, scaled already, that lie along one ``axis``."""
         if self.largest:

@@ -14,17 +14,15 @@ import numpy as np
 
 from showc.log.sample import PLACE
 from showc.verify.missions.law import CLOCK_LAG
-from showc.verify.missions.legs import joined
+from showc.verify.missions.legs import UNTIMED
 from showc.verify.report import Check, Place
 from showc.verify.samples import points_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import FloatArray
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
-    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.legs import FleetLegs
 
 
 TOPIC = "/fleet/predicted"
@@ -39,12 +37,12 @@ BLOCK = 8192
 """Places that are looked at together: they fit the processor's cache."""
 
 
-def check_drawn(log: LogFile, show: LoggedShow, missions: list[MissionLegs]) -> Check:
+def check_drawn(log: LogFile, show: LoggedShow, fleet: FleetLegs) -> Check:
     """Hold every place on ``/fleet/predicted`` against the missions."""
     channels = {
         number for number, channel in log.channels.items() if channel.topic == TOPIC
     }
-    tubes = _Tubes(missions)
+    tubes = _Tubes(fleet)
     worst, where, count, last = 0.0, Place(), 0, -np.inf
     for data, m, _ in log.read(channels):
         times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
@@ -87,24 +85,22 @@ def check_drawn(log: LogFile, show: LoggedShow, missions: list[MissionLegs]) -> 
 class _Tubes:
     """Where each drone of a fleet may be at any time."""
 
-    def __init__(self, missions: Sequence[MissionLegs]) -> None:
-        self._table, first = joined(missions)
-        timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
-        most = max(rows.size for rows in timed)
-        count = len(missions)
-        self._release = np.full((count, most + 1), np.inf)
-        self._leg = np.zeros((count, most), dtype=np.int64)
-        self._begin, self._end = np.zeros((2, 3, count, most))
+    def __init__(self, fleet: FleetLegs) -> None:
+        self._table = fleet.profiles
+        release = fleet.filled(fleet.release, np.inf)
+        self._release = np.column_stack([release, np.full(fleet.drones, np.inf)])
+        self._timed = np.diff(fleet.first) - UNTIMED
+        # Where there is no timed leg, the landing stands for it.
+        first, last = fleet.first[:-1], fleet.first[1:] - 1
+        rank = first[:, None] + 2 + np.arange(release.shape[1])
+        self._leg = np.minimum(rank, last[:, None])
+        self._begin, self._end = (
+            some[self._leg].transpose(2, 0, 1) for some in (fleet.begin, fleet.end)
+        )
         # A drone is on its climb before its first timed leg, on its descent after the
         # last one: each a line that it may be on at any time.
-        self._climb = np.stack([_side(one, timed[k]) for k, one in enumerate(missions)])
-        self._descent = np.stack([one.places[-2:] for one in missions])
-        self._timed = np.array([rows.size for rows in timed])
-        for drone, (one, rows) in enumerate(zip(missions, timed, strict=True)):
-            self._release[drone, : rows.size] = one.release[rows]
-            self._leg[drone, : rows.size] = first[drone] + rows
-            self._begin[:, drone, : rows.size] = one.places[rows].T
-            self._end[:, drone, : rows.size] = one.places[rows + 1].T
+        self._climb = np.stack([fleet.begin[first], fleet.begin[first + 2]], axis=1)
+        self._descent = np.stack([fleet.begin[last], fleet.end[last]], axis=1)
         followed = self._table.followed(0.0)
         self._over = np.where(
             np.isfinite(self._release[:, :-1]), followed[self._leg], 0.0
@@ -154,12 +150,6 @@ class _Tubes:
             off[rows] = np.where(leg[rows] < 0, there, landing)
         over = off - BESIDE - BESIDE_FAST * speed
         return np.asarray(np.maximum(over, 0.0).reshape(shape))
-
-
-def _side(mission: MissionLegs, timed: IntArray) -> FloatArray:
-    """Return pad and end (2, 3) [m] of a climb."""
-    climbed = int(timed[0]) if timed.size else 2
-    return mission.places[[0, climbed]]
 
 
 def _distance(point: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:

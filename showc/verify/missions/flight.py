@@ -20,14 +20,15 @@ from showc.verify.missions.separation import (
 from showc.verify.missions.space import ROUNDING as BOUNDARY
 from showc.verify.missions.space import Inside, inside_fence, inside_volume
 from showc.verify.missions.terms import FIRMWARE
-from showc.verify.report import Check, Place, Verdict
+from showc.verify.report import Check, Place
+from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.legs import FleetLegs
 
 
 GROUP = "missions"
@@ -102,17 +103,14 @@ def mission_clock(described: Mapping[str, Any]) -> Clock:
 
 
 def check_flight(
-    missions: Sequence[MissionLegs],
-    show: LoggedShow,
-    described: Mapping[str, Any],
-    slack: float,
+    fleet: FleetLegs, show: LoggedShow, described: Mapping[str, Any], slack: float
 ) -> list[Check]:
     """Prove what ArduCopter will make of a fleet's missions.
 
     Parameters
     ----------
-    missions
-        Of every drone.
+    fleet
+        What the missions fly.
     show
         The log's rules and segments.
     described
@@ -121,22 +119,22 @@ def check_flight(
         What slots leave after the latest end of a leg, by the script [s].
     """
     rules = show.rules
-    ends, stops = _check_ends(missions, show)
+    ends, reached = _check_ends(fleet, show)
     checks = [
         ends,
-        _check_slots(missions, stops, show, max(slack, SETTLING)),
-        _boundary("VRF415", VOLUME, inside_volume(missions, rules.site)),
+        _check_slots(fleet, reached, show, max(slack, SETTLING)),
+        _boundary("VRF415", VOLUME, fleet, inside_volume(fleet, rules.site)),
     ]
-    fenced = inside_fence(missions, rules.site)
+    fenced = inside_fence(fleet, rules.site)
     if fenced is not None:
-        checks.append(_boundary("VRF416", FENCE, fenced))
-    if len(missions) < 2:
+        checks.append(_boundary("VRF416", FENCE, fleet, fenced))
+    if fleet.drones < 2:
         note = "one drone flies alone"
         alone = Check("VRF411", GROUP, APART, "pass", notes=(note,))
-        return [*checks, alone, _as_claimed({}, missions, show, described)]
+        return [*checks, alone, _as_claimed({}, fleet, show, described)]
     wanted = rules.separation
     try:
-        timed = nearest_timed(missions, wanted)
+        timed = nearest_timed(fleet, wanted)
     except OverlappingLegsError as error:
         note = f"{error} is released before the leg before it has surely ended"
         place = Place(error.drone + 1)
@@ -144,54 +142,65 @@ def check_flight(
             *checks,
             Check("VRF411", GROUP, APART, "fail", where=place, notes=(note,)),
         ]
-    checks.append(_verdict("VRF411", APART, timed, wanted.distance))
-    nearest: dict[str, Nearest | None] = {"legs": timed}
-    for code, key, name in (
-        ("VRF412", "launch", "take-off"),
-        ("VRF413", "land", "landing"),
+    nearest = {
+        "legs": timed,
+        "launch": nearest_untimed(fleet, wanted, landing=False),
+        "land": nearest_untimed(fleet, wanted, landing=True),
+    }
+    for code, key, text in (
+        ("VRF411", "legs", APART),
+        ("VRF412", "launch", "take-off keeps the separation at any timing"),
+        ("VRF413", "land", "landing keeps the separation at any timing"),
     ):
-        nearest[key] = nearest_untimed(missions, wanted, landing=key == "land")
-        text = f"{name} keeps the separation at any timing"
-        checks.append(_verdict(code, text, nearest[key], wanted.distance))
-    return [*checks, _as_claimed(nearest, missions, show, described)]
+        checks.append(_apart(code, text, nearest[key], wanted.distance))
+    return [*checks, _as_claimed(nearest, fleet, show, described)]
 
 
-def _check_ends(
-    missions: Sequence[MissionLegs], show: LoggedShow
-) -> tuple[Check, list[list[int]]]:
+def _check_ends(fleet: FleetLegs, show: LoggedShow) -> tuple[Check, IntArray]:
     """Whether each mission visits the ends of its drone's moves in order.
 
-    Also returns which places of each mission those are, as far as they were found.
+    Also returns which leg each move of each drone ends, (drones, moves); -1 where that
+    was not found.
     """
     moves = [segment for segment in show.segments if not segment.holds]
-    ends = [moves[0].ends()[0], *(move.ends()[1] for move in moves)]
-    names = ["the pad", *(f"the end of “{move.message.name}”" for move in moves)]
-    worst, where, note, found = 0.0, Place(), "", list[list[int]]()
-    for drone, mission in enumerate(missions):
-        stops = np.stack([one[drone, :3] for one in ends])
-        off = np.abs(mission.places[None] - stops[:, None]) / PLACE_RESOLUTION
-        rows: list[int] = []
-        for name, ratio in zip(names, off.max(axis=2), strict=True):
-            at = rows[-1] if rows else 0
-            fits = np.flatnonzero(ratio[at:] <= 1.0)
-            # The pad is the first place, and the last one is the landing.
-            if not fits.size or (not rows and fits[0] > 0):
-                worst, where = float(ratio[at:].min(initial=np.inf)), Place(drone + 1)
-                note = f"no item flies to {name} in its turn"
+    stops = [move.ends()[1][:, :3] for move in moves]
+    first, last = fleet.first[:-1], fleet.first[1:] - 1
+    found = np.full((fleet.drones, len(moves)), -1)
+    start = np.abs(fleet.begin[first] - moves[0].ends()[0][:, :3]) / PLACE_RESOLUTION
+    worst, drone = float(start.max()), int(start.max(axis=1).argmax())
+    note = "" if worst <= 1.0 else "no item flies to the pad in its turn"
+    for one in range(fleet.drones) if not note else ():
+        begun = first[one]
+        for number, stop in enumerate(stops):
+            off = np.abs(fleet.end[begun : last[one] + 1] - stop[one])
+            ratio = (off / PLACE_RESOLUTION).max(axis=1)
+            fits = np.flatnonzero(ratio <= 1.0)
+            if not fits.size:
+                worst, drone = float(ratio.min(initial=np.inf)), one
+                name = moves[number].message.name
+                note = f"no item flies to the end of “{name}” in its turn"
                 break
-            rows.append(at + int(fits[0]))
-            worst = max(worst, float(ratio[rows[-1]]))
-        else:
-            if rows[-1] != len(mission.places) - 1:
-                worst, where = np.inf, Place(drone + 1)
-                note = "flies on after its landing in the log"
-        found.append(rows)
+            found[one, number] = begun = begun + fits[0]
+            if ratio[fits[0]] > worst:
+                worst, drone = float(ratio[fits[0]]), one
+        if not note and found[one, -1] != last[one]:
+            worst, drone = np.inf, one
+            note = "flies on after its landing in the log"
         if note:
             break
-    places = f"{sum(map(len, found)):,} places, to 1e-7 degrees and 1.2 cm of height"
-    verdict: Verdict = "fail" if note or len(found) != len(missions) else "pass"
-    unit, notes = "of the resolution", (note or places,)
-    return Check("VRF404", GROUP, ENDS, verdict, worst, 1.0, unit, where, notes), found
+    places = f"{found.size:,} places, to 1e-7 degrees and 1.2 cm of height"
+    check = Check(
+        "VRF404",
+        GROUP,
+        ENDS,
+        "fail" if note else "pass",
+        worst,
+        1.0,
+        "of the resolution",
+        Place(drone + 1),
+        (note or places,),
+    )
+    return check, found
 
 
 def _holds(show: LoggedShow) -> FloatArray:
@@ -205,11 +214,14 @@ def _holds(show: LoggedShow) -> FloatArray:
     return np.array(found)
 
 
+def _climbs(fleet: FleetLegs) -> FloatArray:
+    """Likely time of each drone's take-off and climb, shape (drones,) [s]."""
+    likely, first = fleet.profiles.followed(0.0), fleet.first[:-1]
+    return LIFT_OFF + likely[first] + likely[first + 1]
+
+
 def _check_slots(
-    missions: Sequence[MissionLegs],
-    stops: Sequence[list[int]],
-    show: LoggedShow,
-    pause: float,
+    fleet: FleetLegs, reached: IntArray, show: LoggedShow, pause: float
 ) -> Check:
     """Whether each drone reaches its slots in time, and none waits for nothing.
 
@@ -217,62 +229,44 @@ def _check_slots(
     ``pause`` [s] before the next slot; what the log holds is held. The fleet as a whole
     waits no longer than that, so no slot is an hour late.
     """
-    worst, where, note = np.inf, Place(), ""
-    legs, climbed, holds = [], 0.0, _holds(show)
-    for drone, (mission, own) in enumerate(zip(missions, stops, strict=False)):
-        surely = mission.profiles.followed(mission.profiles.late)
-        likely = mission.profiles.followed(0.0)
-        held = np.zeros(mission.release.size)
-        ended = np.array(own[1:], dtype=np.int64)
-        held[ended - 1] = holds[: ended.size]
-        free = LIFT_OFF + float(likely[:2].sum()) + 2.0 * SPREAD + pause
-        climbed, line = max(climbed, free), int(mission.lines[1])
-        for leg in np.flatnonzero(np.isfinite(mission.release)).tolist():
-            release = float(mission.release[leg])
-            if release - free < worst:
-                worst, where = release - free, Place(drone + 1, time=release)
-                note = f"released {free - release:.2f} s too early after line {line}"
-            free = release + max(
-                float(surely[leg]) + CLOCK_LAG + pause,
-                float(likely[leg]) + 0.5 * CLOCK_LAG + float(held[leg]),
-            )
-            legs.append((release, free))
-            line = int(mission.lines[leg])
-    idle, moment = _longest_idle(legs, climbed)
+    title = "VRF408", GROUP, SLOTS
+    flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
+    held = np.zeros(fleet.release.size)
+    held[reached] = np.where(reached < 0, 0.0, _holds(show))
+    free = fleet.release + np.maximum(
+        flights.followed(flights.late) + CLOCK_LAG + pause,
+        flights.followed(0.0) + 0.5 * CLOCK_LAG + held,
+    )
+    climbed = _climbs(fleet) + 2.0 * SPREAD + pause
+    free[fleet.first[:-1] + 1] = climbed
+    spare = fleet.release[timed] - free[timed - 1]
+    worst = float(spare.min(initial=np.inf))
+    where = Place()
+    if timed.size:
+        leg = timed[int(np.argmin(spare))]
+        where = Place(int(fleet.owner[leg]) + 1, time=float(fleet.release[leg]))
+        if not worst >= -SAME:
+            line = fleet.lines[leg - 1]
+            note = f"released {-worst:.2f} s too early after line {line}"
+            return Check(*title, "fail", worst, 0.0, "s", where, (note,))
+    # How long no drone needs before a slot: all had climbed, or were free before it.
+    order = timed[np.argsort(fleet.release[timed], kind="stable")]
+    before = np.maximum.accumulate([float(climbed.max()), *free[order]])[:-1]
+    idle = fleet.release[order] - before
     # Holds of formations, and colours that change while no drone moves.
     patience = max(one.duration for one in show.segments) + 2.0 * TICK + SPIN_UP
-    if worst < -SAME:
-        return _slots_fail(worst, where, note)
-    if not idle <= patience:
-        text = f"no drone flies for {idle:.1f} s longer than slots need"
-        return _slots_fail(-idle, Place(time=moment), text)
-    notes = (f"{len(legs):,} slots, at least {pause:g} s after the latest end",)
-    found = worst if np.isfinite(worst) else 0.0
-    return Check("VRF408", GROUP, SLOTS, "pass", found, 0.0, "s", where, notes)
+    longest = float(idle.max(initial=0.0))
+    if not longest <= patience:
+        note = f"no drone flies for {longest:.1f} s longer than slots need"
+        moment = Place(time=float(fleet.release[order[int(np.argmax(idle))]]))
+        return Check(*title, "fail", -longest, 0.0, "s", moment, (note,))
+    notes = (f"{timed.size:,} slots, at least {pause:g} s after the latest end",)
+    return Check(*title, "pass", worst if timed.size else 0.0, 0.0, "s", where, notes)
 
 
-def _slots_fail(value: float, where: Place, note: str) -> Check:
-    return Check("VRF408", GROUP, SLOTS, "fail", value, 0.0, "s", where, (note,))
-
-
-def _longest_idle(
-    legs: list[tuple[float, float]], climbed: float
-) -> tuple[float, float]:
-    """Longest time that no drone needs before a slot, and when it ends [s].
-
-    From ``legs`` (release, when the drone was free after it), and when all had
-    ``climbed`` [s].
-    """
-    idle, moment, free = 0.0, 0.0, climbed
-    for release, after in sorted(legs):
-        if release - free > idle:
-            idle, moment = release - free, release
-        free = max(free, after)
-    return idle, moment
-
-
-def _boundary(code: str, name: str, found: Inside) -> Check:
+def _boundary(code: str, name: str, fleet: FleetLegs, found: Inside) -> Check:
     note = f"with what is flown beyond the ends of legs, to {BOUNDARY:g} m of rounding"
+    line = fleet.lines[found.leg]
     return Check(
         code,
         GROUP,
@@ -281,38 +275,69 @@ def _boundary(code: str, name: str, found: Inside) -> Check:
         found.spare,
         0.0,
         "m to spare",
-        Place(found.drone + 1),
-        (f"tightest on the way to the place of line {found.line}", note),
+        Place(int(fleet.owner[found.leg]) + 1),
+        (f"tightest on the way to the place of line {line}", note),
     )
 
 
-def _verdict(code: str, name: str, found: Nearest | None, wanted: float) -> Check:
+def _apart(code: str, name: str, found: Nearest | None, wanted: float) -> Check:
     if found is None:
         return Check(code, GROUP, name, "pass", notes=("no drone moves on time",))
     limit = wanted - ROUNDING - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
-    verdict: Verdict = "pass" if bound >= limit else "fail"
     note = (
         f"{wanted:g} m less {100.0 * ROUNDING:g} cm of the format's rounding and "
         f"{3000.0 * RESOLUTION:g} mm of the proofs' resolution"
     )
-    pair = found.pair[0] + 1, found.pair[1] + 1
-    place = Place(pair=pair, time=found.time if found.time > 0.0 else None)
-    return Check(code, GROUP, name, verdict, bound, limit, "m", place, (note,))
+    return Check(
+        code,
+        GROUP,
+        name,
+        "pass" if bound >= limit else "fail",
+        bound,
+        limit,
+        "m",
+        Place(
+            pair=(found.pair[0] + 1, found.pair[1] + 1),
+            time=found.time if found.time > 0.0 else None,
+        ),
+        (note,),
+    )
 
 
 def _as_claimed(
-    found: Mapping[str, Nearest | None],
-    missions: Sequence[MissionLegs],
+    nearest: Mapping[str, Nearest | None],
+    fleet: FleetLegs,
     show: LoggedShow,
     described: Mapping[str, Any],
 ) -> Check:
     """Hold what the manifest predicts against what was found here.
 
-    ``found`` are the nearest encounters of the ``legs``, the ``launch``, the ``land``.
+    ``nearest`` are the nearest encounters of the ``legs``, the ``launch``, the
+    ``land``.
     """
-    said: Any = described.get("prediction")
-    start = described.get("start")
+    title = "VRF414", GROUP, CLAIMED
+    try:
+        wrong = _unlike_found(described["prediction"], fleet, show, described["start"])
+        off = _off(described["prediction"], nearest)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        wrong, off = ["the prediction is nothing that can be read"], {}
+    if wrong:
+        return Check(*title, "fail", notes=tuple(wrong[:5]))
+    key = max(off, key=lambda key: off[key], default="")
+    worst = off.get(key, 0.0)
+    fits = worst <= AGREEMENT
+    notes = () if fits else (f"the encounter of {key} is another one",)
+    return Check(*title, "pass" if fits else "fail", worst, AGREEMENT, "m", notes=notes)
+
+
+def _unlike_found(
+    said: Any,  # noqa: ANN401 - JSON
+    fleet: FleetLegs,
+    show: LoggedShow,
+    start: str | None,
+) -> list[str]:
+    """Say what differs of a prediction besides its encounters."""
     wanted = {
         "firmware": FIRMWARE,
         "clock": "hour" if start is None else "UTC",
@@ -321,49 +346,47 @@ def _as_claimed(
         "clock_lag": CLOCK_LAG,
         "required_separation": show.rules.separation.distance,
     }
+    found = {key: said[key] for key in wanted}
+    wrong = list(unlike(found, wanted, "prediction", rounding=0.0))
     names = {(one.message.index, one.message.name) for one in show.segments}
     keys = _LEG if start is None else _LEG | {"slots_utc"}
-    try:
-        bad = [key for key, value in wanted.items() if said[key] != value]
-        bad += ["keys"] if said.keys() != wanted.keys() | _PREDICTED else []
-        bad += [
-            f"leg {leg['leg']}"
-            for leg in said["legs"]
-            if leg.keys() != keys or (leg["leg"], leg["name"]) not in names
-        ]
-        latest = said["latest_mission_start"]
-        if latest is not None and not latest <= _latest_start(missions):
-            bad.append("latest_mission_start")
-        near = {
-            "launch": said["launch"],
-            "land": said["land"],
-            "legs": min(
-                (leg["closest"] for leg in said["legs"] if leg["closest"] is not None),
-                key=lambda one: one["distance"],
-                default=None,
-            ),
-        }
-        off = [
-            abs(
-                (np.inf if near[key] is None else float(near[key]["distance"]))
-                - (np.inf if one is None else one.distance)
-            )
-            for key, one in found.items()
-            if (near[key], one) != (None, None)
-        ]
-    except (KeyError, TypeError, ValueError, AttributeError):
-        bad, off = ["nothing that can be read"], []
-    worst = max(off, default=0.0)
-    verdict: Verdict = "pass" if worst <= AGREEMENT and not bad else "fail"
-    notes = (f"not as it must be: {', '.join(bad)}",) if bad else ()
-    return Check("VRF414", GROUP, CLAIMED, verdict, worst, AGREEMENT, "m", notes=notes)
+    if said.keys() != wanted.keys() | _PREDICTED:
+        odd = sorted(said.keys() ^ (wanted.keys() | _PREDICTED))
+        wrong.append(f"prediction has, or lacks, {', '.join(odd)}")
+    wrong += [
+        f"prediction.legs: leg {str(leg['leg'])[:9]} is none of the log's, or has "
+        "other keys"
+        for leg in said["legs"]
+        if leg.keys() != keys or (leg["leg"], leg["name"]) not in names
+    ]
+    # Until when a mission may start, and reach its first slot.
+    first = fleet.filled(fleet.release, np.inf)[:, 0]
+    latest = float((first - _climbs(fleet)).min())
+    claimed = said["latest_mission_start"]
+    if claimed is not None and not claimed <= latest:
+        wrong.append(
+            f"prediction.latest_mission_start is {claimed:g} s, at most {latest:.3f} s "
+            "leave time for the first slot"
+        )
+    return wrong
 
 
-def _latest_start(missions: Sequence[MissionLegs]) -> float:
-    """Mission time until which a mission may start and reach its first slot [s]."""
-    found = []
-    for mission in missions:
-        climbed = LIFT_OFF + float(mission.profiles.followed(0.0)[:2].sum())
-        first = mission.release[np.isfinite(mission.release)]
-        found.append(float(first.min(initial=np.inf)) - climbed)
-    return min(found, default=np.inf)
+def _off(
+    said: Any,  # noqa: ANN401 - JSON
+    nearest: Mapping[str, Nearest | None],
+) -> dict[str, float]:
+    """How far predicted encounters are off those found [m], by their keys."""
+    of_legs = (leg["closest"] for leg in said["legs"] if leg["closest"] is not None)
+    claimed = {
+        "launch": said["launch"],
+        "land": said["land"],
+        "legs": min(of_legs, key=lambda one: one["distance"], default=None),
+    }
+    off = {}
+    for key, one in nearest.items():
+        if one is not None and claimed[key] is not None:
+            gap = abs(float(claimed[key]["distance"]) - one.distance)
+            off[key] = gap if gap >= 0.0 else np.inf
+        elif (one, claimed[key]) != (None, None):
+            off[key] = np.inf
+    return off

@@ -18,7 +18,7 @@ from showc import files
 from showc.verify.missions.drawn import check_drawn
 from showc.verify.missions.flight import check_flight, mission_clock
 from showc.verify.missions.language import Mission, MissionFormatError, read_mission
-from showc.verify.missions.legs import mission_legs
+from showc.verify.missions.legs import fleet_legs
 from showc.verify.missions.plan import check_plan
 from showc.verify.missions.terms import Terms, parameter_file
 from showc.verify.report import Check, Place
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
-    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Verdict
 
 GROUP = "missions"
@@ -157,7 +157,7 @@ class _Folder:
         content = read_file(self.path / f"missions/drone_{drone + 1:04d}.waypoints")
         return read_mission(content, self.terms.autopilot)
 
-    def flown(self, show: LoggedShow, described: dict[str, Any]) -> list[MissionLegs]:
+    def flown(self, show: LoggedShow, described: dict[str, Any]) -> FleetLegs:
         """Return what all drones fly.
 
         Raises
@@ -172,7 +172,7 @@ class _Folder:
                 every.append(self.mission(drone))
             except MissionFormatError as error:
                 raise MissionFormatError(f"drone {drone + 1}: {error}") from None
-        return mission_legs(every, show.rules.site, self.terms, clock)
+        return fleet_legs(every, show.rules.site, self.terms, clock)
 
 
 def read_file(path: Path) -> bytes:

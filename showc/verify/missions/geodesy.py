@@ -59,20 +59,11 @@ def east_north_up(
     return np.asarray(away @ np.stack([east, north, up], axis=1))
 
 
-def to_east_north_up(site: Site, points: FloatArray) -> FloatArray:
-    """East, north, up (..., 3) [m] of show-frame ``points`` (..., 3) [m].
-
-    The show frame's +y points along the site's heading h, a compass bearing, so
-    east = x cos h + y sin h and north = -x sin h + y cos h.
-    """
-    bearing = np.radians(site.heading)
-    cosine, sine = np.cos(bearing), np.sin(bearing)
-    x, y, z = np.moveaxis(np.asarray(points), -1, 0)
-    return np.stack([x * cosine + y * sine, y * cosine - x * sine, z], axis=-1)
-
-
 def to_show_frame(site: Site, places: FloatArray) -> FloatArray:
-    """Show-frame points (..., 3) [m] of east, north, up: the inverse of the above."""
+    """Show-frame points (..., 3) [m] of east, north, up.
+
+    The show frame's +y points along the site's heading, a compass bearing.
+    """
     bearing = np.radians(site.heading)
     cosine, sine = np.cos(bearing), np.sin(bearing)
     east, north, up = np.moveaxis(np.asarray(places), -1, 0)

@@ -117,11 +117,6 @@ class Profiles:
         """Time of each leg, shape (n,) [s]."""
         return self.edges[:, -1]
 
-    def part(self, begin: int, end: int) -> Profiles:
-        """Return the legs from ``begin`` up to ``end``."""
-        names = self.__dataclass_fields__
-        return Profiles(*(getattr(self, name)[begin:end] for name in names))
-
     def law_time(self, leg: IntArray, since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
 

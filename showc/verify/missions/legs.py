@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from showc.verify.missions.law import METRES_PER_DEGREE, Law, Profiles, profiles
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.language import Item, Mission
     from showc.verify.missions.terms import Terms
@@ -24,26 +23,56 @@ if TYPE_CHECKING:
 DAY, HOUR = 86400.0, 3600.0
 """After these the clock shows the same, with and without the hour named [s]."""
 
+UNTIMED = 3
+"""Legs of a mission that wait for no clock: take-off, climb, landing."""
+
 LEVEL, CLIMB, DESCENT = 1, 2, 3
 """First parameter of a speed item."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MissionLegs:
-    """What one drone flies: a take-off, the rest of the climb, timed legs, a landing.
+class FleetLegs:
+    """What a fleet flies, leg by leg: the legs of a drone follow each other.
 
-    Legs 0 and 1 and the last one wait for no clock; all others do.
+    Of each drone the first two legs, take-off and climb, wait for no clock, nor does
+    the last one, its landing; all others do. Each begins where the one before it ends.
     """
 
-    places: FloatArray
-    """Pad, and every place flown to, show frame, shape (n + 1, 3) [m]."""
+    first: IntArray
+    """First leg of each drone, and the number of legs, shape (drones + 1,)."""
+    begin: FloatArray
+    """Where each leg begins, the first one on the pad, show frame, (n, 3) [m]."""
+    end: FloatArray
+    """Where it ends, shape (n, 3) [m]."""
     release: FloatArray
-    """When each leg is released, on the missions' clock, shape (n,) [s]; NaN: when the
-    one before it has ended."""
+    """When it is released, on the missions' clock, shape (n,) [s]; NaN: when the one
+    before it has ended."""
     profiles: Profiles
-    """How each leg is planned, n of them."""
+    """How each leg is planned."""
     lines: IntArray
     """Line in the file of each leg's row, shape (n,)."""
+
+    @property
+    def drones(self) -> int:
+        """Size of the fleet."""
+        return self.first.size - 1
+
+    @property
+    def owner(self) -> IntArray:
+        """Drone of each leg, shape (n,)."""
+        return np.repeat(np.arange(self.drones), np.diff(self.first))
+
+    @property
+    def timed(self) -> BoolArray:
+        """Which legs wait for a clock, shape (n,)."""
+        return np.isfinite(self.release)
+
+    def filled(self, values: FloatArray, empty: float) -> FloatArray:
+        """One row for each drone: ``values`` of its timed legs, then ``empty``."""
+        counts = np.diff(self.first) - UNTIMED
+        table = np.full((self.drones, max(int(counts.max(initial=0)), 1)), empty)
+        table[np.arange(table.shape[1]) < counts[:, None]] = values[self.timed]
+        return table
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,35 +99,33 @@ class Clock:
         return (moment - self.begin) % self.period
 
 
-def mission_legs(
+def fleet_legs(
     missions: Sequence[Mission], site: Site, terms: Terms, clock: Clock
-) -> list[MissionLegs]:
+) -> FleetLegs:
     """Return what a fleet of ArduPilot's flies, by the script's ``terms``.
 
     Raises
     ------
     MissionFormatError
-        If a parameter is missing, or slots do not follow each other; names the drone.
+        If slots do not follow each other; names the drone.
     """
     values = {name: float(text) for name, text in terms.parameters.items()}
-    law, wind = Law.of(values), terms.wind
     read = []
     for drone, mission in enumerate(missions):
         try:
             read.append(_Flown.of(mission, site, values, clock))
         except MissionFormatError as error:
             raise MissionFormatError(f"drone {drone + 1}: {error}") from None
-    if not read:
-        return []
-    # All legs of the fleet at once: a call for each drone would take far longer.
     step = np.concatenate([one.steps for one in read])
     limits = np.concatenate([one.limits for one in read])
-    every = profiles(step, limits[:, 0], limits[:, 1], law, wind)
-    edges = np.cumsum([0, *(len(one.steps) for one in read)]).tolist()
-    return [
-        MissionLegs(one.places, one.release, every.part(begin, end), one.lines)
-        for one, (begin, end) in zip(read, pairwise(edges), strict=True)
-    ]
+    return FleetLegs(
+        np.cumsum([0, *(len(one.steps) for one in read)]),
+        np.concatenate([one.places[:-1] for one in read]),
+        np.concatenate([one.places[1:] for one in read]),
+        np.concatenate([one.release for one in read]),
+        profiles(step, limits[:, 0], limits[:, 1], Law.of(values), terms.wind),
+        np.concatenate([one.lines for one in read]),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,19 +193,6 @@ class _Flown:
             np.stack([level, vertical], axis=1),
             np.array(lines),
         )
-
-
-def joined(missions: Sequence[MissionLegs]) -> tuple[Profiles, IntArray]:
-    """All legs of all drones in one table, and where each drone's begin."""
-    counts = [mission.release.size for mission in missions]
-    parts = [mission.profiles for mission in missions]
-    table = Profiles(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in Profiles.__dataclass_fields__
-        )
-    )
-    return table, np.concatenate([[0], np.cumsum(counts)])[:-1]
 
 
 def _stored(heights: Sequence[float]) -> FloatArray:

@@ -1,47 +1,46 @@
 """Separation of the flights that the autopilots will make, from the missions' bytes.
 
-Every drone is late by the delay of its leg, give or take 0.2 s, so at time t it is on
-the part of its line between its nominal places with the greatest and the least delay;
-the latter goes on beyond the end of the leg by the overshoot, until the drone has
-settled. The distance of two such parts is the least that any two delays give, and it
-changes no faster than the drones' greatest relative speed: pieces of time are halved
+Every drone is late by the delay of its leg, give or take its spread. So at time t it is
+on the part of its line between its places with the greatest and the least delay; the
+latter goes on beyond the end of the leg by the overshoot, until the drone has settled.
+The distance of two such parts is the least that any two delays give.
+
+Over a piece of time, the distance is at least that of the parts covered in it. It is
+also at least the distance at the middle, less half the piece times the greatest speed
+at which the ends of the parts approach each other. A pair and a time are polynomials of
+degrees 0 and 1, so :func:`showc.verify.kernel.bernstein.least` halves pieces of time
 until none can hold anything nearer than what was found, by more than the resolution.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.missions.distances import (
-    metric_scale,
-    near_pairs,
-    nearest_places,
-    part_distance,
-)
+from showc.verify.kernel.bernstein import least
+from showc.verify.kernel.slices import measures
 from showc.verify.missions.law import SETTLING
-from showc.verify.missions.legs import joined
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from showc.arrays import BoolArray, FloatArray, IntArray
-    from showc.log import showc_pb2 as pb
+    from showc.log.showc_pb2 import Separation
+    from showc.verify.kernel.slices import Measure
     from showc.verify.missions.law import Profiles
-    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.legs import FleetLegs
 
 
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""
 
-COARSE, PIECES = 4, 16
-"""Pieces of a stretch of time at first, and of those that are looked into."""
+PIECES = 8
+"""Pieces of a stretch of time at first."""
 
-TOGETHER = 0.5
-"""Legs that begin within this time of each other are looked at together [s]."""
+TOGETHER = 20_000
+"""Pairs that are looked at together: few enough for the memory."""
 
 
 class OverlappingLegsError(Exception):
@@ -51,195 +50,6 @@ class OverlappingLegsError(Exception):
         super().__init__(f"drone {drone + 1} at {time:.2f} s")
         self.drone = drone
         self.time = time
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
-    """One leg of every drone, or rest, during a stretch of time."""
-
-    begin: FloatArray
-    """Where each drone's leg begins, shape (drones, 3), show frame [m]."""
-    along: FloatArray
-    """From there to its end, zero for a drone at rest, shape (drones, 3) [m]."""
-    leg: IntArray
-    """Row of each one's leg in the table of all legs, shape (drones,)."""
-    release: FloatArray
-    """When it is released, shape (drones,) [s]."""
-    first: float
-    """First instant [s]."""
-    last: float
-    """Last instant [s]."""
-    flights: Profiles
-    """The table of all legs."""
-
-    def places(
-        self, drone: IntArray, part: FloatArray, width: float, length: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Rearmost and foremost places, each (3, m) [m].
-
-        Of drones ``drone`` (m,) during ``length`` [s] from ``part`` (m,) times
-        ``width`` [s] after the stretch's begin.
-        """
-        leg = self.leg[drone]
-        late, early = self._law_times(drone, part * width, length)
-        rear, _ = self.flights.fraction(leg, late)
-        front, _ = self.flights.fraction(leg, early)
-        moving = late < self.flights.duration[leg] + SETTLING
-        front *= np.where(moving, self.flights.excess[leg], 1.0)
-        begin, along = self.begin.T[:, drone], self.along.T[:, drone]
-        return begin + rear * along, begin + front * along
-
-    def rates(
-        self, drone: IntArray, part: FloatArray, width: float
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Least and greatest rates (m,) [1/s] at which they cover their legs.
-
-        Of drones ``drone`` (m,) during ``width`` [s] from ``part`` (m,) times that
-        after the stretch's begin; and whether each settles before the middle.
-        """
-        leg = self.leg[drone]
-        late, early = self._law_times(drone, part * width, width)
-        middle, _ = self._law_times(drone, (part + 0.5) * width, 0.0)
-        _, slow_rear = self.flights.fraction(leg, late)
-        _, slow_front = self.flights.fraction(leg, early)
-        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-        duration = self.flights.duration[leg]
-        _, fast = self.flights.fraction(leg, np.clip(0.5 * duration, late, early))
-        moving = late < duration + SETTLING
-        fast *= np.where(moving, self.flights.excess[leg], 1.0)
-        # The law's time runs slower than the clock at first, by up to 35 %.
-        slow = 0.65 * np.minimum(slow_rear, slow_front)
-        return slow, fast, moving & ~(middle < duration + SETTLING)
-
-    def _law_times(
-        self, drone: IntArray, after: FloatArray, length: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Law's times (m,) [s] of the latest at the start, the earliest at the end."""
-        leg = self.leg[drone]
-        since = self.first + after - self.release[drone]
-        spread = self.flights.spread[leg]
-        late = self.flights.law_time(leg, since) - spread
-        return late, self.flights.law_time(leg, since + length) + spread
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Timed:
-    """The timed legs of all drones, one after the other.
-
-    Drones with fewer legs than others, or none, are filled up with legs that begin
-    never and lead nowhere.
-    """
-
-    legs: IntArray
-    """Rows in the table of all legs, shape (drones, most)."""
-    release: FloatArray
-    """When each is released, shape (drones, most) [s]."""
-    first: FloatArray
-    """When each can begin at the earliest, shape (drones, most) [s]."""
-    last: FloatArray
-    """When each has ended at the latest, shape (drones, most) [s]."""
-    begin: FloatArray
-    """Where each begins, shape (drones, most, 3), show frame [m]."""
-    along: FloatArray
-    """From there to its end, shape (drones, most, 3) [m]."""
-
-    flights: Profiles
-    """The table of all legs."""
-
-    def stretch(self, first: float, following: float) -> Stretch | None:
-        """Return what is flown from ``first`` up to ``following`` [s], if anything."""
-        begun = np.count_nonzero(self.first < following - 1e-9, axis=1)
-        flies = begun > 0
-        # A drone not yet off rests where its first timed leg begins.
-        chosen = np.arange(begun.size), np.maximum(begun - 1, 0)
-        last = min(following, float(self.last[chosen][flies].max(initial=-np.inf)))
-        if last <= first:
-            return None
-        return Stretch(
-            self.begin[chosen],
-            self.along[chosen] * flies[:, None],
-            self.legs[chosen],
-            self.release[chosen],
-            first,
-            last,
-            self.flights,
-        )
-
-
-def stretches(
-    missions: Sequence[MissionLegs], flights: Profiles, first_leg: IntArray
-) -> Iterator[Stretch]:
-    """Cut time so that a drone flies at most one timed leg in a stretch.
-
-    ``flights`` is the table of all legs, ``first_leg`` (drones,) the row of each one's
-    first leg in it.
-
-    Raises
-    ------
-    OverlappingLegsError
-        If a drone's legs are not surely apart in time.
-    """
-    fleet = _timed_legs(missions, flights, first_leg)
-    late = np.argwhere(fleet.last[:, :-1] > fleet.first[:, 1:])
-    if late.size:
-        drone, leg = late[0].tolist()
-        raise OverlappingLegsError(drone, float(fleet.release[drone, leg + 1]))
-    cuts = _cuts(fleet)
-    for first, following in pairwise([*cuts.tolist(), np.inf]):
-        stretch = fleet.stretch(first, following)
-        if stretch is not None:
-            yield stretch
-
-
-def _timed_legs(
-    missions: Sequence[MissionLegs], flights: Profiles, first_leg: IntArray
-) -> _Timed:
-    """Return the legs of all drones, those that are timed."""
-    followed = flights.followed(flights.spread)
-    timed = [np.flatnonzero(np.isfinite(one.release)) for one in missions]
-    shape = len(missions), max((rows.size for rows in timed), default=0) or 1
-    legs = np.zeros(shape, dtype=np.int64)
-    release, begin, along = (
-        np.zeros(shape),
-        np.zeros((*shape, 3)),
-        np.zeros((*shape, 3)),
-    )
-    first, last = np.full(shape, np.inf), np.full(shape, -np.inf)
-    for drone, (one, rows) in enumerate(zip(missions, timed, strict=True)):
-        # A drone without timed legs waits where its last leg begins.
-        some = rows if rows.size else np.array([one.release.size - 1])
-        part = slice(some.size)
-        legs[drone, part] = first_leg[drone] + some
-        begin[drone, part] = one.places[some]
-        along[drone, part] = one.places[some + 1] - one.places[some]
-        if rows.size:
-            release[drone, part] = one.release[rows]
-            own = legs[drone, part]
-            first[drone, part] = release[drone, part] - flights.spread[own]
-            last[drone, part] = release[drone, part] + followed[own]
-    return _Timed(legs, release, first, last, begin, along, flights)
-
-
-def _cuts(fleet: _Timed) -> FloatArray:
-    """Return times [s] between which no drone can fly more than one leg.
-
-    Legs that begin close together share a cut, unless a drone's own leg before it still
-    runs then.
-    """
-    moments = np.unique(fleet.first[np.isfinite(fleet.first)])
-    cuts: list[float] = []
-    for moment in moments.tolist():
-        if not cuts or moment - cuts[-1] > TOGETHER:
-            cuts.append(moment)
-    known = np.isfinite(fleet.first[:, 1:])
-    begins, before = fleet.first[:, 1:][known], fleet.last[:, :-1][known]
-    while True:
-        edges = np.array(cuts)
-        shared = edges[np.searchsorted(edges, begins + 1e-9) - 1]
-        missing = set(begins[before > shared + 1e-9].tolist()) - set(cuts)
-        if not missing:
-            return edges
-        cuts = sorted([*cuts, *missing])
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,9 +64,110 @@ class Nearest:
     """In the separation's metric, at most the resolution above the least [m]."""
 
 
-def nearest_timed(
-    missions: Sequence[MissionLegs], rules: pb.Separation
-) -> Nearest | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """One leg of every drone, or rest, during a stretch of time."""
+
+    begin: FloatArray
+    """Where each drone's leg begins, in the measure's space, shape (drones, axes)."""
+    along: FloatArray
+    """From there to its end, zero for a drone at rest, shape (drones, axes)."""
+    leg: IntArray
+    """Row of each one's leg in the table of all legs, shape (drones,)."""
+    release: FloatArray
+    """When it is released, shape (drones,) [s]."""
+    first: float
+    """First instant [s]."""
+    last: float
+    """Last instant [s]."""
+    flights: Profiles
+    """The table of all legs."""
+
+    def parts(
+        self, drone: IntArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rearmost and foremost places (m, axes) of drones from low to high [s]."""
+        leg = self.leg[drone]
+        late, early = self._law_times(drone, low, high)
+        rear, _ = self.flights.fraction(leg, late)
+        front, _ = self.flights.fraction(leg, early)
+        front *= np.where(self._moving(leg, late), self.flights.excess[leg], 1.0)
+        begin, along = self.begin[drone], self.along[drone]
+        return begin + rear[:, None] * along, begin + front[:, None] * along
+
+    def rates(
+        self, drone: IntArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Least and greatest rates (m,) [1/s] of covering their legs from low to high.
+
+        And whether each settles before the middle, where its part becomes shorter.
+        """
+        leg = self.leg[drone]
+        late, early = self._law_times(drone, low, high)
+        middle, _ = self._law_times(drone, 0.5 * (low + high), high)
+        slow = np.minimum(*(self.flights.fraction(leg, at)[1] for at in (late, early)))
+        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
+        greatest = np.clip(0.5 * self.flights.duration[leg], late, early)
+        moving = self._moving(leg, late)
+        excess = np.where(moving, self.flights.excess[leg], 1.0)
+        fast = excess * self.flights.fraction(leg, greatest)[1]
+        # The law's time runs slower than the clock at first, by up to 35 %.
+        return 0.65 * slow, fast, moving & ~self._moving(leg, middle)
+
+    def _moving(self, leg: IntArray, late: FloatArray) -> BoolArray:
+        return np.asarray(late < self.flights.duration[leg] + SETTLING)
+
+    def _law_times(
+        self, drone: IntArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Law's times (m,) [s] of the latest drone at low, and the earliest at high."""
+        leg, release = self.leg[drone], self.release[drone]
+        spread = self.flights.spread[leg]
+        late = self.flights.law_time(leg, low - release) - spread
+        return late, self.flights.law_time(leg, high - release) + spread
+
+
+def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
+    """Cut time so that a drone flies at most one timed leg in a stretch.
+
+    Raises
+    ------
+    OverlappingLegsError
+        If a drone's legs are not surely apart in time.
+    """
+    flights = fleet.profiles
+    over = fleet.release + flights.followed(flights.spread)
+    first = fleet.filled(fleet.release - flights.spread, np.inf)
+    last = fleet.filled(over, -np.inf)
+    overlap = np.argwhere(last[:, :-1] > first[:, 1:])
+    if overlap.size:
+        drone, leg = overlap[0].tolist()
+        time = fleet.filled(fleet.release, np.inf)[drone, leg + 1]
+        raise OverlappingLegsError(drone, float(time))
+    following = float(first.min())
+    while following < np.inf:
+        start = following
+        # Up to where a drone begins that still flew the leg before at the start.
+        busy = (last[:, :-1] + SETTLING > start) & (first[:, 1:] > start)
+        following = float(first[:, 1:][busy].min(initial=np.inf))
+        begun = np.count_nonzero(first < following, axis=1)
+        # A drone not yet off rests where its first timed leg begins.
+        leg = fleet.first[:-1] + 2 + np.maximum(begun - 1, 0)
+        ends = np.where(begun > 0, over[leg], -np.inf) + SETTLING
+        begin = measure.space(fleet.begin[leg])
+        along = measure.space(fleet.end[leg]) - begin
+        yield Stretch(
+            begin,
+            along * (begun > 0)[:, None],
+            leg,
+            np.where(begun > 0, fleet.release[leg], 0.0),
+            start,
+            min(following, float(ends.max())),
+            flights,
+        )
+
+
+def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest | None:
     """Return the nearest encounter of all timed legs; None if there is none.
 
     Raises
@@ -264,122 +175,179 @@ def nearest_timed(
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    flights, first_leg = joined(missions)
-    best: Nearest | None = None
-    for stretch in stretches(missions, flights, first_leg):
-        best = _refined(stretch, rules, best)
-    return best
+    best, everyone = _Best(), np.arange(fleet.drones)
+    for measure in measures(wanted):
+        for stretch in stretches(fleet, measure):
+            span = np.full((2, fleet.drones), [[stretch.first], [stretch.last]])
+            rear, front = stretch.parts(everyone, *span)
+            moving = np.any(rear != front, axis=1)
+            search = _Search(stretch, measure, best)
+            # Neighbours of some sort: a start that makes pruning work.
+            order = np.lexsort(rear.T)
+            search.over(order[:-1], order[1:], moving)
+            for one, other in _near(rear, front, measure, best):
+                search.over(one, other, moving)
+    return best.found
 
 
 def nearest_untimed(
-    missions: Sequence[MissionLegs], rules: pb.Separation, *, landing: bool
+    fleet: FleetLegs, wanted: Separation, *, landing: bool
 ) -> Nearest | None:
     """Return the least distance of the drones' whole lines up, or down.
 
-    Take-off and landing are not timed: any two places on two lines may be taken at
-    once.
+    Take-off and landing are not timed: any two places on the lines of two drones may be
+    taken at once. None if there is but one drone.
     """
-    begin, along = [], []
-    for mission in missions:
-        timed = np.flatnonzero(np.isfinite(mission.release))
-        count = mission.release.size
-        if landing:
-            high, low = mission.places[count - 1], mission.places[count]
-        else:
-            climbed = int(timed[0]) if timed.size else max(count - 1, 0)
-            high, low = mission.places[climbed], mission.places[0]
-        begin.append(low)
-        along.append(high - low)
-    p, u = np.array(begin), np.array(along)
-    everyone = np.ones(len(p), dtype=np.bool_)
-    found = nearest_places(p, rules, everyone)
-    if found is None:
-        return None
-    a, b, distance = found
-    bottom, top = p.T.copy(), (p + u).T.copy()
-    for one, other in near_pairs(p, p + u, rules, distance, everyone):
-        value = part_distance(
-            (bottom[:, one], top[:, one]), (bottom[:, other], top[:, other]), rules
+    first, last = fleet.first[:-1], fleet.first[1:] - 1
+    legs = last if landing else np.column_stack([first, first + 1]).ravel()
+    owner, best = fleet.owner[legs], _Best()
+    for measure in measures(wanted):
+        begin, end = (measure.space(some[legs]) for some in (fleet.begin, fleet.end))
+        for one, other in _near(begin, end, measure, best):
+            gap = part_distance(
+                (begin[one], end[one]), (begin[other], end[other]), measure
+            )
+            gap[owner[one] == owner[other]] = np.inf
+            row = int(np.argmin(gap))
+            best.take(owner[[one[row], other[row]]], 0.0, float(gap[row]))
+    return best.found
+
+
+class _Best:
+    """The nearest encounter so far."""
+
+    found: Nearest | None = None
+
+    @property
+    def distance(self) -> float:
+        """Its distance [m]; infinite if there is none."""
+        return np.inf if self.found is None else self.found.distance
+
+    def take(self, pair: IntArray, time: float, distance: float) -> None:
+        """Remember an encounter if it is nearer."""
+        if distance < self.distance:
+            first, second = sorted(pair.tolist())
+            self.found = Nearest((first, second), time, distance)
+
+
+class _Search:
+    """Branch and bound over what pairs do in one stretch of time."""
+
+    def __init__(self, stretch: Stretch, measure: Measure, best: _Best) -> None:
+        self.stretch, self.measure, self.best = stretch, measure, best
+
+    def over(self, one: IntArray, other: IntArray, moving: BoolArray) -> None:
+        """Look at pairs (n,) of which a drone moves."""
+        pairs = np.column_stack([one, other])[moving[one] | moving[other]]
+        if not len(pairs):
+            return
+        times = np.linspace(self.stretch.first, self.stretch.last, PIECES + 1)
+        number, piece = np.divmod(np.arange(len(pairs) * PIECES), PIECES)
+        work = np.stack(
+            [np.column_stack([number, times[piece + end]]) for end in (0, 1)], axis=1
         )
-        if value.size and value.min() < distance:
-            row = int(value.argmin())
-            a, b, distance = int(one[row]), int(other[row]), float(value[row])
-    return Nearest((a, b), 0.0, distance)
+        limit = self.best.distance
+
+        def reached(some: FloatArray) -> FloatArray:
+            return self._gap(pairs[some[:, 0].astype(np.int64)], some[:, 1], some[:, 1])
+
+        def bounded(some: FloatArray) -> FloatArray:
+            chosen, (low, high) = pairs[some[:, 0, 0].astype(np.int64)], some[:, :, 1].T
+            bound = self._gap(chosen, low, high)
+            # What is further apart throughout needs no nearer look.
+            near = np.flatnonzero(bound < limit)
+            sharp = self._sharp(chosen[near], low[near], high[near])
+            bound[near] = np.maximum(bound[near], sharp)
+            return bound
+
+        found = least(work, bounded, reached, RESOLUTION, limit)
+        begin, end = work[found.row, :, 1]
+        time = float(begin + found.fraction * (end - begin))
+        # Where the search gave up, nothing is known.
+        known = np.isfinite(found.lower)
+        distance = found.upper if known else -np.inf
+        self.best.take(pairs[found.row // PIECES], time, distance)
+
+    def _gap(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Least distances (n,) of what pairs (n, 2) cover from low to high [s]."""
+        one, other = (self.stretch.parts(drone, low, high) for drone in pairs.T)
+        return part_distance(one, other, self.measure)
+
+    def _sharp(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Bounds (n,) by the middle of a piece and the greatest relative speed."""
+        middle = 0.5 * (low + high)
+        one, other = (self.stretch.rates(drone, low, high) for drone in pairs.T)
+        u, v = (self.stretch.along[drone] for drone in pairs.T)
+        relative = np.max(
+            [
+                self.measure(mine[:, None] * u - theirs[:, None] * v)
+                for mine in one[:2]
+                for theirs in other[:2]
+            ],
+            axis=0,
+        )
+        bound = self._gap(pairs, middle, middle) - 0.5 * (high - low) * relative
+        return np.where(one[2] | other[2], 0.0, bound)
 
 
-def _refined(
-    stretch: Stretch, rules: pb.Separation, best: Nearest | None
-) -> Nearest | None:
-    """Return the nearest of ``best`` and what happens in ``stretch``."""
-    everyone, begin = np.arange(stretch.leg.size), np.zeros(stretch.leg.size)
-    span = stretch.last - stretch.first
-    rear, front = stretch.places(everyone, begin, span, span)
-    moving = np.any(rear != front, axis=0)
-    _, stop = stretch.places(everyone, begin + 1.0, span, 0.0)
-    # The least distance at the end bounds what is worth looking at.
-    limit = np.inf if best is None else best.distance
-    found = nearest_places(stop.T, rules, moving, limit)
-    if found is not None:
-        best = Nearest(found[:2], stretch.last, found[2])
-    if best is None:
-        return None
-    for pairs in near_pairs(rear.T, front.T, rules, best.distance, moving):
-        best = _halved(stretch, rules, pairs, best)
-    return best
+def _near(
+    one: FloatArray, other: FloatArray, measure: Measure, best: _Best
+) -> Iterator[tuple[IntArray, IntArray]]:
+    """Pairs whose parts may come nearer than the best, some at a time.
 
-
-def _halved(
-    stretch: Stretch,
-    rules: pb.Separation,
-    pairs: tuple[IntArray, IntArray],
-    best: Nearest,
-) -> Nearest:
-    """Return the nearest of ``best`` and what ``pairs`` do in that stretch."""
-    count, (a, b), piece = 1, pairs, np.zeros(pairs[0].size)
-    while a.size:
-        width = (stretch.last - stretch.first) / count
-        parts = [stretch.places(one, piece, width, width) for one in (a, b)]
-        whole = part_distance(parts[0], parts[1], rules)
-        # What is further apart throughout can be nearer at no instant.
-        near = np.flatnonzero(whole < best.distance)
-        a, b, piece, whole = a[near], b[near], piece[near], whole[near]
-        if count >= PIECES and a.size:
-            bound, value = _examined(stretch, rules, (a, b, piece), whole, width)
-            row = int(value.argmin())
-            if value[row] < best.distance:
-                time = stretch.first + (int(piece[row]) + 0.5) * width
-                pair = int(a[row]), int(b[row])
-                best = Nearest(pair, float(time), float(value[row]))
-            left = bound < best.distance - RESOLUTION
-            a, b, piece = a[left], b[left], piece[left]
-        finer = COARSE if count == 1 else 2
-        a, b, piece = np.repeat(a, finer), np.repeat(b, finer), np.repeat(piece, finer)
-        piece = finer * piece + np.arange(piece.size) % finer
-        count *= finer
-    return best
-
-
-def _examined(
-    stretch: Stretch,
-    rules: pb.Separation,
-    rows: tuple[IntArray, IntArray, FloatArray],
-    whole: FloatArray,
-    width: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Lower bounds over pieces of time, and least distances in their middles.
-
-    ``rows`` are pairs and their pieces, each (n,); ``whole`` (n,) lower bounds already.
+    A part is the straight line from ``one`` to ``other``, both (n, axes); the boxes
+    around the parts of pairs that are left out are further apart.
     """
-    (a, b, piece), half = rows, np.asarray(rows[2] + 0.5)
-    pair = a, b
-    middle = [stretch.places(one, half, width, 0.0) for one in pair]
-    value = part_distance(middle[0], middle[1], rules)
-    one, other = (stretch.rates(some, piece, width) for some in pair)
-    u, v = (stretch.along[some].T * metric_scale(rules)[:, None] for some in pair)
-    relative = np.zeros(piece.size)
-    for speed_a in one[:2]:
-        for speed_b in other[:2]:
-            gap = speed_a * u - speed_b * v
-            np.maximum(relative, np.einsum("kn,kn->n", gap, gap), out=relative)
-    sharp = np.maximum(whole, value - 0.5 * width * np.sqrt(relative))
-    return np.where(one[2] | other[2], whole, sharp), value
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    rows: list[IntArray] = []
+    columns: list[IntArray] = []
+    count = 0
+    for row in range(len(low)):
+        back, ahead = low[row] - high[row + 1 :], low[row + 1 :] - high[row]
+        gap = measure(np.maximum(np.maximum(back, ahead), 0.0))
+        near = row + 1 + np.flatnonzero(gap < best.distance)
+        rows.append(np.full(near.size, row))
+        columns.append(near)
+        count += near.size
+        if count > TOGETHER or (count and row == len(low) - 1):
+            yield np.concatenate(rows), np.concatenate(columns)
+            rows, columns, count = [], [], 0
+
+
+def part_distance(
+    one: tuple[FloatArray, FloatArray],
+    other: tuple[FloatArray, FloatArray],
+    measure: Measure,
+) -> FloatArray:
+    """Least distances (m,) of straight parts; for the forms per axis, of their boxes.
+
+    Parts are given by their ends in the measure's space, (m, axes) each. The squared
+    distance is a convex quadratic of two parameters on the unit square: its least value
+    is at the stationary point, if that lies inside, or on one of the four edges.
+    """
+    (a, b), (c, d) = one, other
+    if measure.largest:
+        back = np.minimum(a, b) - np.maximum(c, d)
+        ahead = np.minimum(c, d) - np.maximum(a, b)
+        return measure(np.maximum(np.maximum(back, ahead), 0.0))
+    u, v, w = b - a, d - c, a - c
+    best = np.min(
+        [
+            measure.of_chords(begin, begin + way)
+            for begin, way in ((w, -v), (b - c, -v), (w, u), (a - d, u))
+        ],
+        axis=0,
+    )
+    uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
+    uw, vw = _dot(u, w), _dot(v, w)
+    area = uu * vv - uv * uv
+    regular = area > 1e-12 * uu * vv
+    safe = np.where(regular, area, 1.0)
+    s, t = (uv * vw - vv * uw) / safe, (uu * vw - uv * uw) / safe
+    inside = regular & (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
+    gap = measure(w + s[:, None] * u - t[:, None] * v)
+    return np.asarray(np.where(inside, np.minimum(best, gap), best))
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("nk,nk->n", one, other))

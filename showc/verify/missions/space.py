@@ -1,8 +1,8 @@
 """Whether missions stay in the flight volume and inside the fence.
 
-Drones fly straight lines from place to place, and beyond their ends by the overshoot
-at most. A line is inside a fence if it begins inside and comes near no edge of it, so
-concave fences are no other case.
+Drones fly straight lines from place to place, and beyond their ends by the overshoot at
+most. A line is a polynomial of degree 1, so that the kernel's proof of the fence holds
+for it, concave fences included.
 """
 
 from __future__ import annotations
@@ -12,19 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.missions.distances import segment_distance
-from showc.verify.missions.plan import fence_corners
+from showc.verify.kernel.fence import RESOLUTION, enclosed
+from showc.verify.kernel.show import xyz
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Site
-    from showc.verify.missions.legs import MissionLegs
+    from showc.verify.missions.legs import FleetLegs
 
-
-TOUCHES = 1e-9
-"""Lines that are so near an edge touch it [m]."""
 
 ROUNDING = 0.02
 """How far a stored place may be off the one that was meant [m]."""
@@ -36,102 +31,49 @@ class Inside:
 
     spare: float
     """Negative outside [m]."""
-    drone: int
-    """Counting from 0."""
-    line: int
-    """Of the mission's file, whose item flies there."""
+    leg: int
+    """On which leg of the fleet."""
 
 
-def inside_volume(missions: Sequence[MissionLegs], site: Site) -> Inside:
+def inside_volume(fleet: FleetLegs, site: Site) -> Inside:
     """Return how far inside the volume's walls all places are, overshoot included.
 
     Where the walls are the fence, lines keep its margin; what is flown beyond their
     ends may use it up.
     """
-    low, high = (
-        np.array([corner.x, corner.y, corner.z])
-        for corner in (site.volume_min, site.volume_max)
-    )
+    low, high = xyz(site.volume_min), xyz(site.volume_max)
     margin = 0.0 if len(site.fence) else site.fence_margin
     inset = np.array([margin, margin, 0.0])
-    begin, end, beyond, drone, line = _lines(missions)
-    spare = np.minimum.reduce(
-        [
-            (begin - low - inset).min(axis=1),
-            (high - inset - begin).min(axis=1),
-            (end - low - inset).min(axis=1),
-            (high - inset - end).min(axis=1),
-            (beyond - low).min(axis=1),
-            (high - beyond).min(axis=1),
-        ]
-    )
-    return _least(spare, drone, line)
+    spare = np.full(fleet.lines.size, np.inf)
+    for places, less in ((fleet.begin, inset), (fleet.end, inset), (_beyond(fleet), 0)):
+        walls = np.minimum(places - low, high - places) - less
+        spare = np.minimum(spare, walls.min(axis=1))
+    leg = int(np.argmin(spare))
+    return Inside(float(spare[leg]), leg)
 
 
-def inside_fence(missions: Sequence[MissionLegs], site: Site) -> Inside | None:
+def inside_fence(fleet: FleetLegs, site: Site) -> Inside | None:
     """Return how far inside the fence all lines are, its margin taken off.
 
-    None where the site has no fence but the volume's walls.
+    None where the site has no fence but the volume's walls; minus infinity where a line
+    leaves the fence, or touches it.
     """
     if not len(site.fence):
         return None
-    corners = fence_corners(site)
-    begin, end, beyond, drone, line = _lines(missions)
-    lines, tails = (
-        np.full(len(begin), np.inf),
-        np.full(len(begin), np.inf),
-    )
-    for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        first, second = (
-            np.repeat(np.append(corner, 0.0)[:, None], len(begin), axis=1)
-            for corner in (one, other)
-        )
-        for found, a, b in ((lines, begin, end), (tails, end, beyond)):
-            np.minimum(
-                found,
-                segment_distance(_flat(a), _flat(b), first, second),
-                out=found,
-            )
-    # What touches an edge may be on its other side, however near.
-    spare = np.minimum(lines - site.fence_margin, tails)
-    spare[np.minimum(lines, tails) <= TOUCHES] = -np.inf
-    spare[~contains(corners, begin[:, :2])] = -np.inf
-    return _least(spare, drone, line)
+    fence = np.array(site.fence).reshape(-1, 2)
+    found = []
+    for begin, end, margin in (
+        (fleet.begin, fleet.end, site.fence_margin),
+        (fleet.end, _beyond(fleet), 0.0),
+    ):
+        lines = np.stack([begin[:, :2], end[:, :2]], axis=1)
+        lower, leg = enclosed(lines, fence)
+        found.append(Inside(lower - margin if lower >= RESOLUTION else -np.inf, leg))
+    return min(found, key=lambda one: one.spare)
 
 
-def contains(corners: FloatArray, points: FloatArray) -> BoolArray:
-    """Whether points (n, 2) are within corners (m, 2): a ray crosses oddly often."""
-    x, y = points.T
-    inside = np.zeros(len(points), dtype=np.bool_)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        crosses = (ay > y) != (by > y)
-        rise = by - ay if by != ay else 1.0
-        inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / rise)
-    return inside
-
-
-def _flat(points: FloatArray) -> FloatArray:
-    """Return points (n, 3) seen from above, axis by axis (3, n)."""
-    flat = points.T.copy()
-    flat[2] = 0.0
-    return flat
-
-
-def _lines(
-    missions: Sequence[MissionLegs],
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """Begin, end and foremost place (n, 3) of all lines; whose, and of which row."""
-    begin = np.concatenate([one.places[:-1] for one in missions])
-    end = np.concatenate([one.places[1:] for one in missions])
-    excess = np.concatenate([one.profiles.excess for one in missions])
-    drone = np.repeat(np.arange(len(missions)), [one.lines.size for one in missions])
-    line = np.concatenate([one.lines for one in missions])
-    # A landing ends on the ground.
-    last = np.cumsum([one.lines.size for one in missions]) - 1
-    excess[last] = 1.0
-    return begin, end, begin + excess[:, None] * (end - begin), drone, line
-
-
-def _least(spare: FloatArray, drone: IntArray, line: IntArray) -> Inside:
-    row = int(spare.argmin())
-    return Inside(float(spare[row]), int(drone[row]), int(line[row]))
+def _beyond(fleet: FleetLegs) -> FloatArray:
+    """Foremost places (n, 3) of all legs; a landing ends on the ground."""
+    excess = fleet.profiles.excess.copy()
+    excess[fleet.first[1:] - 1] = 1.0
+    return fleet.begin + excess[:, None] * (fleet.end - fleet.begin)
