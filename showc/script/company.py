@@ -131,6 +131,8 @@ def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
     if show is None or separation is None:
         return
     pads = show.formations[show.pads].points[: show.drones]
+    if len(pads) < show.drones:
+        return  # too few pads are a finding of their own
     places = pads + np.array([0.0, 0.0, show.launch.altitude])
     for chapter in chapters(show):
         flown = [show.transitions[index] for index in chapter]
