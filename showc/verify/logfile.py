@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import mmap
-import zlib
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import zstandard
@@ -39,15 +38,15 @@ class Messages:
     """Channel number of each, shape (n,)."""
     log_time: IntArray
     """Time stamp of each, shape (n,) [ns]."""
-    record: NDArray[np.uint32]
+    record: IntArray
     """Offset of each record in the uncompressed chunk, shape (n,)."""
-    size: NDArray[np.uint32]
+    size: IntArray
     """Number of each message's bytes, shape (n,)."""
 
     @property
     def payload(self) -> IntArray:
         """Offset of each message's bytes in the uncompressed chunk, shape (n,)."""
-        return self.record.astype(np.int64) + HEAD.size + MESSAGE_HEAD
+        return self.record + HEAD.size + MESSAGE_HEAD
 
     def only(self, keep: BoolArray) -> Messages:
         """Return those that are marked."""
@@ -56,12 +55,22 @@ class Messages:
         )
 
 
+class Message(NamedTuple):
+    """One message of a log."""
+
+    channel: int
+    time: int
+    """Time stamp [ns]."""
+    data: bytes
+    offset: int
+    """Where the data of its chunk begin in the file [bytes]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Chunk:
     """A chunk that was found whole."""
 
     uncompressed_size: int
-    compression: str
     span: tuple[int, int]
     """Start and stop of its data in the file [bytes]."""
     messages: Messages
@@ -94,8 +103,7 @@ class LogFile:
         """Content of the attachment of that name; None if there is none."""
         for attachment in self.attachments:
             if attachment.name == name:
-                start, stop = attachment.span
-                return bytes(self.view[start:stop])
+                return bytes(self.view[slice(*attachment.span)])
         return None
 
     def good_until(self, offset: int) -> float | None:
@@ -123,7 +131,7 @@ class LogFile:
         Parameters
         ----------
         channels
-            Numbers of the channels; a negative one is none.
+            Numbers of the channels.
         share, shares
             Which of the equal shares of the chunks, in the file's order.
 
@@ -136,20 +144,30 @@ class LogFile:
         offset
             Where the chunk's data begin in the file [bytes].
         """
-        wanted = np.zeros(1 << 16, dtype=bool)
-        wanted[[number for number in channels if number >= 0]] = True
         kept = [
             (chunk, keep)
             for chunk in self.chunks
-            if (keep := wanted[chunk.messages.channel]).any()
+            if (keep := np.isin(chunk.messages.channel, list(channels))).any()
         ]
         first, last = (len(kept) * at // shares for at in (share, share + 1))
         for chunk, keep in kept[first:last]:
-            data = inflate(
-                self.view, chunk.span, chunk.compression, chunk.uncompressed_size
-            )
+            data = inflate(self.view, chunk.span, chunk.uncompressed_size)
             self.release()
             yield data, chunk.messages.only(keep), chunk.span[0]
+
+    def messages(
+        self, channels: set[int], share: int = 0, shares: int = 1
+    ) -> Iterator[Message]:
+        """Go through the messages of some channels again, one by one: see ``read``."""
+        for data, m, offset in self.read(channels, share, shares):
+            for number, time, start, size in zip(
+                m.channel.tolist(),
+                m.log_time.tolist(),
+                m.payload.tolist(),
+                m.size.tolist(),
+                strict=True,
+            ):
+                yield Message(number, time, data[start : start + size], offset)
 
     def release(self) -> None:
         """Let the system take back the memory of the mapped file."""
@@ -163,40 +181,30 @@ def _unpacker() -> zstandard.ZstdDecompressor:
     return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
 
 
-def inflate(
-    view: memoryview, span: tuple[int, int], compression: str, size: int, crc: int = 0
-) -> bytes:
-    """Return the uncompressed data of a chunk, its CRC checked unless that is 0.
+def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
+    """Return the uncompressed data of a chunk.
 
     Raises
     ------
     Damage
-        If sizes, compression or CRC are not as declared.
+        If they are no single frame of zstd, or not of the declared size.
     """
-    start, stop = span
-    packed = view[start:stop]
+    packed = view[slice(*span)]
     if size > LARGEST_CHUNK:
         raise Damage(
-            start,
+            span[0],
             f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused",
         )
-    if compression not in {"zstd", ""}:
-        raise Damage(start, f"a chunk is packed with {compression!r}, not zstd")
-    if compression:
-        try:
-            declared = zstandard.get_frame_parameters(packed).content_size
-            if declared != size:
-                raise Damage(start, f"a chunk of {size:,} bytes declares {declared:,}")
-            unpacker = _unpacker().decompressobj()
-            data = unpacker.decompress(packed)
-        except (zstandard.ZstdError, MemoryError, ValueError) as error:
-            raise Damage(start, f"a chunk does not unpack ({error})") from error
-        if not unpacker.eof or unpacker.unused_data:
-            raise Damage(start, "a chunk is no single frame from its start to its end")
-    else:
-        data = bytes(packed)
+    try:
+        declared = zstandard.get_frame_parameters(packed).content_size
+        if declared != size:
+            raise Damage(span[0], f"a chunk of {size:,} bytes declares {declared:,}")
+        unpacker = _unpacker().decompressobj()
+        data = unpacker.decompress(packed)
+    except (zstandard.ZstdError, MemoryError, ValueError) as error:
+        raise Damage(span[0], f"a chunk does not unpack ({error})") from error
+    if not unpacker.eof or unpacker.unused_data:
+        raise Damage(span[0], "a chunk is no single frame from its start to its end")
     if len(data) != size:
-        raise Damage(start, f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
-    if crc and zlib.crc32(data) != crc:
-        raise Damage(start, "the CRC of a chunk does not fit its data")
+        raise Damage(span[0], f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
     return data

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import struct
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from showc.verify.damage import Damage
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -43,20 +40,20 @@ _FIELDS = {
     Opcode.HEADER: "text text",
     Opcode.FOOTER: "8 8 4",
     Opcode.SCHEMA: "2 text text bytes4",
-    Opcode.CHANNEL: "2 2 text text texts",
+    Opcode.CHANNEL: "2 2 text text text-text",
     Opcode.CHUNK: "8 8 8 4 text span8",
     Opcode.MESSAGE_INDEX: "2 span4",
-    Opcode.CHUNK_INDEX: "8 8 8 8 numbers 8 text 8 8",
+    Opcode.CHUNK_INDEX: "8 8 8 8 2-8 8 text 8 8",
     Opcode.ATTACHMENT: "8 8 text text span8 4",
     Opcode.ATTACHMENT_INDEX: "8 8 8 8 8 text text",
-    Opcode.STATISTICS: "8 2 4 4 4 4 8 8 numbers",
-    Opcode.METADATA: "text texts",
+    Opcode.STATISTICS: "8 2 4 4 4 4 8 8 2-8",
+    Opcode.METADATA: "text text-text",
     Opcode.METADATA_INDEX: "8 8 text",
     Opcode.SUMMARY_OFFSET: "1 8 8",
     Opcode.DATA_END: "4",
 }
-"""Fields of each kind, in order: integers by their size, texts, maps sorted by key,
-bytes, and spans (start and stop of bytes), those with the size of their length."""
+"""Fields of each kind, in order: integers by their size, texts, maps by what they map,
+bytes and spans (start and stop of bytes), those with the size of their length."""
 
 
 class Schema(NamedTuple):
@@ -117,84 +114,73 @@ def next_record(view: memoryview | bytes, position: int) -> Record:
     return Record(opcode, position, start, start + size)
 
 
-def fields(view: memoryview | bytes, record: Record, base: int = 0) -> tuple[Any, ...]:
-    """Return the fields of a record, which must fill it.
-
-    Parameters
-    ----------
-    view
-        The bytes that hold it.
-    record
-        Where it stands in them.
-    base
-        Added to positions in what is said of damage [bytes].
-    """
-    opcode = Opcode(record.opcode)
-    what = opcode.name.lower().replace("_", " ")
-    cursor = _Cursor(view, record.start, record.stop, base, what)
-    found = tuple(cursor.field(kind) for kind in _FIELDS[opcode].split())
-    if cursor.position != cursor.stop:
-        raise cursor.damage(
-            f"has {cursor.stop - cursor.position:,} bytes more than its fields"
-        )
+def fields(view: memoryview | bytes, record: Record) -> tuple[Any, ...]:
+    """Return the fields of a record, which must fill it."""
+    reader = _Reader(view, record)
+    found = tuple(reader.field(kind) for kind in _FIELDS[reader.opcode].split())
+    if reader.position != record.stop:
+        left = record.stop - reader.position
+        raise reader.damage(f"has {left:,} bytes more than its fields")
     return found
 
 
-class _Cursor:
+class _Reader:
     """Takes fields one after the other."""
 
-    def __init__(
-        self, data: memoryview | bytes, start: int, stop: int, base: int, what: str
-    ) -> None:
-        self.data, self.position, self.stop = data, start, stop
-        self.base, self.what = base, what
+    def __init__(self, data: memoryview | bytes, record: Record) -> None:
+        self.data, self.position, self.stop = data, record.start, record.stop
+        self.opcode = Opcode(record.opcode)
 
     def damage(self, text: str) -> Damage:
-        return Damage(self.base + self.position, f"a record ({self.what}) {text}")
+        what = self.opcode.name.lower().replace("_", " ")
+        return Damage(self.position, f"a record ({what}) {text}")
 
-    def _take(self, size: int) -> int:
-        position = self.position
-        if size > self.stop - position:
-            left = self.stop - position
+    def _span(self, size: int) -> tuple[int, int]:
+        start, left = self.position, self.stop - self.position
+        if size > left:
             raise self.damage(f"needs {size:,} bytes where {left:,} are left")
-        self.position = position + size
-        return position
+        self.position += size
+        return start, self.position
 
-    def number(self, size: int) -> int:
-        start = self._take(size)
-        return int.from_bytes(self.data[start : start + size], "little")
-
-    def span(self, prefix: int) -> tuple[int, int]:
-        size = self.number(prefix)
-        start = self._take(size)
-        return start, start + size
-
-    def text(self) -> str:
-        start, stop = self.span(4)
+    def field(self, kind: str) -> Any:  # noqa: ANN401 - whatever the kind says
+        if kind.isdecimal():
+            return int.from_bytes(self.data[slice(*self._span(int(kind)))], "little")
+        if "-" in kind:
+            return self._map(*kind.split("-"))
+        span = self._span(self.field("4" if kind == "text" else kind[-1]))
+        if kind.startswith("span"):
+            return span
+        content = bytes(self.data[slice(*span)])
         try:
-            return bytes(self.data[start:stop]).decode("utf-8")
+            return content.decode() if kind == "text" else content
         except UnicodeDecodeError as error:
             raise self.damage("holds what is not UTF-8 text") from error
 
-    def _map(self, key: str, value: str) -> Iterator[tuple[Any, Any]]:
-        self.position, end = self.span(4)
+    def _map(self, key: str, value: str) -> tuple[tuple[Any, Any], ...]:
+        self.position, end = self.field("span4")
+        found = []
         while self.position < end:
-            yield self.field(key), self.field(value)
-        if self.position != end:
-            raise self.damage("holds a map that is cut")
+            found.append((self.field(key), self.field(value)))
+        if self.position != end or len(dict(found)) != len(found):
+            raise self.damage("holds a map that is cut, or has one key twice")
+        return tuple(found)
 
-    def field(self, kind: str) -> Any:  # noqa: ANN401 - whatever the kind says
-        if kind == "text":
-            return self.text()
-        if kind in {"texts", "numbers"}:
-            pairs = self._map(*(("text", "text") if kind == "texts" else ("2", "8")))
-            found = sorted(pairs)
-            if len(dict(found)) != len(found):
-                raise self.damage("holds a map with one key twice")
-            return tuple(found)
-        if kind.startswith("span"):
-            return self.span(int(kind[-1]))
-        if kind.startswith("bytes"):
-            start, stop = self.span(int(kind[-1]))
-            return bytes(self.data[start:stop])
-        return self.number(int(kind))
+
+def encoded(opcode: Opcode, *values: Any) -> bytes:  # noqa: ANN401 - see the table
+    """Return a record with these fields, as it stands in a file."""
+    kinds = _FIELDS[opcode].split()
+    content = b"".join(_field(*one) for one in zip(kinds, values, strict=True))
+    return HEAD.pack(opcode, len(content)) + content
+
+
+def _field(kind: str, value: Any) -> bytes:  # noqa: ANN401 - whatever the kind says
+    if kind.isdecimal():
+        return int(value).to_bytes(int(kind), "little")
+    if "-" in kind:
+        pair = kind.split("-")
+        value = b"".join(
+            _field(*one) for row in value for one in zip(pair, row, strict=True)
+        )
+    content: bytes = value.encode() if kind == "text" else value
+    size = kind[-1] if kind.startswith("bytes") else "4"
+    return _field(size, len(content)) + content
