@@ -32,6 +32,8 @@ except ImportError:  # where there are no such locks, nothing is known of the ot
     fcntl = None  # type: ignore[assignment]
 
 _SUFFIX = ".showc-part"
+_SCRATCH = re.compile(r"\.showc-[a-z0-9_]{8}")
+"""Name of a folder for what is temporary: short, for sockets in it have short names."""
 _WITHOUT_WAITING = (
     getattr(os, "O_NONBLOCK", 0)
     | getattr(os, "O_CLOEXEC", 0)
@@ -222,7 +224,7 @@ def stage_for(
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     with alone(target.parent):
-        _clear(target, finish)
+        _clear(target.parent, _stages(target.name), finish)
         stage = Path(
             tempfile.mkdtemp(
                 prefix=f".{target.name}.", suffix=_SUFFIX, dir=target.parent
@@ -248,7 +250,46 @@ def clear(target: Path, finish: Callable[[Path], None] | None = None) -> None:
         Given each stage before it is removed: completes what had begun.
     """
     with suppress(OSError), alone(target.parent):
-        _clear(target, finish)
+        _clear(target.parent, _stages(target.name), finish)
+
+
+def clear_all(folder: Path) -> None:
+    """Remove what killed processes left in a folder that only showc writes to."""
+    with suppress(OSError), alone(folder):
+        _clear(folder, _stages(None), None)
+
+
+@contextmanager
+def scratch(place: Path | None = None) -> Iterator[Path]:
+    """Make a folder for what is of no use afterwards.
+
+    Held as long as this goes on, then removed; what a killed process left there is
+    removed by the next one.
+
+    Parameters
+    ----------
+    place
+        Where to make it; None: in the system's folder for temporary files.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    place = place or Path(tempfile.gettempdir())
+    # Others write there too: no lock on the place is waited for.
+    with suppress(OSError):
+        _clear(place, _SCRATCH, None)
+    made = Path(tempfile.mkdtemp(prefix="showc-", dir=place))
+    held = _held(made)
+    # Only now has it a name that others clear: they see the lock.
+    folder = made.rename(made.with_name(f".{made.name}"))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if held is not None:
+            os.close(held)
 
 
 @contextmanager
@@ -280,11 +321,17 @@ def _held(stage: Path) -> int | None:
     return descriptor
 
 
-def _clear(target: Path, finish: Callable[[Path], None] | None) -> None:
-    pattern = re.compile(
-        rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}{re.escape(_SUFFIX)}"
-    )
-    for stage in target.parent.iterdir():
+def _stages(name: str | None) -> re.Pattern[str]:
+    """Return what the stages for a file are called; None: for any."""
+    which = re.escape(name) if name is not None else ".+"
+    return re.compile(rf"\.{which}\.[a-z0-9_]{{8}}{re.escape(_SUFFIX)}")
+
+
+def _clear(
+    folder: Path, pattern: re.Pattern[str], finish: Callable[[Path], None] | None
+) -> None:
+    """Remove the folders in a folder of such names that no process holds."""
+    for stage in folder.iterdir():
         if not pattern.fullmatch(stage.name) or stage.is_symlink():
             continue
         with suppress(OSError):

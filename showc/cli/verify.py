@@ -42,6 +42,12 @@ FORMATS = ("text", "json", "sarif", "github", "junit")
 )
 @click.option("--json", "style", flag_value="json", help="Short for --format json.")
 @click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the result to a file instead of standard output.",
+)
+@click.option(
     "--no-missions",
     is_flag=True,
     help="Leave the mission files, the manifest and the exports beside the log out.",
@@ -53,6 +59,7 @@ def command(
     jobs: int | None,
     script: Path | None,
     style: str,
+    output: Path | None,
     no_missions: bool,
     quiet: bool,
     **rules: Any,  # noqa: ANN401 - options of shows of others
@@ -73,7 +80,7 @@ def command(
 
     \b
       showc verify output.mcap
-      showc verify night.skyc --format sarif > findings.sarif     in a CI job
+      showc verify night.skyc --format sarif --output findings.sarif
       showc verify output.mcap --json | jq .passed
       showc verify night.skyc --separation 2.5 --tilt 25
     """
@@ -90,18 +97,25 @@ def command(
             script=script,
             quiet=quiet or style != "text",
         )
+    colour = False
     if style == "json":
-        click.echo(json.dumps(verification.to_json(), indent=1))
+        text = json.dumps(verification.to_json(), indent=1)
     elif style == "text":
         from showc.cli.console import colour_wanted
         from showc.verify import render_text
 
-        colour = colour_wanted(sys.stdout)
-        click.echo(render_text(verification, colour=colour), color=colour)
+        colour = output is None and colour_wanted(sys.stdout)
+        text = render_text(verification, colour=colour)
     else:
         from showc.cli.findings import render_findings
 
-        click.echo(render_findings(verification, style).rstrip("\n"))
+        text = render_findings(verification, style).rstrip("\n")
+    if output is not None:
+        from showc.files import write_file
+
+        write_file(output, (text + "\n").encode())
+    else:
+        click.echo(text, color=colour)
     return verification.exit_code
 
 

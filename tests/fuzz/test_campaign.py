@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pytest
-from fuzz.accidents import compile_again, upload_again, verify_again
+from fuzz.accidents import SIGNALS, Compile, Upload, Verify, campaign, filling
 from fuzz.run import CORPUS
 from fuzz.subjects import SUBJECTS, tried
 from repository import ROOT
@@ -63,14 +63,18 @@ def test_what_was_found_stays_mended(path, folder, small):
     assert ending.memory < 3e8
 
 
-@pytest.mark.parametrize(
-    ("campaign", "instants"),
-    [(compile_again, 6), (verify_again, 6), (upload_again, 3)],
-)
-def test_commands_that_are_ended_leave_nothing_behind(campaign, instants, tmp_path):
+@pytest.mark.parametrize("kind", [Compile, Verify, Upload])
+def test_commands_that_are_ended_leave_nothing_behind(kind, tmp_path):
     if not Path("/proc/self/environ").exists():
         pytest.skip("processes are found by /proc")
-    assert list(campaign(tmp_path, instants)) == []
+    assert list(campaign(kind(tmp_path / "it"), tuple(SIGNALS), 6)) == []
+
+
+@pytest.mark.parametrize(("kind", "steps"), [(Verify, 4), (Upload, 3)])
+def test_commands_whose_disk_fills_up_say_so_and_keep_the_former(kind, steps, tmp_path):
+    if not Path("/proc/self/environ").exists():
+        pytest.skip("processes are found by /proc")
+    assert list(filling(kind(tmp_path / "it"), steps)) == []
 
 
 @pytest.mark.parametrize("step", range(30))

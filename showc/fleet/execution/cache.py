@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc._version import __version__
-from showc.files import UnreadableFileError, read_file, stage_for
+from showc.files import UnreadableFileError, clear_all, read_file, stage_for
 from showc.flight import (
     Certificate,
     DualWitness,
@@ -152,7 +152,17 @@ class Cache:
         """Return the cache that the options ask for."""
         if not options.use_cache:
             return cls(None, 0)
-        return cls(options.cache or default_folder(), options.cache_limit)
+        cache = cls(options.cache or default_folder(), options.cache_limit)
+        cache._clear()
+        return cache
+
+    def _clear(self) -> None:
+        """Remove what killed processes left half written."""
+        if self._folder is not None:
+            for folder in chain(
+                self._folder.glob("??"), self._folder.glob("??/*.parts")
+            ):
+                clear_all(folder)
 
     def find(self, key: str, leg: Leg) -> LegFlight | None:
         """Look an entry up; None if there is none, or only a damaged one."""

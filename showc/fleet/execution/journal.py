@@ -7,16 +7,16 @@ them. A file needs no connection that a dying worker could break.
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from contextlib import contextmanager, suppress
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
+from showc.files import scratch
 from showc.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from showc.progress import Progress
 
@@ -35,11 +35,11 @@ class Journal(Silent):
         self.note("begun")
 
     def note(self, text: str) -> None:
-        """Append a line; without a file, or where it is gone, nothing happens."""
+        """Append a line; nothing happens without a file, or where the disk is full."""
         if self._path is None or not self._path.parent.is_dir():
             return
         elapsed = time.monotonic() - self._begun
-        with self._path.open("a", encoding="utf-8") as file:
+        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
             file.write(f"{text} ({elapsed:.0f} s)\n")
 
 
@@ -84,8 +84,8 @@ class Journals:
 def journals(names: Sequence[str], progress: Progress) -> Iterator[Journals]:
     """Provide a file for each of the named tasks, and listen to them meanwhile."""
     over = Event()
-    with TemporaryDirectory(prefix="showc-") as folder:
-        kept = Journals(Path(folder), names, progress)
+    with scratch() as folder:
+        kept = Journals(folder, names, progress)
 
         def listen() -> None:
             while not over.wait(_PAUSE):

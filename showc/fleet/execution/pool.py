@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import importlib
 import os
+import tempfile
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from itertools import accumulate
 from multiprocessing import active_children, get_context, resource_tracker
+from multiprocessing.util import Finalize, get_temp_dir
+from pathlib import Path
 from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, Protocol
 
 from showc.errors import UsageError
+from showc.files import scratch
 from showc.processes import guarded_executor, undisturbed, usable_cores
 
 if TYPE_CHECKING:
@@ -206,10 +211,34 @@ class Processes:
                 self._executor = None
 
 
+_LONGEST_PLACE = 60
+"""Length of a folder's name up to which sockets in folders in it can be named: the
+shortest limit of any system is 104, some 40 are added [bytes]."""
+
+
+@cache
+def _place_sockets() -> None:
+    """Let what :mod:`multiprocessing` puts into a folder lie where it is cleared."""
+    usual = tempfile.gettempdir()
+    short = usual if len(os.fsencode(usual)) <= _LONGEST_PLACE else "/tmp"  # noqa: S108
+    held = ExitStack()
+    before, tempfile.tempdir = (
+        tempfile.tempdir,
+        str(held.enter_context(scratch(Path(short)))),
+    )
+    # After what multiprocessing itself removes at the end, of priority -100.
+    Finalize(None, held.close, exitpriority=-200)
+    try:
+        get_temp_dir()
+    finally:
+        tempfile.tempdir = before
+
+
 def _started(jobs: int) -> ProcessPoolExecutor:
     """Start ``jobs`` processes, each with one thread."""
     method = "forkserver" if os.name == "posix" else "spawn"
     if method == "forkserver":
+        _place_sockets()
         get_context(method).set_forkserver_preload(list(_PRELOAD))
         # Starting it later would let interrupts through again.
         resource_tracker.ensure_running()

@@ -12,19 +12,17 @@ import dataclasses
 import hashlib
 import importlib
 import io
-import os
 import pickle
 import shutil
-import tempfile
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from showc.files import UnreadableFileError, read_file
+from showc.files import UnreadableFileError, read_file, stage_for
 from showc.fleet.execution.cache import digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from showc.fleet.execution.pool import Workers
 
@@ -148,9 +146,7 @@ def _read(path: Path) -> tuple[Any] | None:
 def _write(path: Path, value: object) -> None:
     """Keep a result; a full or read-only disk is no reason to fail."""
     payload = pickle.dumps(value, protocol=5)
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(dir=path.parent, suffix=".new")
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
-        Path(name).replace(path)
+    with contextlib.suppress(OSError), stage_for(path) as stage:
+        new = stage / path.name
+        new.write_bytes(_MAGIC + hashlib.sha256(payload).digest() + payload)
+        new.replace(path)
