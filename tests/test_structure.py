@@ -45,6 +45,8 @@ MAY_IMPORT = {
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "simulate": FOUNDATION | {"vehicle", "script", "log"},
     "view": FOUNDATION | {"vehicle", "flight", "log", "ocp", "safety"},
+    "preview": FOUNDATION
+    | {"vehicle", "script", "plan", "flight", "fleet", "light", "log.sampling", "view"},
     "pipeline": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},
     # Most of it imports less: see the rooms of verify.
@@ -201,6 +203,7 @@ def test_solving_a_few_drones_does_without_all_of_scipy():
 )
 def test_start_up_is_light(statement):
     heavy = {"casadi", "highspy", "lap", "scipy", "rich.progress", "pymavlink", "mcap"}
+    heavy |= {"http.server"}
     assert loaded(statement) & heavy == set()
 
 

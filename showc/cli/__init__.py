@@ -18,6 +18,7 @@ class Verbs(click.Group):
         "init": "Write a first show script to start from.",
         "check": "Validate show scripts, without solving anything.",
         "fmt": "Give scripts one layout.",
+        "preview": "Show a script in the browser while it is written.",
         "plan": "Say what compile would solve, and bounds on each transition's time.",
         "compile": "Turn a show script into missions and a trajectory log.",
         "verify": "Prove a compiled show again, from its bytes alone.",

@@ -17,6 +17,8 @@ import numpy as np
 from showc.light.colour import drive_bytes, full_hue, srgb_bytes
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from showc.arrays import ByteArray, FloatArray, IntArray
@@ -117,16 +119,27 @@ class LightProgram:
     @classmethod
     def of(cls, flight: Flight) -> Self:
         """Lay out the light of ``flight`` as its show describes it."""
-        show = flight.itinerary.show
+        legs = [flown.leg for flown in flight.legs]
+        durations = [flown.duration for flown in flight.legs]
+        return cls.over(flight.itinerary.show, legs, flight.starts, durations)
+
+    @classmethod
+    def over(
+        cls,
+        show: Show,
+        legs: Sequence[Leg],
+        starts: Sequence[float] | FloatArray,
+        durations: Sequence[float],
+    ) -> Self:
+        """Lay out the light of legs that start and last as said, by the show [s]."""
         present = np.zeros((show.drones, 3))
         spans = []
-        for start, flown in zip(flight.starts, flight.legs, strict=True):
-            leg = flown.leg
+        for leg, start, duration in zip(legs, starts, durations, strict=True):
             holding = leg.kind in {"hold", "motion"}
             begin = present[leg.drones]
             span = LightSpan(
                 start=float(start),
-                duration=flown.duration,
+                duration=duration,
                 drones=leg.drones,
                 begin=begin,
                 end=begin if holding else _place_colours(show, leg),
@@ -137,7 +150,8 @@ class LightProgram:
             spans.append(span)
             # A fade starts from what an effect leaves, so that nothing jumps.
             present[leg.drones] = span.linear(np.array([span.duration]))[0]
-        return cls(show.drones, flight.duration, tuple(spans))
+        end = max(span.start + span.duration for span in spans)
+        return cls(show.drones, end, tuple(spans))
 
     def linear(self, times: ArrayLike) -> FloatArray:
         """Linear light, 0 to 1, at show times (T,) [s]; shape (T, drones, 3).

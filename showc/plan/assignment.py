@@ -176,10 +176,32 @@ def _can_match(allowed: BoolArray) -> bool:
     return bool(allowed[np.arange(places.size), places].all())
 
 
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Two drones at their nearest while all share one profile along straight lines."""
+
+    first: int
+    """Row of one drone."""
+    second: int
+    """Row of the other."""
+    share: float
+    """Share of the way where they are, from 0 to 1."""
+    distance: float
+    """In the metric [m]."""
+
+
 def line_separation(
-    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 512
+    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 128
 ) -> float:
-    """Least distance of any pair that shares one profile along straight lines.
+    """Return the distance of :func:`nearest_on_lines`, or infinity [m]."""
+    found = nearest_on_lines(start, goal, separation, block)
+    return float("inf") if found is None else found.distance
+
+
+def nearest_on_lines(
+    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 128
+) -> Meeting | None:
+    """Nearest pair of drones that share one profile along straight lines.
 
     All drones are at ``start + s (goal - start)`` for a common s from 0 to 1, so the
     least distance of a pair is the distance of a segment to the origin: exact for the
@@ -197,37 +219,40 @@ def line_separation(
 
     Returns
     -------
-    float
-        [m]; infinity for fewer than two drones.
+    Meeting or None
+        None for fewer than two drones.
     """
-    if start.shape[0] < 2:
-        return float("inf")
     axis_form = separation.shape in ("any-axis", "all-axes")
     first, last = scaled(start, separation), scaled(goal, separation)
-    least = float("inf")
+    nearest: Meeting | None = None
     columns = np.arange(start.shape[0])
-    for top in range(0, start.shape[0], block):
+    for top in range(0, start.shape[0] - 1, block):
         rows = slice(top, top + block)
-        origin = first[rows, None] - first[None]
-        change = (last[rows, None] - last[None]) - origin
+        # Pairs with drones before these were looked at before.
+        origin = first[rows, None] - first[None, top:]
+        change = (last[rows, None] - last[None, top:]) - origin
         if axis_form:
-            distance = _axis_form_least(origin, change, separation)
+            fraction, distance = _axis_form_least(origin, change, separation)
         else:
             square = np.einsum("ijk,ijk->ij", change, change)
             along = -np.einsum("ijk,ijk->ij", origin, change)
             fraction = np.clip(along / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
-            nearest = origin + fraction[..., None] * change
-            distance = np.sqrt(np.einsum("ijk,ijk->ij", nearest, nearest))
-        later = columns[None, :] > columns[rows, None]
-        if later.any():
-            least = min(least, float(distance[later].min()))
-    return least
+            offset = origin + fraction[..., None] * change
+            distance = np.sqrt(np.einsum("ijk,ijk->ij", offset, offset))
+        later = columns[None, top:] > columns[rows, None]
+        distance = np.where(later, distance, np.inf)
+        row, column = np.unravel_index(int(distance.argmin()), distance.shape)
+        least = float(distance[row, column])
+        if nearest is None or least < nearest.distance:
+            share = float(fraction[row, column])
+            nearest = Meeting(top + int(row), top + int(column), share, least)
+    return nearest
 
 
 def _axis_form_least(
     origin: FloatArray, change: FloatArray, separation: Separation
-) -> FloatArray:
-    """Least of max or min of |origin + s change| over s in [0, 1], shape (...)."""
+) -> tuple[FloatArray, FloatArray]:
+    """Least of max or min of |origin + s change|: where, and how much, each (...)."""
     pairs = [(0, 1), (0, 2), (1, 2)]
     numerators, denominators = [-origin], [change]
     for sign in (1.0, -1.0):
@@ -242,4 +267,9 @@ def _axis_form_least(
     ends = np.broadcast_to(np.array([0.0, 1.0]), (*corners.shape[:-1], 2))
     fractions = np.concatenate([corners, ends], axis=-1)
     values = origin[..., None, :] + fractions[..., :, None] * change[..., None, :]
-    return np.asarray(measure(values, separation).min(axis=-1))
+    distances = np.asarray(measure(values, separation))
+    least = distances.argmin(axis=-1)[..., None]
+    return (
+        np.take_along_axis(fractions, least, axis=-1)[..., 0],
+        np.take_along_axis(distances, least, axis=-1)[..., 0],
+    )

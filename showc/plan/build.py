@@ -7,7 +7,7 @@ are flown together, as one leg with one common time; drones of no group hover.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -28,17 +28,34 @@ if TYPE_CHECKING:
     from showc.plan.motion import MovingPlaces
     from showc.progress import Progress
     from showc.script.show import Effect, Mark, Show, Transition
-    from showc.vehicle import Limits
+    from showc.vehicle import Limits, Separation
+
+    class Assign(Protocol):
+        """Gives places to drones, as :func:`assign` does."""
+
+        def __call__(
+            self,
+            start: FloatArray,
+            goals: FloatArray,
+            separation: Separation,
+            *,
+            required: int | None = None,
+        ) -> Assignment:
+            """Return the places."""
+            ...
 
 
 PARKED = -1
 """Place of a drone that has none in the formation."""
 
 
-def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
+def build_itinerary(
+    show: Show, progress: Progress | None = None, optimal: Assign = assign
+) -> Itinerary:
     """Lay out all legs of ``show`` and assign drones to places.
 
-    ``progress`` hears of each chapter.
+    ``progress`` hears of each chapter; ``optimal`` gives out places where the script
+    leaves that open, as :func:`assign` does, perhaps from memory.
 
     Raises
     ------
@@ -49,7 +66,7 @@ def build_itinerary(show: Show, progress: Progress | None = None) -> Itinerary:
     watcher = progress or Silent()
     flown = chapters(show)
     watcher.stage("assign drones to places", len(flown) + 1)
-    builder = _Builder(show)
+    builder = _Builder(show, optimal)
     builder.launch()
     for chapter in flown:
         builder.chapter(chapter)
@@ -72,8 +89,8 @@ class _Asked:
 class _Builder:
     """Carries where every drone is while the legs are laid out one by one."""
 
-    def __init__(self, show: Show) -> None:
-        self.show = show
+    def __init__(self, show: Show, optimal: Assign) -> None:
+        self.show, self.optimal = show, optimal
         self.legs: list[Leg] = []
         self.added: dict[str, Formation] = {}
         self.fleet = _frozen(np.arange(show.drones))
@@ -127,7 +144,7 @@ class _Builder:
         """To above the pads, and straight down."""
         landing = self.show.landing
         above = self._raised(f"above {self.show.pads} to land", landing.altitude)
-        choose = assign if landing.assignment == "optimal" else in_order
+        choose = self.optimal if landing.assignment == "optimal" else in_order
         given = choose(self.position, above.points, self.show.separation)
         if landing.assignment == "fixed":
             given = replace(given, reason="every drone to its own pad")
@@ -228,7 +245,7 @@ class _Builder:
         drones, places = members.size, formation.points.shape[0]
         if transition.assignment == "keep":
             return self._kept(transition, formation, members)
-        choose = assign if transition.assignment == "optimal" else in_order
+        choose = self.optimal if transition.assignment == "optimal" else in_order
         separation = self.show.separation
         self.parking[members] = PARKED
         if places == drones:
@@ -252,7 +269,7 @@ class _Builder:
             )
         goals = np.concatenate([formation.points, spots[free]])
         if transition.assignment == "optimal":
-            given = assign(start, goals, separation, required=places)
+            given = self.optimal(start, goals, separation, required=places)
         else:
             given = in_order(start, goals, separation)
         outside = given.places >= places

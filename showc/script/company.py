@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.settings import Settings
 from showc.script.show import chapters
 from showc.script.spacing import closest_between
@@ -74,6 +74,7 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
                 parking.mark,
                 secondary=(Label(formation.mark, "the picture"),),
                 help="park further away",
+                spot=Spot(formation.name, (pair.second,)),
             )
     if needs is not None and len(parking.points) < most:
         yield Diagnostic(
@@ -118,6 +119,7 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
                     item.mark_of("to"),
                     secondary=(Label(where.mark_of("to"), f"`{other}` stands here"),),
                     help="move one of the formations away",
+                    spot=Spot(formation.name, (pair.first,)),
                 )
         standing[group] = (formation, item)
 
@@ -157,6 +159,7 @@ def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
                     transition.mark,
                     notes=(f"the drone stands at {point_text(places[drone])}",),
                     help="move the formation away, or send that drone elsewhere first",
+                    spot=Spot(formation.name, (pair.first,)),
                 )
         for transition in flown:
             members = _members(show, transition)

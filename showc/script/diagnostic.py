@@ -30,6 +30,16 @@ class Label:
 
 
 @dataclass(frozen=True, slots=True)
+class Spot:
+    """What a finding is about, in the picture."""
+
+    formation: str
+    """Name of a formation."""
+    places: tuple[int, ...]
+    """Its places, counting from 0."""
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One finding."""
 
@@ -51,6 +61,8 @@ class Diagnostic:
     """What to do about it."""
     fix: str = ""
     """Text to put in place of the span's, where that is certain; else empty."""
+    spot: Spot | None = None
+    """What it is about, if that is places of one formation."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,6 +51,8 @@ class LoadResult:
     """As the user gave it."""
     unreadable: bool
     """Whether it is no YAML at all, so that it says nothing."""
+    draft: Show | None = None
+    """The show as far as it could be built, errors or not: to look at, not to fly."""
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -175,9 +177,16 @@ def _read(content: bytes, path: str, files: InputFiles) -> LoadResult:
     found += more
     kept, suppressed = apply_suppressions(text, path, found)
     kept = _bounded(kept, path)
-    if any(item.severity is Severity.ERROR for item in kept):
-        show = None
-    return LoadResult(show, kept, suppressed, text, path, unreadable=False)
+    wrong = any(item.severity is Severity.ERROR for item in kept)
+    return LoadResult(
+        None if wrong else show,
+        kept,
+        suppressed,
+        text,
+        path,
+        unreadable=False,
+        draft=show,
+    )
 
 
 def _bounded(found: Sequence[Diagnostic], path: str) -> tuple[Diagnostic, ...]:

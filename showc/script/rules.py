@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.company import company_findings, transitions_of
-from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
 from showc.script.motions import formations_of
@@ -84,6 +84,7 @@ def _legible(sketch: Sketch) -> Iterator[Diagnostic]:
             own.mark_of("text"),
             notes=(f"{len(points)} drones write it",),
             help=f"use about {needed} drones, or write less",
+            spot=Spot(name, ()),
         )
 
 
@@ -136,6 +137,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 else (),
                 notes=notes,
                 help="make the formation larger, or add `spread: true` to it",
+                spot=Spot(formation.name, (pair.first, pair.second)),
             )
         elif separation.shape == "sphere":
             sure = number_text(pair.distance / sqrt(2.0))
@@ -157,6 +159,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 ),
                 help="a wider formation is faster to reach, because drones need not "
                 "go around each other",
+                spot=Spot(formation.name, (pair.first, pair.second)),
             )
 
 
@@ -200,6 +203,7 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
                 ),
             ),
             help="move the formation, make it smaller, or enlarge `site: volume:`",
+            spot=Spot(formation.name, (place,)),
         )
 
 
@@ -249,6 +253,7 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                     ),
                 ),
                 help="move the formation or the fence",
+                spot=Spot(formation.name, (place,)),
             )
 
 
@@ -304,6 +309,7 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                 formation.mark,
                 secondary=(Label(section.mark_of("ceiling"), "the ceiling"),),
                 help="move the formation down, or have a higher ceiling allowed",
+                spot=Spot(formation.name, (top,)),
             )
         reached = [
             (
@@ -340,6 +346,7 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                         f"{int(met.sum())} of {len(points)} places are there",
                     ),
                     help="move the formation away",
+                    spot=Spot(formation.name, (place,)),
                 )
 
 

@@ -113,8 +113,12 @@ class Tab:
 
     def open(self, page: Path, query: str = "", *, seconds: float = 60.0) -> None:
         """Load a page of ours and wait until it has drawn itself."""
+        self.visit(page.as_uri() + (f"?{query}" if query else ""), seconds=seconds)
+
+    def visit(self, page: str, *, seconds: float = 60.0) -> None:
+        """Load an address and wait until its page has drawn itself."""
         self.call("Page.navigate", url="about:blank")
-        self.call("Page.navigate", url=page.as_uri() + (f"?{query}" if query else ""))
+        self.call("Page.navigate", url=page)
         end = time.monotonic() + seconds
         while self.evaluate("document.documentElement?.dataset.ready") != "yes":
             if time.monotonic() > end:

@@ -1,6 +1,6 @@
 // The show: the header as JSON, and the numbers unpacked into typed arrays.
 
-const show = JSON.parse(document.getElementById("header").textContent);
+let show = JSON.parse(document.getElementById("header").textContent);
 
 function decodeBase64(text) {
   if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
@@ -10,12 +10,16 @@ function decodeBase64(text) {
   return bytes;
 }
 
+// The numbers of a page that carries them itself.
 async function unpack() {
   const element = document.getElementById("data");
   const packed = decodeBase64(element.textContent.trim());
   element.remove();
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const raw = new Uint8Array(await new Response(stream).arrayBuffer());
+  readNumbers(new Uint8Array(await new Response(stream).arrayBuffer()));
+}
+
+function readNumbers(raw) {
   const { frames, drones, signalFrames, signals, segments } = show;
   let offset = 0;
   const take = (length) => raw.subarray(offset, (offset += length));

@@ -36,6 +36,7 @@ function chapterStep(direction) {
 }
 
 function view(name) {
+  player.view = name;
   lookAt(name, innerWidth, innerHeight);
   document.querySelectorAll("nav button[data-view]").forEach((button) => button.classList.toggle("on", button.dataset.view === name));
   wake();
@@ -73,8 +74,15 @@ function drawMarks(matrix) {
     for (const [name, value] of Object.entries({ x1: a[0], y1: a[1], x2: b[0], y2: b[1] })) $("#pair-line").setAttribute(name, value);
     $("#pair-line").style.stroke = near.tightest ? "" : "#ffb454";
   }
+  const found = window.findingMarks ? findingMarks(onPage) : [];
+  $("#finding-rings").replaceChildren(...found.map(([[x, y], kind]) => {
+    const circle = $("#ring").cloneNode();
+    circle.removeAttribute("style");
+    for (const [name, value] of Object.entries({ id: "", cx: x, cy: y, r: 11, class: kind })) circle.setAttribute(name, value);
+    return circle;
+  }));
   // An empty layer over the whole page would still cost software renderers its area.
-  $("#marks").style.display = ring || shown ? "" : "none";
+  $("#marks").style.display = ring || shown || found.length ? "" : "none";
   moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
     shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
   const tip = onPage(northArrow()[0]);
@@ -275,7 +283,8 @@ function obeyAddress() {
 async function start() {
   const begin = performance.now();
   try {
-    await unpack();
+    if (!show.frames) await fetchShow();
+    else await unpack();
     stage = new Stage($("#stage"));
     timeline = new Timeline($("#timeline"), seek);
     panel = new Panel($("#panel"), seek);

@@ -95,12 +95,19 @@ class Stage {
     this.sky = this.program(SKY_VERTEX, SKY_FRAGMENT);
     this.empty = gl.createVertexArray();
     this.prepareDrones();
-    this.ground = this.lineSet(groundLines());
     this.trail = null;
-    this.uploaded = [-1, -1];
+    this.show();
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
+  }
+
+  // What stands still is drawn anew, and what moves is sent anew.
+  show() {
+    if (this.ground) this.gl.deleteVertexArray(this.ground.array);
+    this.ground = this.lineSet(groundLines());
+    this.showTrail(-1);
+    this.uploaded = [-1, -1];
   }
 
   program(vertex, fragment) {

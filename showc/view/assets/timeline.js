@@ -23,7 +23,6 @@ class Timeline {
       this.showTip(time);
     });
     element.addEventListener("pointerleave", () => (this.tip.hidden = true));
-    element.setAttribute("aria-valuemax", show.duration);
   }
 
   x(time) {
@@ -50,6 +49,7 @@ class Timeline {
 
   draw(drone = this.drone) {
     this.drone = drone;
+    this.element.setAttribute("aria-valuemax", show.duration);
     const density = window.devicePixelRatio || 1;
     this.width = this.element.clientWidth;
     this.canvas.width = this.width * density;

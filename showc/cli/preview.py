@@ -1,0 +1,75 @@
+"""``showc preview``: a page that follows the script while it is written."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+import click
+
+from showc.cli.console import outside_option
+
+
+@click.command(name="preview")
+@click.argument("script", metavar="SHOW.yaml")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Where to listen.  [default: any port that is free]",
+)
+@click.option("--solve", is_flag=True, help="Solve in the background, as compile does.")
+@click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--cache-dir",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of solved transitions, as for compile.",
+)
+@outside_option
+def command(
+    script: str,
+    port: int,
+    solve: bool,
+    show: bool,
+    cache_dir: Path | None,
+    allow_outside: bool,
+) -> int:
+    """Show a script in the browser while it is written.
+
+    The page shows formations, assignment and moves along straight lines at once,
+    follows every save, and marks what check finds. Solved transitions take the place of
+    straight lines. Only this machine can open it; Ctrl-C ends it.
+
+    \b
+      showc preview my-show.yaml --solve
+    """
+    from showc.errors import UsageError
+    from showc.fleet.options import SolveOptions
+    from showc.preview.server import Server
+    from showc.preview.session import Session
+
+    path = Path(script)
+    if not path.is_file():
+        raise UsageError(f"{script!r} cannot be read; give the path of a show script")
+    session = Session(
+        path, SolveOptions(cache=cache_dir), solve=solve, allow_outside=allow_outside
+    )
+    try:
+        server = Server(session, port)
+    except OSError as error:
+        raise UsageError(
+            f"cannot listen on port {port}: {error.strerror}; leave --port out to take "
+            "one that is free"
+        ) from None
+    click.echo(f"{server.url}  follows {script}; Ctrl-C ends it")
+    server.start()
+    if show:
+        webbrowser.open(server.url)
+    try:
+        session.follow()
+    except KeyboardInterrupt:
+        click.echo("")
+    finally:
+        server.shutdown()
+        server.server_close()
+    return 0

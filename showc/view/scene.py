@@ -1,0 +1,207 @@
+"""A scene: what a page draws, from a log or from a plan, and its bytes.
+
+Positions are sent as 16-bit steps of the flight's bounding box, colours and plots as
+bytes, all as differences in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from showc.arrays import ByteArray, FloatArray, IntArray
+
+STEPS = 65_000
+"""Steps over the bounding box along each axis; fits 16 bits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """A quantity of every drone, plotted for the chosen one."""
+
+    name: str
+    unit: str
+    digits: int
+    """Decimals shown."""
+    values: FloatArray
+    """At the signals' times, not negative, shape (S, drones)."""
+    limits: tuple[float, ...] = ()
+    """Levels that are drawn if they are not far above."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chapter:
+    """One leg on the timeline."""
+
+    name: str
+    label: str
+    """Short, for the timeline."""
+    kind: str
+    """As in the log."""
+    start: float
+    """[s]."""
+    duration: float
+    """[s]."""
+    picture: str = ""
+    """Name of the formation that is held; empty during moves."""
+    state: str = ""
+    """``straight`` or ``solved`` where not all are solved yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Two drones at their nearest, to be marked."""
+
+    a: int
+    """Counting from 0."""
+    b: int
+    """Counting from 0."""
+    time: float
+    """[s]."""
+    distance: float
+    """In the separation's metric [m]."""
+    tightest: bool
+    """Whether it is the nearest of all."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """What stands still."""
+
+    fence: FloatArray
+    """Corners, shape (n, 2) [m]."""
+    ceiling: float
+    """[m]."""
+    pads: FloatArray
+    """Shape (n, 3) [m]."""
+    heading: float
+    """Compass bearing of +y [deg]."""
+    separation: float
+    """[m]."""
+    metric: FloatArray
+    """Factors on (x, y, z) that make the separation's shape a sphere, (3,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything a page draws."""
+
+    name: str
+    duration: float
+    """[s]."""
+    step: float
+    """Time between frames [s]; the last one may come sooner."""
+    positions: FloatArray
+    """Shape (frames, drones, 3), show frame [m]."""
+    colours: ByteArray
+    """As screens show them, shape (frames, drones, 3)."""
+    chapters: tuple[Chapter, ...]
+    ground: Ground
+    encounters: tuple[Meeting, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    signal_step: float = 0.0
+    """Time between values of the signals [s]."""
+    meshes: tuple[tuple[float, ...], ...] = ((),)
+    """Different meshes, as fractions of their leg."""
+    mesh_index: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    """Which mesh each drone has on each chapter, shape (chapters, drones)."""
+
+    def header(self) -> dict[str, Any]:
+        """Return what is not numbers of each drone."""
+        low, scale = self._box()
+        high = self.positions.max(axis=(0, 1))
+        fence = self.ground.fence
+        count = self.signals[0].values.shape[0] if self.signals else 0
+        return {
+            "name": self.name,
+            "drones": self.positions.shape[1],
+            "duration": self.duration,
+            "chapters": sum(one.kind != "hold" for one in self.chapters),
+            "frames": self.positions.shape[0],
+            "frameStep": self.step,
+            "signalFrames": count,
+            "signalStep": self.signal_step,
+            "origin": (low + scale * (STEPS // 2)).tolist(),
+            "scale": scale.tolist(),
+            "bounds": [low.tolist(), high.tolist()],
+            "signals": [_described(one) for one in self.signals],
+            "meshes": [list(mesh) for mesh in self.meshes],
+            "segments": [asdict(one) for one in self.chapters],
+            "encounters": [asdict(one) for one in self.encounters],
+            "fence": fence.tolist(),
+            "ground": [fence.min(axis=0).tolist(), fence.max(axis=0).tolist()],
+            "ceiling": self.ground.ceiling,
+            "pads": self.ground.pads.tolist(),
+            "heading": self.ground.heading,
+            "separation": self.ground.separation,
+            "metric": self.ground.metric.tolist(),
+        }
+
+    def payload(self) -> bytes:
+        """Return the numbers of each drone, as the page's ``data.js`` reads them."""
+        low, scale = self._box()
+        index = self.mesh_index
+        if not index.size:
+            index = np.zeros((len(self.chapters), self.positions.shape[1]), np.int64)
+        return b"".join(
+            [
+                _packed_positions((self.positions - low) / scale),
+                _packed_colours(self.colours),
+                *(_packed_signal(one) for one in self.signals),
+                index.astype("<u2").tobytes(),
+            ]
+        )
+
+    def _box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower corner of the bounding box, and a step along each axis, (3,) [m]."""
+        low = self.positions.min(axis=(0, 1))
+        high = self.positions.max(axis=(0, 1))
+        return low, np.maximum((high - low) / STEPS, 1e-4)
+
+
+def _described(signal: Signal) -> dict[str, Any]:
+    return {
+        "name": signal.name,
+        "unit": signal.unit,
+        "digits": signal.digits,
+        "range": _extent(signal),
+        "limits": list(signal.limits),
+    }
+
+
+def _extent(signal: Signal) -> float:
+    """Greatest value that fits the plot: a limit not much above is drawn as well."""
+    extent = max(float(signal.values.max()) * 1.08, 1e-3)
+    return max([extent, *(one * 1.05 for one in signal.limits if one < 2.5 * extent)])
+
+
+def _packed_signal(signal: Signal) -> bytes:
+    shares = np.clip(signal.values, 0.0, None) / _extent(signal)
+    steps = np.rint(shares * 255.0).astype(np.uint8)
+    return np.diff(steps, axis=0, prepend=np.uint8(0)).tobytes()
+
+
+def _packed_positions(steps: FloatArray) -> bytes:
+    """Second differences in time of positions (frames, drones, 3), axis by axis."""
+    whole = np.rint(steps).astype(np.int32) - STEPS // 2
+    whole = np.moveaxis(whole, -1, 0)
+    first = np.diff(whole, axis=1, prepend=0)
+    second = np.diff(first, axis=1, prepend=0)
+    return _planes(second.astype(np.uint16))
+
+
+def _planes(values: NDArray[np.uint16]) -> bytes:
+    """All low bytes, then all high bytes: these are nearly always 0 or 255."""
+    pairs = np.ascontiguousarray(values).astype("<u2").view(np.uint8).reshape(-1, 2)
+    return pairs[:, 0].tobytes() + pairs[:, 1].tobytes()
+
+
+def _packed_colours(colours: ByteArray) -> bytes:
+    """First differences in time of the screen colours, channel by channel."""
+    shown = np.ascontiguousarray(np.moveaxis(colours, -1, 0))
+    return np.diff(shown, axis=1, prepend=np.uint8(0)).tobytes()
