@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
@@ -25,9 +25,8 @@ from showc.verify.kernel.show import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.arrays import FloatArray
     from showc.verify.logfile import LogFile
-
+    from showc.verify.logfile import Message as LoggedMessage
 
 Parsed = TypeVar("Parsed", bound=Message)
 
@@ -45,6 +44,14 @@ MOST_KNOTS = 1_000
 SMALLEST = 1e-15
 """Least number that what is positive can be (SI): below it quotients leave float64."""
 
+TOPIC = re.compile(r"/drone/(\d+)/trajectory")
+
+_MOST_PIECES = 10_000
+"""Mesh intervals from which a trajectory is refused: far more than are written."""
+
+_LARGEST_DEGREE = 60
+"""Beyond it binomials lose digits; no useful polynomial has it."""
+
 
 def read_show(log: LogFile) -> LoggedShow:
     """Decode rules, segments and all polynomials.
@@ -55,73 +62,49 @@ def read_show(log: LogFile) -> LoggedShow:
         If they are missing, malformed or contradict each other; names the byte at
         which the data of the chunk begin.
     """
-    topics = _channels(log)
-    rules, epoch = _rules(log, topics[RULES])
-    messages = _segments(log, topics[SEGMENTS], rules, epoch)
-    end = max(message.start + message.duration for message in messages.values())
+    rules, epoch = _rules(log)
+    messages = _segments(log, rules, epoch)
+    end = max(message.start + message.duration for message in messages)
     if abs(end - rules.duration) > 1e-6:
         raise Damage(
             0, f"the last segment ends at {end} s, the show at {rules.duration} s"
         )
-    segments = read_segments(log, rules, messages, epoch)
-    return LoggedShow(
-        rules, tuple(segment for _, segment in sorted(segments.items())), epoch
-    )
+    segments = tuple(_flown(log, rules, messages, epoch))
+    return LoggedShow(rules, segments, epoch)
 
 
-def _channels(log: LogFile) -> dict[str, int]:
-    """Channels by topic, those of the show among them."""
-    topics = {channel.topic: number for number, channel in log.channels.items()}
-    for topic in (RULES, SEGMENTS):
-        if topic not in topics:
-            raise Damage(0, f"there is no {topic}; this is not a log of showc's")
-    return topics
+def _on(log: LogFile, topic: str) -> set[int]:
+    """Channels of a topic that must be there."""
+    found = {n for n, channel in log.channels.items() if channel.topic == topic}
+    if not found:
+        raise Damage(0, f"there is no {topic}; this is not a log of showc's")
+    return found
 
 
-def parse(kind: type[Parsed], data: bytes, offset: int) -> Parsed:
-    """Decode one message; what does not decode is damage at ``offset``."""
+def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
+    """Decode one message; damage if it does not decode."""
     name = kind.DESCRIPTOR.full_name
     try:
-        found = kind.FromString(data)
+        found = kind.FromString(message.data)
     except (DecodeError, RecursionError, MemoryError) as error:
-        raise Damage(offset, f"a {name} does not decode ({error})") from error
+        raise Damage(message.offset, f"a {name} does not decode ({error})") from error
     # Fields that are not known are written again as they came.
     size = found.ByteSize()
     found.DiscardUnknownFields()
     if found.ByteSize() != size:
-        raise Damage(offset, f"a {name} holds fields that are not known")
+        raise Damage(message.offset, f"a {name} holds fields that are not known")
     return found
 
 
-def _rules(log: LogFile, channel: int) -> tuple[pb.Rules, int]:
-    found: list[tuple[pb.Rules, int, int]] = []
-    for data, m, offset in log.read({channel}):
-        for start, size, time in zip(m.payload, m.size, m.log_time, strict=True):
-            message = parse(pb.Rules, data[start : start + size], offset)
-            found.append((message, int(time), offset))
+def _rules(log: LogFile) -> tuple[pb.Rules, int]:
+    """Return the rules of the show, and the time stamp of its begin [ns]."""
+    found = [*log.messages(_on(log, RULES))]
     if len(found) != 1:
         raise Damage(0, f"{RULES} holds {len(found)} messages, not one")
-    rules, epoch, offset = found[0]
-    if rules.format_version != FORMAT_VERSION:
-        raise Damage(
-            offset,
-            f"the log has format version {rules.format_version}, this verifier knows "
-            f"{FORMAT_VERSION}",
-        )
-    _check_rules(rules, offset)
-    _check_fence(rules, offset)
-    return rules, epoch
-
-
-def _sane(values: FloatArray) -> bool:
-    """Whether all values are numbers of a size with which one can calculate."""
-    return bool(np.all(np.abs(values) < LARGEST))
-
-
-def _check_fence(rules: pb.Rules, offset: int) -> None:
-    fence = np.array(rules.site.fence)
-    if fence.size % 2 or 0 < fence.size < 6 or not _sane(fence):
-        raise Damage(offset, "the fence is no polygon")
+    rules = _parsed(pb.Rules, found[0])
+    for text in _wrong_rules(rules):
+        raise Damage(found[0].offset, text)
+    return rules, found[0].time
 
 
 def _numbers(message: Message) -> Iterator[float]:
@@ -134,7 +117,20 @@ def _numbers(message: Message) -> Iterator[float]:
                 yield one
 
 
-def _check_rules(rules: pb.Rules, offset: int) -> None:
+def _wrong_rules(rules: pb.Rules) -> Iterator[str]:
+    """Say why nothing can be calculated with rules."""
+    if rules.format_version != FORMAT_VERSION:
+        yield (
+            f"the log has format version {rules.format_version}, this verifier knows "
+            f"{FORMAT_VERSION}"
+        )
+    if not all(abs(number) < LARGEST for number in _numbers(rules)):
+        yield "the rules of the show hold a number beyond all measure"
+    fence = len(rules.site.fence)
+    if fence % 2 or 0 < fence < 6:
+        yield "the fence is no polygon"
+    if any(len(formation.points) % 3 for formation in rules.formations):
+        yield "the places of a formation are no list of points"
     vehicle, separation = rules.vehicle, rules.separation
     positive = {
         "drones": rules.drones,
@@ -150,95 +146,53 @@ def _check_rules(rules: pb.Rules, offset: int) -> None:
         "vertical stretch": separation.vertical_stretch,
         "log rate": rules.log_rate,
     }
-    if any(len(formation.points) % 3 for formation in rules.formations):
-        raise Damage(offset, "the places of a formation are no list of points")
-    numbers = _numbers(rules)
-    if not all(abs(number) < LARGEST for number in numbers):
-        raise Damage(offset, "the rules of the show hold a number beyond all measure")
     for name, value in positive.items():
         if value < SMALLEST:
-            raise Damage(offset, f"the rules of the show say {value} for {name}")
+            yield f"the rules of the show say {value} for {name}"
     if rules.duration * rules.log_rate > MOST_SAMPLES:
-        raise Damage(
-            offset,
+        yield (
             f"the show lasts {rules.duration:g} s with {rules.log_rate:g} samples a "
-            f"second; more than {MOST_SAMPLES:,} are refused",
+            f"second; more than {MOST_SAMPLES:,} are refused"
         )
     if rules.drones >= 1 << 16 or not rules.limits or rules.log_rate > 1e3:
-        raise Damage(offset, "the rules of the show make no sense")
+        yield "the rules of the show make no sense"
 
 
-def _segments(
-    log: LogFile, channel: int, rules: pb.Rules, epoch: int
-) -> dict[int, pb.Segment]:
-    segments: dict[int, pb.Segment] = {}
-    for data, m, offset in log.read({channel}):
-        for start, size, time in zip(m.payload, m.size, m.log_time, strict=True):
-            message = parse(pb.Segment, data[start : start + size], offset)
-            _check_segment(message, rules, offset)
-            if message.index in segments:
-                raise Damage(offset, f"segment {message.index} is there twice")
-            if abs((int(time) - epoch) * 1e-9 - message.start) > 1e-6:
-                raise Damage(offset, f"segment {message.name!r} is not at its start")
-            segments[message.index] = message
-    if sorted(segments) != list(range(len(segments))) or not segments:
+def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
+    """Return what the log says of each segment, by their indexes."""
+    found: dict[int, pb.Segment] = {}
+    for logged in log.messages(_on(log, SEGMENTS)):
+        message = _parsed(pb.Segment, logged)
+        certificate = message.certificate
+        numbers = [message.start, message.duration, *message.goals]
+        if not (
+            list(message.drones) == list(range(rules.drones))
+            and len(message.places) == rules.drones
+            and len(message.goals) == 3 * rules.drones
+            and message.limits < len(rules.limits)
+            and message.kind in pb.Segment.Kind.values()
+            and all(abs(number) < LARGEST for number in numbers)
+            and message.start >= 0.0
+            and message.duration > 0.0
+            and len(certificate.witness.knots) <= MOST_KNOTS
+            and math.isfinite(certificate.dual_bound)
+            and math.isfinite(certificate.single_drone_minimum)
+        ):
+            raise Damage(logged.offset, f"segment {message.name!r} contradicts itself")
+        if message.index in found:
+            raise Damage(logged.offset, f"segment {message.index} is there twice")
+        if abs((logged.time - epoch) * 1e-9 - message.start) > 1e-6:
+            raise Damage(logged.offset, f"segment {message.name!r} is not at its start")
+        found[message.index] = message
+    if sorted(found) != list(range(len(found))) or not found:
         raise Damage(0, "segments are missing")
-    return segments
+    return [found[index] for index in sorted(found)]
 
 
-def _check_segment(message: pb.Segment, rules: pb.Rules, offset: int) -> None:
-    goals = np.array(message.goals)
-    certificate = message.certificate
-    if not (
-        list(message.drones) == list(range(rules.drones))
-        and len(message.places) == rules.drones
-        and goals.size == 3 * rules.drones
-        and message.limits < len(rules.limits)
-        and message.kind in pb.Segment.Kind.values()
-        and abs(message.start) < LARGEST
-        and abs(message.duration) < LARGEST
-        and message.start >= 0.0
-        and message.duration > 0.0
-        and _sane(goals)
-        and len(certificate.witness.knots) <= MOST_KNOTS
-        and math.isfinite(certificate.dual_bound)
-        and math.isfinite(certificate.single_drone_minimum)
-    ):
-        raise Damage(offset, f"segment {message.name!r} contradicts itself")
-
-
-TOPIC = re.compile(r"/drone/(\d+)/trajectory")
-
-_MOST_PIECES = 10_000
-"""Mesh intervals from which a trajectory is refused: far more than are written."""
-
-_LARGEST_DEGREE = 60
-"""Beyond it binomials lose digits; no useful polynomial has it."""
-
-
-class _Flight(NamedTuple):
-    """One trajectory: breaks (K + 1,), coefficients (K, degree + 1, components)."""
-
-    breaks: FloatArray
-    state: FloatArray
-    control: FloatArray
-
-
-def read_segments(
-    log: LogFile, rules: pb.Rules, messages: dict[int, pb.Segment], epoch: int
-) -> dict[int, Segment]:
-    """Gather the trajectories of all segments.
-
-    Parameters
-    ----------
-    log
-        The file.
-    rules
-        Rules of the show.
-    messages
-        What the log says of each segment, by its index.
-    epoch
-        Time stamp of show time zero [ns].
+def _flown(
+    log: LogFile, rules: pb.Rules, messages: list[pb.Segment], epoch: int
+) -> Iterator[Segment]:
+    """Gather the trajectories of all segments, which follow each other in the log.
 
     Raises
     ------
@@ -255,44 +209,33 @@ def read_segments(
             0,
             f"there are trajectories of {len(channels)} drones, not of {rules.drones}",
         )
-    missing = {index: set(message.drones) for index, message in messages.items()}
-    flights: dict[int, dict[int, _Flight]] = defaultdict(dict)
+    flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
     whole: dict[int, Segment] = {}
-    for data, m, offset in log.read(set(channels)):
-        for start, size, time, channel in zip(
-            m.payload.tolist(),
-            m.size.tolist(),
-            m.log_time.tolist(),
-            m.channel.tolist(),
-            strict=True,
-        ):
-            found = parse(pb.Trajectory, data[start : start + size], offset)
-            index, drone = found.segment, found.drone
-            if drone != channels[channel]:
-                raise Damage(offset, "a trajectory is on another drone's channel")
-            if drone not in missing.get(index, ()):
-                raise Damage(
-                    offset,
-                    f"drone {drone + 1} flies segment {index} twice, or is not one of "
-                    "its drones",
-                )
-            if abs(time - epoch - round(messages[index].start * 1e9)) > 1:
-                raise Damage(offset, "a trajectory is not at its segment's start")
-            missing[index].remove(drone)
-            flights[index][drone] = _flight(found, offset)
-            if not missing[index]:
-                # Joined at once, so that the parts can go.
-                whole[index] = _segment(messages[index], flights.pop(index))
-    for index, message in messages.items():
+    for logged in log.messages(set(channels)):
+        found, offset = _parsed(pb.Trajectory, logged), logged.offset
+        index, drone = found.segment, found.drone
+        if drone != channels[logged.channel]:
+            raise Damage(offset, "a trajectory is on another drone's channel")
+        if index >= len(messages) or index in whole or drone in flights[index]:
+            raise Damage(
+                offset, f"drone {drone + 1} flies segment {index} twice, or it is none"
+            )
+        if abs(logged.time - epoch - round(messages[index].start * 1e9)) > 1:
+            raise Damage(offset, "a trajectory is not at its segment's start")
+        flights[index][drone] = _table(found, offset)
+        if len(flights[index]) == rules.drones:
+            # Joined at once, so that the parts can go.
+            whole[index] = _segment(messages[index], flights.pop(index))
+    for index, message in enumerate(messages):
         if index not in whole:
             raise Damage(
                 0, f"segment {message.name!r} lacks the trajectories of its drones"
             )
-    return whole
+        yield whole[index]
 
 
-def _flight(found: pb.Trajectory, offset: int) -> _Flight:
-    """Return a trajectory's numbers; damage if they contradict each other."""
+def _table(found: pb.Trajectory, offset: int) -> PieceTable:
+    """Return one drone's polynomials; damage if they contradict each other."""
     pieces = len(found.breaks) - 1
     parts = (
         (found.state, found.state_degree + 1, STATE_COMPONENTS),
@@ -309,40 +252,27 @@ def _flight(found: pb.Trajectory, offset: int) -> _Flight:
         for numbers, terms, components in parts
     )
     # Numbers that are undefined make the comparisons false.
-    if not (
-        np.all(np.diff(breaks) > 0.0)
-        and all(
-            array.max() < LARGEST and array.min() > -LARGEST
-            for array in (breaks, state, control)
-        )
-    ):
+    sizes = [np.abs(array).max() < LARGEST for array in (breaks, state, control)]
+    if not (np.all(np.diff(breaks) > 0.0) and all(sizes)):
         raise Damage(offset, "a trajectory contradicts itself")
-    return _Flight(breaks, state, control)
+    drones, first = np.array([found.drone]), np.array([0, pieces])
+    return PieceTable(drones, first, breaks[:-1], breaks[1:], state, control)
 
 
-def _segment(message: pb.Segment, flights: dict[int, _Flight]) -> Segment:
-    groups: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for drone in sorted(flights):
-        flight = flights[drone]
-        groups[flight.state.shape[1], flight.control.shape[1]].append(drone)
-    return Segment(
-        message,
-        tuple(
-            _table(drones, [flights[drone] for drone in drones])
-            for _, drones in sorted(groups.items())
-        ),
-        np.array(message.goals).reshape(-1, 3),
-    )
-
-
-def _table(drones: list[int], flights: list[_Flight]) -> PieceTable:
+def _segment(message: pb.Segment, flights: dict[int, PieceTable]) -> Segment:
     """Join flights of the same two degrees."""
-    pieces = [len(flight.state) for flight in flights]
-    return PieceTable(
-        drones=np.array(drones, dtype=np.int64),
-        first=np.concatenate([[0], np.cumsum(pieces)]).astype(np.int64),
-        start=np.concatenate([flight.breaks[:-1] for flight in flights]),
-        end=np.concatenate([flight.breaks[1:] for flight in flights]),
-        state=np.concatenate([flight.state for flight in flights]),
-        control=np.concatenate([flight.control for flight in flights]),
-    )
+    groups: dict[tuple[int, int], list[PieceTable]] = defaultdict(list)
+    for _, one in sorted(flights.items()):
+        groups[one.state.shape[1], one.control.shape[1]].append(one)
+    tables = [
+        PieceTable(
+            drones=np.concatenate([one.drones for one in some]),
+            first=np.cumsum([0, *(len(one.state) for one in some)]),
+            start=np.concatenate([one.start for one in some]),
+            end=np.concatenate([one.end for one in some]),
+            state=np.concatenate([one.state for one in some]),
+            control=np.concatenate([one.control for one in some]),
+        )
+        for _, some in sorted(groups.items())
+    ]
+    return Segment(message, tuple(tables), np.array(message.goals).reshape(-1, 3))

@@ -17,7 +17,7 @@ from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import parts_of_script
-from showc.verify.report import Check, Place, Verification
+from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
 from showc.verify.schemas import check_schemas
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.show import LoggedShow, Segment, Statement
     from showc.verify.logfile import LogFile
+    from showc.verify.report import Check
 
 BEGUN = (
     *("missions", "segments", "separation"),
@@ -94,7 +95,7 @@ def prove(
     }
     found = _done(work, jobs, watch)
     checks += flight_checks(show, found["segments"], found["separation"])
-    checks += [_check("choreography", one) for one in found["choreography"][0]]
+    checks += [_check(one) for one in found["choreography"][0]]
     checks += join_samples(found["samples"])
     if missions:
         checks += [check for part in found["missions"] for check in part]
@@ -113,17 +114,10 @@ def prove(
 def _left_out(log: LogFile) -> Check:
     """Say that missions were not looked at, and whether any lie there."""
     folder = log.path.with_suffix("")
-    lie_there = (folder / "missions").exists()
-    note = "left out as asked"
-    if lie_there:
-        note += f"; but they lie in {folder.name}, and nothing is proved of them"
-    return Check(
-        "VRF400",
-        "missions",
-        "mission files",
-        "unproved" if lie_there else "skipped",
-        notes=(note,),
-    )
+    if not (folder / "missions").exists():
+        return checked("VRF400", "skipped", notes=("left out as asked",))
+    note = f"left out as asked; but they lie in {folder.name}, and nothing is proved"
+    return checked("VRF400", "unproved", notes=(f"{note} of them",))
 
 
 def _done(
@@ -153,30 +147,19 @@ def _integrity(log: LogFile) -> list[Check]:
         f"{messages:,} messages on {len(log.channels):,} channels in "
         f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
     )
-    checks = [
-        Check(
-            "VRF101",
-            "integrity",
-            "every byte accounted for",
-            "pass",
-            float(len(log.view)),
-            None,
-            "bytes",
-            notes=(whole,),
-        )
+    size = float(len(log.view))
+    return [
+        checked("VRF101", "pass", size, unit="bytes", notes=(whole,)),
+        *(
+            checked(
+                "VRF102",
+                "warning",
+                where=Place(offset=offset),
+                notes=(f"{text}: what it would cover is protected less",),
+            )
+            for offset, text in log.warnings
+        ),
     ]
-    checks += [
-        Check(
-            "VRF102",
-            "integrity",
-            "CRC present",
-            "warning",
-            where=Place(offset=offset),
-            notes=(f"{text}: what it would cover is protected less",),
-        )
-        for offset, text in log.warnings
-    ]
-    return checks
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,29 +188,31 @@ def flight_checks(
     fence = fenced(show, radii, [one.nearest for one in examined])
     apart = separated(show, radii, closest_of(encounters))
     return [
-        *(_check("physics", one) for one in ties(show, radii)),
-        *(_check("limits", one) for one in (*limits, fence)),
-        _check("separation", apart),
-        *(_check("certificates", one) for one in certified(show, encounters)),
+        _check(one)
+        for one in (
+            *ties(show, radii),
+            *limits,
+            fence,
+            apart,
+            *certified(show, encounters),
+        )
     ]
 
 
-def _check(group: str, statement: Statement) -> Check:
-    """Turn what the kernel proves into a check under a heading."""
+def _check(statement: Statement) -> Check:
+    """Turn what the kernel proves into a check."""
     holds, drones = statement.holds, [drone + 1 for drone in statement.drones]
-    return Check(
+    return checked(
         statement.code,
-        group,
-        statement.title,
         "skipped" if holds is None else "pass" if holds else "fail",
         statement.value,
         statement.limit,
         statement.unit,
-        Place(
+        where=Place(
             drones[0] if len(drones) == 1 else None,
             (drones[0], drones[1]) if len(drones) == 2 else None,
             statement.segment,
             statement.time,
         ),
-        statement.notes,
+        notes=statement.notes,
     )

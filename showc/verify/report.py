@@ -8,8 +8,10 @@ import textwrap
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from showc.verify.codes import GROUPS, codes
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
 Verdict = Literal["pass", "fail", "unproved", "accepted", "warning", "skipped"]
 """``unproved``: looked at, and only estimated or not known; ``accepted``: the same, and
@@ -21,6 +23,9 @@ FORMAT_VERSION = 2
 Standing = Literal["proved", "not proved", "accepted", "none"]
 """Of the trajectories, or of the missions, as a whole; ``accepted``: not proved, and
 the script says that this will do; ``none``: there are no missions."""
+
+NAMED = 5
+"""Findings of a kind that are named."""
 
 _WIDTH = 96
 """Columns of the notes under a check."""
@@ -121,6 +126,31 @@ class Check:
         """Return a dictionary that JSON can hold."""
         whole = {key: _plain(value) for key, value in asdict(self).items()}
         return whole | {"where": self.where.to_json()}
+
+
+def checked(
+    code: str,
+    verdict: Verdict,
+    value: float | None = None,
+    limit: float | None = None,
+    unit: str = "",
+    *,
+    where: Place | None = None,
+    notes: tuple[str, ...] = (),
+) -> Check:
+    """Return a check whose heading and name are those of its code."""
+    group = next(one for start, one in GROUPS.items() if code.startswith(start))
+    name = codes()[code].title
+    return Check(
+        code, group, name, verdict, value, limit, unit, where or Place(), notes
+    )
+
+
+def agreement(code: str, wrong: Iterable[str]) -> Check:
+    """Return a check that holds if nothing is wrong, and else names what is."""
+    bad = tuple(dict.fromkeys(wrong))
+    more = (f"and {len(bad) - NAMED} more",) if len(bad) > NAMED else ()
+    return checked(code, "fail" if bad else "pass", notes=(*bad[:NAMED], *more))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from showc.log.scene import (
     scene_update,
 )
 from showc.verify.kernel.bernstein import basis
-from showc.verify.report import Check, Place
+from showc.verify.report import Place, checked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
     from showc.verify.logfile import LogFile
+    from showc.verify.report import Check
 
 FLEET, PREDICTED, TRANSFORMS = "/fleet/state", "/fleet/predicted", "/tf"
 SCENE, RULES, SEGMENTS = "/show/scene", "/show/rules", "/show/segments"
-GROUP = "samples"
 
 SMALL_FLEET = 100
 """Fleets up to this size have topics for each drone."""
@@ -84,18 +84,6 @@ _QUANTITIES = {
 """Which of ``GRID`` each field of a sample has."""
 
 _STEPS = np.array(list(GRID.values()))
-
-_CHECKS = {
-    "VRF120": "topics and times of messages are those of the show",
-    "VRF121": "samples at every step of the log rate",
-    "VRF122": "fleet samples equal to the polynomials",
-    "VRF123": "samples of single drones equal to the polynomials",
-    "VRF124": "frames of the drones equal to the polynomials",
-    "VRF125": "colours are those of the script",
-    "VRF126": "drawn scene is that of the script",
-    "VRF127": "predicted fleet drawn as showc draws it",
-}
-
 
 _AT_ONCE = 4096
 """Places on polynomials that are evaluated together; bounds the memory."""
@@ -179,16 +167,14 @@ class Compared:
         notes = [f"{self.samples:,} numbers compared"] if self.samples else []
         if self.bad:
             notes.append(f"{self.bad:,} of them are off")
-        return Check(
+        return checked(
             code,
-            GROUP,
-            _CHECKS[code],
             "fail" if self.bad or self.odd else "pass",
             self.value if self.samples else None,
             1.0 if self.samples else None,
             "of the rounding" if self.samples else "",
-            self.where,
-            (*notes, *self.odd[:3]),
+            where=self.where,
+            notes=(*notes, *self.odd[:3]),
         )
 
 

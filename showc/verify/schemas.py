@@ -13,12 +13,13 @@ from foxglove_schemas_protobuf import (
 
 from showc.log import showc_pb2
 from showc.log.schema import descriptor_set
-from showc.verify.report import Check, Place
+from showc.verify.report import agreement
 
 if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from showc.verify.logfile import LogFile
+    from showc.verify.report import Check
 
 PROTOBUF = "protobuf"
 """Encoding of messages and of their types."""
@@ -64,11 +65,4 @@ def check_schemas(log: LogFile) -> Check:
     bad += [
         f"{log.schemas[n].name} is used by nothing" for n in log.schemas.keys() - used
     ]
-    return Check(
-        "VRF103",
-        "integrity",
-        "message types are showc's and Foxglove's",
-        "fail" if bad else "pass",
-        where=Place(),
-        notes=tuple(dict.fromkeys(bad))[:5],
-    )
+    return agreement("VRF103", bad)

@@ -14,7 +14,7 @@ from mission.planted import Case
 
 from showc.errors import ShowError
 from showc.script.show import MissionOptions
-from showc.verify.missions.folder import _check_parameters
+from showc.verify.missions.folder import check_parameters
 from showc.verify.missions.language import read_mission
 from showc.verify.missions.plan import check_plan
 from showc.verify.missions.terms import parameter_file
@@ -232,7 +232,7 @@ def test_every_parameter_line_is_caught(case):
 
     def verdict(*lines):
         content = "\n".join(lines) + "\n"
-        return _check_parameters(content.encode(), wanted).verdict
+        return check_parameters(content.encode(), wanted).verdict
 
     assert verdict(*lines) == "pass"
     for number, line in enumerate(lines):

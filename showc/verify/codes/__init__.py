@@ -27,6 +27,20 @@ ROOMS = {
 """Files of codes, with the heading of each."""
 
 
+GROUPS = {
+    "VRF10": "integrity",
+    "VRF12": "samples",
+    "VRF2": "script",
+    "VRF30": "physics",
+    "VRF31": "limits",
+    "VRF32": "separation",
+    "VRF33": "choreography",
+    "VRF34": "certificates",
+    "VRF4": "missions",
+}
+"""Heading of the checks of one log, by what their codes begin with."""
+
+
 @dataclass(frozen=True, slots=True)
 class Code:
     """One kind of check."""

@@ -41,10 +41,9 @@ def certified(
 
 def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
     """Every claimed lower bound on a segment's time follows from its witness."""
-    title = "no claimed lower bound on a time beyond its proof"
     claims = [one for one in moves if one.message.certificate.dual_bound > 0.0]
     if not claims:
-        return Statement("VRF341", title, None, notes=("no segment claims one",))
+        return Statement("VRF341", None, notes=("no segment claims one",))
     excess = [_excess(show, segment) for segment in claims]
     worst = int(np.argmax(excess))
     where = claims[worst]
@@ -61,7 +60,6 @@ def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
     )
     return Statement(
         "VRF341",
-        title,
         not failed,
         max(excess[worst], 0.0),
         TOLERANCE,
@@ -98,7 +96,6 @@ def _order(moves: list[Segment]) -> Statement:
             name, time = segment.message.name, segment.start
     return Statement(
         "VRF342",
-        "lower bound below single-drone minimum and time flown",
         not bad,
         segment=name,
         time=time,
@@ -108,21 +105,19 @@ def _order(moves: list[Segment]) -> Statement:
 
 def _encounters(show: LoggedShow, found: Sequence[Encounter | None]) -> Statement:
     """Claimed encounters are the closest ones, and there at their times."""
-    title = "claimed closest encounters are as claimed"
     moves = [
         (segment, encounter)
         for segment, encounter in zip(show.segments, found, strict=True)
         if encounter is not None and not segment.holds
     ]
     if not moves:
-        return Statement("VRF343", title, None, notes=("no segment claims one",))
+        return Statement("VRF343", None, notes=("no segment claims one",))
     off = [_off(show, *move) for move in moves]
     worst = int(np.argmax(off))
     segment = moves[worst][0]
     closest = segment.message.certificate.closest
     return Statement(
         "VRF343",
-        title,
         off[worst] <= DISTANCE_TOLERANCE,
         off[worst],
         DISTANCE_TOLERANCE,

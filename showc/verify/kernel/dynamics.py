@@ -151,20 +151,19 @@ def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
     Positions and velocities count as lengths, angles and rates each for itself.
     """
     kinds = (
-        ("VRF301", "positions", POSITION, "m", 1.0, 2.0),
-        ("VRF303", "velocities", VELOCITY, "m/s", 1.0, 2.0),
-        ("VRF302", "angles", ANGLE, "deg", float(np.degrees(1.0)), np.inf),
-        ("VRF304", "body rates", RATE, "deg/s", float(np.degrees(1.0)), np.inf),
+        ("VRF301", POSITION, "m", 1.0, 2.0),
+        ("VRF303", VELOCITY, "m/s", 1.0, 2.0),
+        ("VRF302", ANGLE, "deg", float(np.degrees(1.0)), np.inf),
+        ("VRF304", RATE, "deg/s", float(np.degrees(1.0)), np.inf),
     )
     found = []
-    for kind, (code, name, limit, unit, turn, order) in enumerate(kinds):
+    for kind, (code, limit, unit, turn, order) in enumerate(kinds):
         part = np.array(radii)[:, :, 3 * kind : 3 * kind + 3]
         size = np.linalg.norm(part, ord=order, axis=2)
         number, drone = divmod(int(np.argmax(size)), show.drones)
         found.append(
             Statement(
                 code,
-                f"controls fly the logged {name} at every instant",
                 bool(size[number, drone] <= limit),
                 float(size[number, drone]) * turn,
                 limit * turn,

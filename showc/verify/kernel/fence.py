@@ -148,7 +148,6 @@ def fenced(
     radii, found
         One for each segment of the show.
     """
-    title = "inside the fence at every instant"
     wanted = show.rules.site.fence_margin
     worst: tuple[float, float, Nearest, Segment] | None = None
     for segment, one_radius, one in zip(show.segments, radii, found, strict=True):
@@ -157,7 +156,7 @@ def fenced(
             worst = one.lower - min(radius, POSITION), radius, one, segment
     if worst is None:
         note = "the script asks for no fence; the flight volume holds instead"
-        return Statement("VRF319", title, None, notes=(note,))
+        return Statement("VRF319", None, notes=(note,))
     flown, radius, one, segment = worst
     # On the fence itself nothing is left between inside and outside.
     enough = max(wanted - TOLERANCE, RESOLUTION)
@@ -167,7 +166,6 @@ def fenced(
     )
     return Statement(
         "VRF319",
-        title,
         one.lower >= enough and radius <= POSITION,
         flown,
         wanted,

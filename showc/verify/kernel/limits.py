@@ -254,7 +254,6 @@ def _statement(extreme: Extreme, segment: Segment, radii: FloatArray) -> Stateme
     value = bound.top - extreme.margin * bound.span + min(radius, allowed)
     return Statement(
         FAMILIES[bound.family],
-        f"{bound.family} within limits at every instant",
         extreme.margin >= -TOLERANCE and radius <= allowed,
         bound.sign * value + 0.0,
         bound.sign * bound.top + 0.0,

@@ -125,9 +125,8 @@ def separated(
     encounter
         The closest one of the whole show.
     """
-    title = "separation of every pair at every instant"
     if encounter is None:
-        return Statement("VRF321", title, None, notes=("there is only one drone",))
+        return Statement("VRF321", None, notes=("there is only one drone",))
     separation = show.rules.separation
     scale = max(measure.scale[-1] for measure in measures(separation))
     radius = float(np.linalg.norm(np.array(radii)[:, :, :3], axis=2).max())
@@ -143,7 +142,6 @@ def separated(
     enough = separation.distance - TOLERANCE
     return Statement(
         "VRF321",
-        title,
         encounter.lower >= enough and radius <= POSITION,
         flown,
         separation.distance,

@@ -143,8 +143,6 @@ class Statement:
 
     code: str
     """``VRF3`` and two digits; ``showc explain`` says what it means."""
-    title: str
-    """What is proved, in words."""
     holds: bool | None
     """Whether it is proved; None: there is nothing to prove, ``notes`` say why."""
     value: float | None = None

@@ -15,7 +15,7 @@ import numpy as np
 from showc.log.sample import PLACE
 from showc.verify.missions.law import CLOCK_LAG
 from showc.verify.missions.legs import UNTIMED
-from showc.verify.report import Check, Place
+from showc.verify.report import Place, checked
 from showc.verify.samples import points_of
 
 if TYPE_CHECKING:
@@ -23,11 +23,10 @@ if TYPE_CHECKING:
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
     from showc.verify.missions.legs import FleetLegs
+    from showc.verify.report import Check
 
 
 TOPIC = "/fleet/predicted"
-
-NAME = "predicted fleet drawn within the proved flights"
 
 BESIDE, BESIDE_FAST = 0.3, 0.06
 """How far beside its part of a line a drone may be drawn [m], and by how much more for
@@ -69,16 +68,14 @@ def check_drawn(log: LogFile, show: LoggedShow, fleet: FleetLegs) -> Check:
         "beside where the proof has the drone"
     )
     missing = () if whole else ("the log does not draw the missions to their end",)
-    return Check(
+    return checked(
         "VRF421",
-        "missions",
-        NAME,
         "pass" if worst <= 0.0 and whole else "fail",
         worst,
         0.0,
         "m outside",
-        where,
-        (*missing, note),
+        where=where,
+        notes=(*missing, note),
     )
 
 

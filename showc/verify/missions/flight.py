@@ -20,7 +20,7 @@ from showc.verify.missions.separation import (
 from showc.verify.missions.space import ROUNDING as BOUNDARY
 from showc.verify.missions.space import Inside, inside_fence, inside_volume
 from showc.verify.missions.terms import FIRMWARE
-from showc.verify.report import Check, Place
+from showc.verify.report import Place, agreement, checked
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
@@ -29,19 +29,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
+    from showc.verify.report import Check, Verdict
 
-
-GROUP = "missions"
-
-APART = "predicted flights keep the separation at every delay"
-
-CLAIMED = "predicted flights as near as the manifest says"
-
-ENDS = "missions end their legs where the trajectory does"
-
-SLOTS = "slots leave time for every leg and hold, and no more"
-
-VOLUME, FENCE = "missions stay in the flight volume", "missions stay inside the fence"
 
 ROUNDING = 0.02
 """How much nearer two places can be by the mission's rounding [m]."""
@@ -123,14 +112,14 @@ def check_flight(
     checks = [
         ends,
         _check_slots(fleet, reached, show, max(slack, SETTLING)),
-        _boundary("VRF415", VOLUME, fleet, inside_volume(fleet, rules.site)),
+        _boundary("VRF415", fleet, inside_volume(fleet, rules.site)),
     ]
     fenced = inside_fence(fleet, rules.site)
     if fenced is not None:
-        checks.append(_boundary("VRF416", FENCE, fleet, fenced))
+        checks.append(_boundary("VRF416", fleet, fenced))
     if fleet.drones < 2:
         note = "one drone flies alone"
-        alone = Check("VRF411", GROUP, APART, "pass", notes=(note,))
+        alone = checked("VRF411", "pass", notes=(note,))
         return [*checks, alone, _as_claimed({}, fleet, show, described)]
     wanted = rules.separation
     try:
@@ -138,21 +127,14 @@ def check_flight(
     except OverlappingLegsError as error:
         note = f"{error} is released before the leg before it has surely ended"
         place = Place(error.drone + 1)
-        return [
-            *checks,
-            Check("VRF411", GROUP, APART, "fail", where=place, notes=(note,)),
-        ]
+        return [*checks, checked("VRF411", "fail", where=place, notes=(note,))]
     nearest = {
         "legs": timed,
         "launch": nearest_untimed(fleet, wanted, landing=False),
         "land": nearest_untimed(fleet, wanted, landing=True),
     }
-    for code, key, text in (
-        ("VRF411", "legs", APART),
-        ("VRF412", "launch", "take-off keeps the separation at any timing"),
-        ("VRF413", "land", "landing keeps the separation at any timing"),
-    ):
-        checks.append(_apart(code, text, nearest[key], wanted.distance))
+    for code, key in (("VRF411", "legs"), ("VRF412", "launch"), ("VRF413", "land")):
+        checks.append(_apart(code, nearest[key], wanted.distance))
     return [*checks, _as_claimed(nearest, fleet, show, described)]
 
 
@@ -189,16 +171,14 @@ def _check_ends(fleet: FleetLegs, show: LoggedShow) -> tuple[Check, IntArray]:
         if note:
             break
     places = f"{found.size:,} places, to 1e-7 degrees and 1.2 cm of height"
-    check = Check(
+    check = checked(
         "VRF404",
-        GROUP,
-        ENDS,
         "fail" if note else "pass",
         worst,
         1.0,
         "of the resolution",
-        Place(drone + 1),
-        (note or places,),
+        where=Place(drone + 1),
+        notes=(note or places,),
     )
     return check, found
 
@@ -229,7 +209,6 @@ def _check_slots(
     ``pause`` [s] before the next slot; what the log holds is held. The fleet as a whole
     waits no longer than that, so no slot is an hour late.
     """
-    title = "VRF408", GROUP, SLOTS
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
     held = np.zeros(fleet.release.size)
     held[reached] = np.where(reached < 0, 0.0, _holds(show))
@@ -240,69 +219,59 @@ def _check_slots(
     climbed = _climbs(fleet) + 2.0 * SPREAD + pause
     free[fleet.first[:-1] + 1] = climbed
     spare = fleet.release[timed] - free[timed - 1]
-    worst = float(spare.min(initial=np.inf))
-    where = Place()
+    worst, where = float(spare.min(initial=np.inf)), Place()
     if timed.size:
         leg = timed[int(np.argmin(spare))]
         where = Place(int(fleet.owner[leg]) + 1, time=float(fleet.release[leg]))
-        if not worst >= -SAME:
-            line = fleet.lines[leg - 1]
-            note = f"released {-worst:.2f} s too early after line {line}"
-            return Check(*title, "fail", worst, 0.0, "s", where, (note,))
     # How long no drone needs before a slot: all had climbed, or were free before it.
     order = timed[np.argsort(fleet.release[timed], kind="stable")]
     before = np.maximum.accumulate([float(climbed.max()), *free[order]])[:-1]
     idle = fleet.release[order] - before
+    longest = float(idle.max(initial=0.0))
     # Holds of formations, and colours that change while no drone moves.
     patience = max(one.duration for one in show.segments) + 2.0 * TICK + SPIN_UP
-    longest = float(idle.max(initial=0.0))
-    if not longest <= patience:
+    note = f"{timed.size:,} slots, at least {pause:g} s after the latest end"
+    value = worst if timed.size else 0.0
+    verdict: Verdict = "pass"
+    if not worst >= -SAME:
+        line, verdict = fleet.lines[leg - 1], "fail"
+        note = f"released {-worst:.2f} s too early after line {line}"
+    elif not longest <= patience:
+        value, verdict = -longest, "fail"
+        where = Place(time=float(fleet.release[order[int(np.argmax(idle))]]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
-        moment = Place(time=float(fleet.release[order[int(np.argmax(idle))]]))
-        return Check(*title, "fail", -longest, 0.0, "s", moment, (note,))
-    notes = (f"{timed.size:,} slots, at least {pause:g} s after the latest end",)
-    return Check(*title, "pass", worst if timed.size else 0.0, 0.0, "s", where, notes)
+    return checked("VRF408", verdict, value, 0.0, "s", where=where, notes=(note,))
 
 
-def _boundary(code: str, name: str, fleet: FleetLegs, found: Inside) -> Check:
+def _boundary(code: str, fleet: FleetLegs, found: Inside) -> Check:
     note = f"with what is flown beyond the ends of legs, to {BOUNDARY:g} m of rounding"
     line = fleet.lines[found.leg]
-    return Check(
+    return checked(
         code,
-        GROUP,
-        name,
         "pass" if found.spare >= -BOUNDARY else "fail",
         found.spare,
         0.0,
         "m to spare",
-        Place(int(fleet.owner[found.leg]) + 1),
-        (f"tightest on the way to the place of line {line}", note),
+        where=Place(int(fleet.owner[found.leg]) + 1),
+        notes=(f"tightest on the way to the place of line {line}", note),
     )
 
 
-def _apart(code: str, name: str, found: Nearest | None, wanted: float) -> Check:
+def _apart(code: str, found: Nearest | None, wanted: float) -> Check:
     if found is None:
-        return Check(code, GROUP, name, "pass", notes=("no drone moves on time",))
+        return checked(code, "pass", notes=("no drone moves on time",))
     limit = wanted - ROUNDING - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
     note = (
         f"{wanted:g} m less {100.0 * ROUNDING:g} cm of the format's rounding and "
         f"{3000.0 * RESOLUTION:g} mm of the proofs' resolution"
     )
-    return Check(
-        code,
-        GROUP,
-        name,
-        "pass" if bound >= limit else "fail",
-        bound,
-        limit,
-        "m",
-        Place(
-            pair=(found.pair[0] + 1, found.pair[1] + 1),
-            time=found.time if found.time > 0.0 else None,
-        ),
-        (note,),
+    where = Place(
+        pair=(found.pair[0] + 1, found.pair[1] + 1),
+        time=found.time if found.time > 0.0 else None,
     )
+    verdict: Verdict = "pass" if bound >= limit else "fail"
+    return checked(code, verdict, bound, limit, "m", where=where, notes=(note,))
 
 
 def _as_claimed(
@@ -316,19 +285,19 @@ def _as_claimed(
     ``nearest`` are the nearest encounters of the ``legs``, the ``launch``, the
     ``land``.
     """
-    title = "VRF414", GROUP, CLAIMED
     try:
         wrong = _unlike_found(described["prediction"], fleet, show, described["start"])
         off = _off(described["prediction"], nearest)
     except (KeyError, TypeError, ValueError, AttributeError):
         wrong, off = ["the prediction is nothing that can be read"], {}
     if wrong:
-        return Check(*title, "fail", notes=tuple(wrong[:5]))
+        return agreement("VRF414", wrong)
     key = max(off, key=lambda key: off[key], default="")
     worst = off.get(key, 0.0)
     fits = worst <= AGREEMENT
     notes = () if fits else (f"the encounter of {key} is another one",)
-    return Check(*title, "pass" if fits else "fail", worst, AGREEMENT, "m", notes=notes)
+    verdict: Verdict = "pass" if fits else "fail"
+    return checked("VRF414", verdict, worst, AGREEMENT, "m", notes=notes)
 
 
 def _unlike_found(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ from showc.verify.missions.language import Mission, MissionFormatError, read_mis
 from showc.verify.missions.legs import fleet_legs
 from showc.verify.missions.plan import check_plan
 from showc.verify.missions.terms import Terms, parameter_file
-from showc.verify.report import Check, Place
+from showc.verify.report import agreement, checked
 from showc.verify.specification.cover import read_manifest
 
 if TYPE_CHECKING:
@@ -32,9 +31,7 @@ if TYPE_CHECKING:
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
     from showc.verify.missions.legs import FleetLegs
-    from showc.verify.report import Verdict
-
-GROUP = "missions"
+    from showc.verify.report import Check, Verdict
 
 MANIFEST = "manifest.json"
 
@@ -46,9 +43,6 @@ LARGEST_FILE = 1 << 26
 LARGEST_FOLDER = 1 << 29
 """Missions of 10,000 drones have less in sum [bytes]."""
 
-SHOWN = 5
-"""Findings of a kind that are named."""
-
 
 def parts_of_script(
     log: LogFile, show: LoggedShow, script: Show | None
@@ -57,7 +51,7 @@ def parts_of_script(
     if script is not None:
         return mission_parts(log, show, Terms.of(script))
     note = "without a script that can be read it is not known what missions must be"
-    unknown = Check("VRF410", GROUP, KNOWN, "fail", notes=(note,))
+    unknown = checked("VRF410", "fail", notes=(note,))
     return [lambda: [unknown]]
 
 
@@ -73,26 +67,16 @@ def mission_parts(
     terms
         What the script asks of the missions.
     """
-    folder = log.path.with_suffix("")
     manifest = read_manifest(log) or {}
-    described = manifest.get("missions")
-    if not isinstance(described, dict):
-        described = {}
-    if described.get("autopilot", "") is None and described.get("files") == {}:
-        return [partial(_without, folder, log)]
+    described = _object(manifest, "missions")
     # A dialect that the script does not name is read as such, and stays unproved.
-    accepted = terms.autopilot
-    if described.get("autopilot") == "px4":
-        terms = replace(terms, autopilot="px4")
-    wanted = _Folder(folder, show.drones, terms)
-    read = partial(_check_files, wanted, log, show, manifest, accepted)
-    if terms.autopilot != "ardupilot":
-        return [read]
-    return [
-        read,
-        partial(_check_flown, wanted, show, described),
-        partial(_check_drawn, wanted, log, show, described),
-    ]
+    spoken = "px4" if described.get("autopilot") == "px4" else terms.autopilot
+    beside = _Beside(log, show, replace(terms, autopilot=spoken), manifest)
+    if described.get("autopilot", "") is None and described.get("files") == {}:
+        return [beside.without]
+    if spoken != "ardupilot":
+        return [lambda: [*beside.files(), beside.unknown(terms.autopilot)]]
+    return [lambda: [*beside.files(), beside.parameters()], beside.flight, beside.drawn]
 
 
 def check_missions(log: LogFile, show: LoggedShow, terms: Terms) -> list[Check]:
@@ -100,79 +84,192 @@ def check_missions(log: LogFile, show: LoggedShow, terms: Terms) -> list[Check]:
     return [check for part in mission_parts(log, show, terms) for check in part()]
 
 
-def _without(folder: Path, log: LogFile) -> list[Check]:
-    """Check a compile without missions: nothing to be flown may lie there."""
-    note = "compiled without missions"
-    skipped = Check("VRF400", GROUP, "mission files", "skipped", notes=(note,))
-    if not folder.is_dir():
-        return [skipped]
-    names = _present(folder)
-    return [
-        _same_manifest(folder, log),
-        _listed("VRF401", FILES, [f"{name}: not in the manifest" for name in names]),
-        skipped,
-    ]
-
-
-FILES = "files beside the log are those of its compile"
-
-CLOSED = "every row of every mission is one that showc writes"
-
-PLANS = "plans equal the missions, with the script's fence"
-
-PARAMETER_LINES = "every line of ardupilot.parm is as the script has it"
-
-LIGHTS = "lights are on the script's outputs"
-
-KNOWN = "what the missions fly is known"
+def _object(value: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return what stands under a key of a JSON object, if that is an object itself."""
+    found = value.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 @dataclass(frozen=True, slots=True)
-class _Folder:
-    """The files of one compile, by name."""
+class _Beside:
+    """The files of one compile."""
 
-    path: Path
-    drones: int
+    log: LogFile
+    show: LoggedShow
     terms: Terms
+    manifest: dict[str, Any]
+
+    @property
+    def folder(self) -> Path:
+        return self.log.path.with_suffix("")
+
+    @property
+    def described(self) -> dict[str, Any]:
+        return _object(self.manifest, "missions")
 
     def names(self) -> list[str]:
         """All files that must be there, and no others."""
-        stems = [f"missions/drone_{drone + 1:04d}" for drone in range(self.drones)]
-        files = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
-        return [*files, *([PARAMETERS] if self.terms.autopilot != "px4" else [])]
+        drones = range(1, self.show.drones + 1)
+        stems = [f"missions/drone_{drone:04d}" for drone in drones]
+        found = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
+        return [*found, *([PARAMETERS] if self.terms.autopilot != "px4" else [])]
 
-    def place(self, name: str, drone: int | None = None) -> Place:
-        return Place(
-            None if drone is None else drone + 1, file=f"{self.path.name}/{name}"
+    def present(self) -> set[str]:
+        """Names of everything but the manifest; of folders, links alone."""
+        every = (
+            path.relative_to(self.folder).as_posix()
+            for path in self.folder.rglob("*")
+            if path.is_symlink() or not path.is_dir()
         )
+        return set(every) - {MANIFEST}
 
-    def mission(self, drone: int) -> Mission:
-        """Read the mission of a drone, from 0.
+    def without(self) -> list[Check]:
+        """Check a compile without missions: nothing to be flown may lie there."""
+        note = "compiled without missions"
+        skipped = checked("VRF400", "skipped", notes=(note,))
+        if not self.folder.is_dir():
+            return [skipped]
+        strangers = [f"{name}: not in the manifest" for name in sorted(self.present())]
+        return [self._same_manifest(), agreement("VRF401", strangers), skipped]
 
-        Raises
-        ------
-        MissionFormatError
-            If it cannot be read, or is none.
-        """
-        content = read_file(self.path / f"missions/drone_{drone + 1:04d}.waypoints")
-        return read_mission(content, self.terms.autopilot)
+    def files(self) -> list[Check]:
+        """Check names, hashes and every line of the files."""
+        if not self.folder.is_dir():
+            note = (
+                f"there is no folder {self.folder.name!r} beside the log; copy it "
+                "there, or leave missions out of the verification"
+            )
+            return [agreement("VRF401", [note])]
+        contents, bad = self._contents()
+        listed = _object(self.described, "files")
+        odd = [
+            f"{name}: {'only' if name in listed else 'not'} in the manifest"
+            for name in sorted(set(listed) ^ set(self.names()))
+        ]
+        return [
+            self._same_manifest(),
+            agreement("VRF401", bad),
+            agreement("VRF403", odd),
+            *self._lines(contents),
+        ]
 
-    def flown(self, show: LoggedShow, described: dict[str, Any]) -> FleetLegs:
+    def _same_manifest(self) -> Check:
+        wrong = []
+        try:
+            if read_file(self.folder / MANIFEST) != self.log.attachment(MANIFEST):
+                wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
+        except MissionFormatError as error:
+            wrong.append(f"{MANIFEST}: {error}")
+        return agreement("VRF402", wrong)
+
+    def _contents(self) -> tuple[dict[str, bytes], list[str]]:
+        """Read all files; also return what is wrong with them."""
+        names, listed = self.names(), _object(self.described, "files")
+        strangers = sorted(self.present() - set(names))
+        bad = [f"{name}: is no file of a compile" for name in strangers]
+        contents: dict[str, bytes] = {}
+        total = 0
+        for name in names:
+            try:
+                content = read_file(self.folder / name)
+            except MissionFormatError as error:
+                bad.append(f"{name}: {error}")
+                continue
+            total += len(content)
+            if total > LARGEST_FOLDER:
+                bad.append(f"{name}: the files up to here are too large in sum")
+                break
+            contents[name] = content
+            if hashlib.sha256(content).hexdigest() != listed.get(name):
+                bad.append(f"{name}: the hash is not the manifest's")
+        return contents, bad
+
+    def _lines(self, contents: dict[str, bytes]) -> list[Check]:
+        """Check every row of the missions, and every key of the plans."""
+        terms, site = self.terms, self.show.rules.site
+        rows, plans, lights = list[str](), list[str](), list[str]()
+        token = fleet_token(contents)
+        if token != str(self.manifest.get("fleet")):
+            rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
+        for name in self.names():
+            if not name.endswith(".waypoints"):
+                continue
+            plan = name.replace(".waypoints", ".plan")
+            try:
+                mission = read_mission(contents.get(name, b""), terms.autopilot)
+            except MissionFormatError as error:
+                rows.append(f"{name}: {error}")
+                continue
+            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, terms)]
+            lights += [f"{name}: {wrong}" for wrong in _wrong_lights(mission, terms)]
+            try:
+                check_plan(contents.get(plan, b""), mission, site, terms, token)
+            except MissionFormatError as error:
+                plans.append(f"{plan}: {error}")
+        return [
+            agreement("VRF405", rows),
+            agreement("VRF406", plans),
+            agreement("VRF409", lights),
+        ]
+
+    def unknown(self, accepted: str) -> Check:
+        """Say of missions whose flight is not known whether the script accepts them."""
+        spoken = self.terms.autopilot
+        if self.described.get("autopilot") != spoken:
+            return self._other_autopilot()
+        note = f"mission.autopilot of the script is {accepted}"
+        verdict: Verdict = "accepted" if accepted == spoken else "unproved"
+        return checked("VRF410", verdict, notes=(note,))
+
+    def _other_autopilot(self) -> Check:
+        said = str(self.described.get("autopilot"))[:20]
+        note = f"the manifest says {said!r}, the script {self.terms.autopilot!r}"
+        return checked("VRF410", "fail", notes=(note,))
+
+    def parameters(self) -> Check:
+        """Hold the parameter file against the one that the script asks for."""
+        if self.described.get("autopilot") != self.terms.autopilot:
+            return self._other_autopilot()
+        try:
+            found = read_file(self.folder / PARAMETERS)
+        except MissionFormatError:
+            found = b""
+        return check_parameters(found, parameter_file(self.terms))
+
+    def flown(self) -> FleetLegs:
         """Return what all drones fly.
 
         Raises
         ------
         MissionFormatError
-            If that cannot be said; names the drone.
+            If that cannot be said; names the file.
         """
-        clock = mission_clock(described)
-        every = []
-        for drone in range(self.drones):
-            try:
-                every.append(self.mission(drone))
-            except MissionFormatError as error:
-                raise MissionFormatError(f"drone {drone + 1}: {error}") from None
-        return fleet_legs(every, show.rules.site, self.terms, clock)
+        clock, terms = mission_clock(self.described), self.terms
+        missions = []
+        for name in self.names():
+            if name.endswith(".waypoints"):
+                try:
+                    content = read_file(self.folder / name)
+                    missions.append(read_mission(content, terms.autopilot))
+                except MissionFormatError as error:
+                    raise MissionFormatError(f"{name}: {error}") from None
+        return fleet_legs(missions, self.show.rules.site, terms, clock)
+
+    def flight(self) -> list[Check]:
+        """Check what the missions fly."""
+        try:
+            flown = self.flown()
+        except MissionFormatError as error:
+            return [checked("VRF410", "fail", notes=(str(error),))]
+        return check_flight(flown, self.show, self.described, self.terms.slack)
+
+    def drawn(self) -> list[Check]:
+        """Check what the log draws of that."""
+        try:
+            return [check_drawn(self.log, self.show, self.flown())]
+        except MissionFormatError:
+            # What is wrong with the missions is said by their own checks.
+            return []
 
 
 def read_file(path: Path) -> bytes:
@@ -189,164 +286,19 @@ def read_file(path: Path) -> bytes:
         raise MissionFormatError(f"cannot be read: {error.reason}") from None
 
 
-def _present(folder: Path) -> list[str]:
-    """Names of everything in the folder but the manifest; of folders, links alone."""
-    every = (
-        path.relative_to(folder).as_posix()
-        for path in folder.rglob("*")
-        if path.is_symlink() or not path.is_dir()
-    )
-    return sorted(name for name in every if name != MANIFEST)
-
-
-def _same_manifest(folder: Path, log: LogFile) -> Check:
-    name = "manifest in the log and manifest in the folder are one"
-    try:
-        same, why = read_file(folder / MANIFEST) == log.attachment(MANIFEST), "differs"
-    except MissionFormatError as error:
-        same, why = False, str(error)
-    note = f"{why}: files of two compiles are mixed"
-    return Check(
-        "VRF402",
-        GROUP,
-        name,
-        "pass" if same else "fail",
-        where=Place() if same else Place(file=f"{folder.name}/{MANIFEST}"),
-        notes=() if same else (note,),
-    )
-
-
-def _listed(
-    code: str, name: str, bad: list[str], count: int | None = None, unit: str = "files"
-) -> Check:
-    """Return a check that fails if anything is ``bad``, and names what is."""
-    more = [f"and {len(bad) - SHOWN} more"] if len(bad) > SHOWN else []
-    return Check(
-        code,
-        GROUP,
-        name,
-        "fail" if bad else "pass",
-        None if count is None else float(count),
-        None,
-        "" if count is None else unit,
-        Place(file=bad[0].split(":")[0]) if bad else Place(),
-        tuple(bad[:SHOWN] + more),
-    )
-
-
-def _check_files(
-    wanted: _Folder,
-    log: LogFile,
-    show: LoggedShow,
-    manifest: dict[str, Any],
-    accepted: str,
-) -> list[Check]:
-    """Check names, hashes and every line of the files."""
-    folder, terms = wanted.path, wanted.terms
-    if not folder.is_dir():
-        note = (
-            f"there is no folder {folder.name!r} beside the log; copy it there, or "
-            "leave missions out of the verification"
-        )
-        place = Place(file=str(folder))
-        return [Check("VRF401", GROUP, FILES, "fail", where=place, notes=(note,))]
-    described = manifest.get("missions")
-    described = described if isinstance(described, dict) else {}
-    listed = described.get("files")
-    listed = listed if isinstance(listed, dict) else {}
-    contents, bad = _contents(wanted, listed)
-    odd = [
-        f"{name}: {'only' if name in listed else 'not'} in the manifest"
-        for name in sorted(set(listed) ^ set(wanted.names()))
-    ]
-    checks = [
-        _same_manifest(folder, log),
-        _listed("VRF401", FILES, bad, len(contents)),
-        _listed("VRF403", "files for each drone, and no others", odd),
-        *_check_lines(wanted, contents, show, str(manifest.get("fleet"))),
-    ]
-    if described.get("autopilot") != terms.autopilot:
-        said = str(described.get("autopilot"))[:20]
-        note = f"the manifest says {said!r}, the script {terms.autopilot!r}"
-        checks.append(Check("VRF410", GROUP, KNOWN, "fail", notes=(note,)))
-    elif terms.autopilot != "ardupilot":
-        named = accepted == terms.autopilot
-        note = f"mission.autopilot of the script is {accepted}"
-        verdict: Verdict = "accepted" if named else "unproved"
-        checks.append(Check("VRF410", GROUP, KNOWN, verdict, notes=(note,)))
-    else:
-        found = contents.get(PARAMETERS, b"")
-        checks.append(_check_parameters(found, parameter_file(terms)))
-    return checks
-
-
-def _contents(
-    wanted: _Folder, listed: dict[str, Any]
-) -> tuple[dict[str, bytes], list[str]]:
-    """Read the files of a compile; also return what is wrong with them."""
-    names = wanted.names()
-    strangers = sorted(set(_present(wanted.path)) - set(names))
-    bad = [f"{name}: is no file of a compile" for name in strangers]
-    contents: dict[str, bytes] = {}
-    total = 0
-    for name in names:
-        try:
-            content = read_file(wanted.path / name)
-        except MissionFormatError as error:
-            bad.append(f"{name}: {error}")
-            continue
-        total += len(content)
-        if total > LARGEST_FOLDER:
-            bad.append(f"{name}: the files up to here are too large in sum")
-            break
-        contents[name] = content
-        if hashlib.sha256(content).hexdigest() != listed.get(name):
-            bad.append(f"{name}: the hash is not the manifest's")
-    return contents, bad
-
-
-def _check_lines(
-    wanted: _Folder, contents: dict[str, bytes], show: LoggedShow, token: str
-) -> list[Check]:
-    """Check every row of the missions, and every key of the plans."""
-    terms = wanted.terms
-    rows, plans, lights = list[str](), list[str](), list[str]()
-    found = fleet_token(contents)
-    if found != token:
-        rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
-    for drone in range(wanted.drones):
-        stem = f"missions/drone_{drone + 1:04d}"
-        name, plan = f"{stem}.waypoints", f"{stem}.plan"
-        try:
-            mission = read_mission(contents.get(name, b""), terms.autopilot)
-        except MissionFormatError as error:
-            rows.append(f"{name}: {error}")
-            continue
-        rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, terms)]
-        lights += [f"{name}: {wrong}" for wrong in _wrong_lights(mission, terms)]
-        try:
-            site = show.rules.site
-            check_plan(contents.get(plan, b""), mission, site, terms, found)
-        except MissionFormatError as error:
-            plans.append(f"{plan}: {error}")
-    return [
-        _listed("VRF405", CLOSED, rows, wanted.drones, "missions"),
-        _listed("VRF406", PLANS, plans, wanted.drones, "plans"),
-        _listed("VRF409", LIGHTS, lights),
-    ]
-
-
-def _check_parameters(found: bytes, wanted: bytes) -> Check:
-    """Hold the parameter file against the one that the script asks for."""
+def check_parameters(found: bytes, wanted: bytes) -> Check:
+    """Hold the lines of a parameter file against those wanted."""
     lines, right = (
         text.decode("ascii", "replace").split("\n") for text in (found, wanted)
     )
-    bad = [
-        f"{PARAMETERS}: line {number} is {(one or '')[:40]!r}, by the script {other!r}"
-        for number, (one, other) in enumerate(zip_longest(lines, right), start=1)
-        if one != other
-    ]
-    return _listed("VRF407", PARAMETER_LINES, bad)
+    return agreement(
+        "VRF407",
+        (
+            f"line {number} is {(one or '')[:40]!r}, by the script {other!r}"
+            for number, (one, other) in enumerate(zip_longest(lines, right), start=1)
+            if one != other
+        ),
+    )
 
 
 def fleet_token(contents: dict[str, bytes]) -> str:
@@ -375,23 +327,3 @@ def _wrong_pause(mission: Mission, terms: Terms) -> Iterator[str]:
     pause = mission.items[-2].parameters[0]
     if pause != terms.pause:
         yield f"hovers {pause:g} s before its landing, by the script {terms.pause:g} s"
-
-
-def _check_flown(
-    wanted: _Folder, show: LoggedShow, described: dict[str, Any]
-) -> list[Check]:
-    try:
-        flown = wanted.flown(show, described)
-    except MissionFormatError as error:
-        return [Check("VRF410", GROUP, KNOWN, "fail", notes=(str(error),))]
-    return check_flight(flown, show, described, wanted.terms.slack)
-
-
-def _check_drawn(
-    wanted: _Folder, log: LogFile, show: LoggedShow, described: dict[str, Any]
-) -> list[Check]:
-    try:
-        return [check_drawn(log, show, wanted.flown(show, described))]
-    except MissionFormatError:
-        # What is wrong with the missions is said by their own checks.
-        return []

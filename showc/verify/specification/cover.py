@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from showc.log import showc_pb2 as pb
 from showc.log.layout import layout_json
 from showc.log.sample import GRID
-from showc.verify.report import Check, Place
+from showc.verify.report import agreement
 from showc.verify.specification.compare import read_json, same, unlike
 from showc.verify.specification.script import LAYOUT, MANIFEST
 
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
     from showc.verify.kernel.show import LoggedShow, Segment
     from showc.verify.logfile import LogFile
+    from showc.verify.report import Check
     from showc.verify.specification.script import Anchor
-
-GROUP = "integrity"
 
 FREE = ("fleet", "versions", "missions")
 """Parts of the manifest that the flight does not fix; missions are checked by
@@ -62,34 +61,10 @@ def check_cover(
         The script.
     """
     manifest = read_manifest(log)
-    found = (
-        (
-            "VRF105",
-            "metadata are those of the show",
-            _metadata(log, metadata, show, anchor),
-        ),
-        (
-            "VRF106",
-            "attachments are those of the show",
-            _attachments(log, metadata, show, anchor),
-        ),
-        (
-            "VRF107",
-            "manifest is that of the show",
-            _manifest(manifest, log, show, anchor),
-        ),
-    )
     return [
-        Check(
-            code,
-            GROUP,
-            name,
-            "fail" if notes else "pass",
-            where=Place(),
-            notes=tuple(notes[:5]),
-        )
-        for code, name, lines in found
-        for notes in [list(lines)]
+        agreement("VRF105", _metadata(log, metadata, show, anchor)),
+        agreement("VRF106", _attachments(log, metadata, show, anchor)),
+        agreement("VRF107", _manifest(manifest, log, show, anchor)),
     ]
 
 

@@ -8,27 +8,31 @@ and what follows is derived from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from showc.light.program import LightProgram, LightSpan
 from showc.log import showc_pb2 as pb
-from showc.verify.report import Check, Place
-from showc.verify.specification.compare import differences, same
+from showc.script.show import chapters
+from showc.verify.report import agreement
+from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.motion import FOLLOWED, astray, at_rest, held
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from google.protobuf.message import Message
+
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.show import Effect, Formation, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
+    from showc.verify.report import Check
 
+    Built = TypeVar("Built", bound=Message)
 
-GROUP = "script"
 
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
@@ -46,15 +50,12 @@ a quarter of a frame of film."""
 PARKED = -1
 """Place of a drone that waits in the parking formation."""
 
-_SHAPES = {"sphere": 0, "ellipsoid": 1, "any-axis": 2, "all-axes": 3}
-_KINDS = ("launch", "transition", "approach", "land", "hold", "motion")
-
 
 @dataclass(slots=True)
 class Demands:
     """What was found: differences in words, and what a viewer must show."""
 
-    rules: tuple[str, ...] = ()
+    rules: list[str] = field(default_factory=list)
     """Differences of the rules."""
     legs: list[str] = field(default_factory=list)
     """Legs that the script does not ask for so."""
@@ -69,23 +70,12 @@ class Demands:
 
     def checks(self) -> list[Check]:
         """Return what was found as checks."""
-        found = (
-            ("VRF203", "rules are those of the script", self.rules),
-            ("VRF204", "legs are those that the script asks for", self.legs),
-            ("VRF205", "places are given out as the script allows", self.places),
-            ("VRF206", "arrivals and departures when the script asks", self.times),
-            ("VRF207", "formations move as the script says", self.motions),
-        )
         return [
-            Check(
-                code,
-                GROUP,
-                name,
-                "fail" if notes else "pass",
-                where=Place(),
-                notes=tuple(notes[:5]),
-            )
-            for code, name, notes in found
+            agreement("VRF203", self.rules),
+            agreement("VRF204", self.legs),
+            agreement("VRF205", self.places),
+            agreement("VRF206", self.times),
+            agreement("VRF207", self.motions),
         ]
 
 
@@ -101,8 +91,9 @@ def hold_against(show: Show, logged: LoggedShow) -> Demands:
     """
     demands = Demands()
     if logged.drones != show.drones:
-        text = f"drones: the log has {logged.drones}, the script asks for {show.drones}"
-        demands.rules = (text,)
+        demands.rules.append(
+            f"drones: the log has {logged.drones}, the script asks for {show.drones}"
+        )
         demands.legs.append("not looked at: the size of the fleet differs")
         return demands
     walk = _Walk(show, logged, demands)
@@ -113,9 +104,8 @@ def hold_against(show: Show, logged: LoggedShow) -> Demands:
     else:
         demands.lights = LightProgram(show.drones, logged.duration, tuple(walk.spans))
     # Of legs that went astray, the formations and limits so far.
-    demands.rules = differences(
-        logged.rules, _rules(show, walk.formations, walk.limits, logged.duration)
-    )
+    wanted = _rules(show, walk.formations, walk.limits, logged.duration)
+    demands.rules += differences(logged.rules, wanted)
     return demands
 
 
@@ -140,7 +130,7 @@ class _Walk:
         self.formations = {
             name: formation.points for name, formation in show.formations.items()
         }
-        self.limits: list[pb.Limits] = []
+        self.limits: list[Limits] = []
         self.spans: list[LightSpan] = []
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.carried = 0
@@ -149,31 +139,28 @@ class _Walk:
 
     def run(self) -> None:
         """Go from the pads to the pads."""
-        show = self.show
+        show, dark = self.show, np.zeros((self.show.drones, 3))
         launch, landing = show.launch, show.landing
         up = self._raised(f"above {show.pads}", launch.altitude)
-        climb = _limits(show.limits, launch.climb_speed)
-        segment = self._leg("launch", "launch", up, climb)
+        climb = _upright(show.limits, launch.climb_speed)
+        segment = self._leg("launch", "launch", up, limits=climb)
         self._own(segment, self.formations[up])
-        self._arrive(segment, np.zeros((show.drones, 3)))
-        parts = _chapters(show)
-        waits = [*(any(one.timed for one in chapter) for chapter in parts), False]
+        self._arrive(segment, dark)
+        parts = [[show.transitions[k] for k in chapter] for chapter in chapters(show)]
+        waits = [*(any(one.timed for one in part) for part in parts), False]
         self._hold("launch", launch.hold, grows=waits[0])
-        for number, chapter in enumerate(parts, start=1):
-            self._chapter(chapter, grows=waits[number])
-        over = self._raised(f"above {show.pads} to land", landing.altitude)
-        self._approach(over)
+        for part, grows in zip(parts, waits[1:], strict=True):
+            self._chapter(part, grows=grows)
+        self._approach(self._raised(f"above {show.pads} to land", landing.altitude))
         self._hold("reaching the pads", landing.hold)
-        segment = self._leg(
-            "land", "land", show.pads, _limits(show.limits, landing.descent_speed)
-        )
+        sink = _upright(show.limits, landing.descent_speed)
+        segment = self._leg("land", "land", show.pads, limits=sink)
         # Straight down: the pad below.
-        below = self.position - np.array([0.0, 0.0, landing.altitude])
-        self._reach(segment, below)
+        self._reach(segment, self.position - np.array([0.0, 0.0, landing.altitude]))
         own = _one_to_one(segment.goals, self.pads)
         if own is None or not np.array_equal(segment.message.places, own):
             self._wrong(segment, "the places claimed are not the pads of the goals")
-        self._arrive(segment, np.zeros((show.drones, 3)))
+        self._arrive(segment, dark)
         if self.next != len(self.logged.segments):
             self.demands.legs.append("legs follow the landing")
 
@@ -198,7 +185,7 @@ class _Walk:
         )
         if there:
             return
-        segment = self._leg("approach", "approach to the pads", over, None)
+        segment = self._leg("approach", "approach to the pads", over)
         places = np.array(segment.message.places)
         if fixed:
             self._own(segment, points)
@@ -216,14 +203,14 @@ class _Walk:
         duration = max(times) if times else None
         formation = self.show.formations[first.to]
         if first.group is None:
-            segment = self._leg("transition", name, first.to, None, duration)
+            segment = self._leg("transition", name, first.to, duration=duration)
             places = self._whole(segment, first, formation)
             self.colours = _shown(first, formation, places)
         else:
             joined = self._unused(
                 " + ".join(f"{one.group} in {one.to}" for one in transitions)
             )
-            segment = self._leg("transition", name, joined, None, duration)
+            segment = self._leg("transition", name, joined, duration=duration)
             self._groups(segment, transitions)
             self.formations[joined] = segment.goals
             self._own(segment, segment.goals)
@@ -324,39 +311,41 @@ class _Walk:
         kind: str,
         name: str,
         to: str,
-        limits: pb.Limits | None,
+        *,
+        limits: Limits | None = None,
         duration: float | None = None,
+        least: float = 0.0,
     ) -> Segment:
-        """Take the next leg of the log, which must be the one asked for."""
+        """Take the next leg of the log, which must be the one asked for.
+
+        It lasts ``duration`` [s], or ``least`` or more if that is None.
+        """
         if self.next >= len(self.logged.segments):
             raise _StrayError(f"the log lacks the leg “{name}”")
         segment = self.logged.segments[self.next]
         message = segment.message
-        wanted = limits or _limits(self.show.limits)
-        if wanted not in self.limits:
-            self.limits.append(wanted)
-        if message.kind != _KINDS.index(kind) or message.name != name:
+        limits = limits or self.show.limits
+        if limits not in self.limits:
+            self.limits.append(limits)
+        if message.kind != pb.Segment.Kind.Value(kind.upper()) or message.name != name:
             raise _StrayError(
                 f"leg {self.next + 1} is “{message.name}”, the script asks for “{name}”"
             )
-        facts = {
-            f"it leaves “{message.from_formation}”": message.from_formation == self.at,
-            f"it goes to “{message.to_formation}”": message.to_formation == to,
-            f"it names limits {message.limits}": (
-                message.limits == self.limits.index(wanted)
-            ),
-            f"it starts at {segment.start!r} s": same(
-                segment.start, round(self.end, 3)
-            ),
-            f"it lasts {segment.duration!r} s": (
-                duration is None or same(segment.duration, round(duration, 3))
-            ),
-        }
-        self.demands.legs += [
-            f"“{name}”: {text}, not as the script asks"
-            for text, holds in facts.items()
-            if not holds
+        facts: list[tuple[str, Any, Any]] = [
+            ("from", message.from_formation, self.at),
+            ("to", message.to_formation, to),
+            ("limits", message.limits, self.limits.index(limits)),
+            ("start", segment.start, round(self.end, 3)),
         ]
+        if duration is not None:
+            facts.append(("duration", segment.duration, round(duration, 3)))
+        elif segment.duration < round(least, 3) - MOMENT:
+            self.demands.legs.append(
+                f"“{name}” lasts {segment.duration!r} s, the script asks for {least!r} "
+                "s or more"
+            )
+        for key, found, wanted in facts:
+            self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
         self.next += 1
         self.end = segment.end
         return segment
@@ -371,20 +360,15 @@ class _Walk:
     ) -> None:
         """Take a hold, which may last longer if it ``grows`` towards a given time."""
         title = f"hold after {name}"
-        if duration <= 0.0 and not (grows and self._is_next(title)):
+        rest = self.logged.segments[self.next : self.next + 1]
+        if duration <= 0.0 and not (
+            grows and any(one.message.name == title and one.holds for one in rest)
+        ):
             return
-        segment = self._leg("hold", title, self.at, None, None if grows else duration)
-        self._lasts(segment, duration)
-        self._reach(segment, self.position)
-        self._same_places(segment)
+        asked = None if grows else duration
+        segment = self._leg("hold", title, self.at, duration=asked, least=duration)
+        self._stay(segment, self.position)
         self._shine(segment, self.lit, "linear", effect)
-
-    def _lasts(self, segment: Segment, least: float) -> None:
-        if segment.duration < round(least, 3) - MOMENT:
-            self.demands.legs.append(
-                f"“{segment.message.name}” lasts {segment.duration!r} s, the script "
-                f"asks for {least!r} s or more"
-            )
 
     def _moving(
         self, name: str, duration: float, effect: Effect | None, *, grows: bool
@@ -419,11 +403,9 @@ class _Walk:
             self.formations[to] = points
         still = self.fleet[standing]
         parts.append(at_rest(still, self.position[still]))
-        wanted = None if grows else duration
-        segment = self._leg("motion", f"hold after {name}", to, None, wanted)
-        self._lasts(segment, duration)
-        self._reach(segment, goals)
-        self._same_places(segment)
+        asked, title = None if grows else duration, f"hold after {name}"
+        segment = self._leg("motion", title, to, duration=asked, least=duration)
+        self._stay(segment, goals)
         off, drone = astray(segment, parts)
         if not off <= FOLLOWED:
             self.demands.motions.append(
@@ -433,22 +415,18 @@ class _Walk:
         self.at, self.position = to, segment.goals
         self._shine(segment, self.lit, "linear", effect)
 
-    def _is_next(self, name: str) -> bool:
-        """Whether the next leg of the log is a hold of this name."""
-        rest = self.logged.segments[self.next : self.next + 1]
-        return any(one.message.name == name and one.holds for one in rest)
-
     def _own(self, segment: Segment, points: FloatArray) -> None:
         """Drone i takes place i."""
         if not np.array_equal(segment.message.places, self.fleet):
             self._wrong(segment, "drones are not at the places of their numbers")
         self._reach(segment, points)
 
-    def _same_places(self, segment: Segment) -> None:
-        """Places are those of the leg before."""
+    def _stay(self, segment: Segment, points: FloatArray) -> None:
+        """Drones keep the places of the leg before, wherever these are by now."""
         before = self.logged.segments[self.next - 2].message.places
         if not np.array_equal(segment.message.places, before):
             self._wrong(segment, "drones change places without a move")
+        self._reach(segment, points)
 
     def _reach(
         self, segment: Segment, wanted: FloatArray, who: BoolArray | None = None
@@ -487,25 +465,6 @@ class _Walk:
         self.demands.places.append(f"“{segment.message.name}”: {text}")
 
 
-def _chapters(show: Show) -> list[list[Transition]]:
-    """Transitions that are flown together: groups without a common drone."""
-    result: list[list[Transition]] = []
-    busy: set[int] = set()
-    for transition in show.transitions:
-        if transition.group is None:
-            result.append([transition])
-            busy = set(range(show.drones))
-            continue
-        members = set(show.groups[transition.group])
-        if result and not busy & members:
-            result[-1].append(transition)
-            busy |= members
-        else:
-            result.append([transition])
-            busy = members
-    return result
-
-
 def _shown(
     transition: Transition, formation: Formation, places: IntArray
 ) -> FloatArray:
@@ -531,80 +490,53 @@ def _one_to_one(goals: FloatArray, allowed: FloatArray) -> IntArray | None:
     return found if np.unique(found).size == found.size else None
 
 
-def _vector(values: Sequence[float]) -> pb.Vector3:
-    x, y, z = (float(value) for value in values)
-    return pb.Vector3(x=x, y=y, z=z)
+def _upright(limits: Limits, speed: float) -> Limits:
+    """Limits of a launch or a landing that is not faster than ``speed`` [m/s].
 
-
-def _limits(limits: Limits, vertical: float = np.inf) -> pb.Limits:
-    """Limits of a leg that neither climbs nor sinks faster than ``vertical`` [m/s].
-
-    Launch and landing have such a limit: they are upright, so that x and y are held.
+    It is upright, so that x and y are held.
     """
-    down, up = limits.velocity_min[2], limits.velocity_max[2]
-    return pb.Limits(
-        velocity_min=_vector((*limits.velocity_min[:2], max(down, -vertical))),
-        velocity_max=_vector((*limits.velocity_max[:2], min(up, vertical))),
-        tilt=limits.tilt if np.isinf(vertical) else 0.0,
-        body_rate=_vector(limits.body_rate),
-        thrust_min=limits.thrust_min,
-        thrust_max=limits.thrust_max,
-        torque_max=_vector(limits.torque_max),
-        position_min=_vector(limits.position_min),
-        position_max=_vector(limits.position_max),
-        level_speed=limits.level_speed,
-        acceleration=limits.acceleration,
-        acceleration_up=limits.acceleration_up,
-        acceleration_down=limits.acceleration_down,
+    low, high = limits.velocity_min, limits.velocity_max
+    return replace(
+        limits,
+        tilt=0.0,
+        velocity_min=(low[0], low[1], max(low[2], -speed)),
+        velocity_max=(high[0], high[1], min(high[2], speed)),
     )
 
 
 def _rules(
     show: Show,
     formations: dict[str, FloatArray],
-    limits: list[pb.Limits],
+    limits: list[Limits],
     duration: float,
 ) -> pb.Rules:
     """Return the rules that a log of the show must carry."""
-    site, vehicle, separation = show.site, show.vehicle, show.separation
-    fence = [] if site.fence is None else np.asarray(site.fence).ravel().tolist()
-    return pb.Rules(
+    fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
+    shape = show.separation.shape.upper().replace("-", "_")
+    return _message(
+        pb.Rules,
+        show,
         format_version=FORMAT_VERSION,
-        name=show.name,
-        drones=show.drones,
         duration=duration,
-        site=pb.Site(
-            latitude=site.latitude,
-            longitude=site.longitude,
-            altitude=site.altitude,
-            heading=site.heading,
-            volume_min=_vector(site.volume_min),
-            volume_max=_vector(site.volume_max),
-            fence=fence,
-            fence_margin=site.fence_margin,
-        ),
-        vehicle=pb.Vehicle(
-            name=vehicle.name,
-            mass=vehicle.mass,
-            arm_length=vehicle.arm_length,
-            thrust_coefficient=vehicle.thrust_coefficient,
-            torque_coefficient=vehicle.torque_coefficient,
-            inertia=_vector(vehicle.inertia),
-            rotor_speed_max=vehicle.rotor_speed_max,
-            gravity=vehicle.gravity,
-            torque_factor=vehicle.torque_factor,
-        ),
-        separation=pb.Separation(
-            distance=separation.distance,
-            shape=pb.Separation.Shape.Name(_SHAPES[separation.shape]),
-            vertical_stretch=separation.vertical_stretch,
-        ),
+        site=_message(pb.Site, show.site, fence=fence),
+        vehicle=_message(pb.Vehicle, show.vehicle),
+        separation=_message(pb.Separation, show.separation, shape=shape),
         yaw_held=show.yaw == "held",
-        heading=show.heading,
-        log_rate=show.log_rate,
         formations=[
-            pb.Formation(name=name, points=np.asarray(points).ravel().tolist())
+            pb.Formation(name=name, points=np.ravel(points).tolist())
             for name, points in formations.items()
         ],
-        limits=limits,
+        limits=[_message(pb.Limits, one) for one in limits],
     )
+
+
+def _message(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
+    """Fill a message: its fields have the names of the attributes of the source."""
+    values: dict[str, Any] = {}
+    for entry in kind.DESCRIPTOR.fields:
+        name = entry.name
+        value = given[name] if name in given else getattr(source, name)
+        if entry.message_type is pb.Vector3.DESCRIPTOR:
+            value = dict(zip("xyz", map(float, value), strict=True))
+        values[name] = value
+    return kind(**values)

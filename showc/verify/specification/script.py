@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from showc.files import read_file
 from showc.script import read_show
-from showc.verify.report import Check, Place
+from showc.verify.report import agreement, checked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from showc.script import LoadResult
     from showc.script.show import Show
     from showc.verify.logfile import LogFile
-
-GROUP = "script"
+    from showc.verify.report import Check
 
 MANIFEST, LAYOUT = "manifest.json", "layout.json"
 
@@ -90,13 +89,7 @@ def read_anchor(
         )
         bad += _others(text, content, result, inputs)
     checks = [
-        Check(
-            "VRF201",
-            GROUP,
-            "the log carries the script that it is held against",
-            "fail" if bad else "pass",
-            notes=tuple(bad[:5]),
-        ),
+        agreement("VRF201", bad),
         _readable(result),
     ]
     digest = hashlib.sha256(text).hexdigest() if text else ""
@@ -124,12 +117,5 @@ def _others(
 
 
 def _readable(result: LoadResult) -> Check:
-    notes = [f"{found.code}: {found.message}" for found in result.errors]
-    return Check(
-        "VRF202",
-        GROUP,
-        "script readable, and a show that may be flown",
-        "fail" if result.show is None else "pass",
-        where=Place(),
-        notes=tuple(notes[:5]),
-    )
+    notes = tuple(f"{found.code}: {found.message}" for found in result.errors)
+    return checked("VRF202", "fail" if result.show is None else "pass", notes=notes[:5])
