@@ -44,7 +44,7 @@ MAY_IMPORT = {
     "abort": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "simulate": FOUNDATION | {"vehicle", "script", "log"},
-    "view": FOUNDATION | {"vehicle", "flight", "log", "ocp", "safety"},
+    "view": FOUNDATION | {"vehicle", "script.show", "flight", "log", "ocp", "safety"},
     "preview": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log.sampling", "view"},
     "pipeline": FOUNDATION

@@ -23,25 +23,48 @@ import click
 @click.option(
     "--no-verify", is_flag=True, help="Prove nothing; the page says that it is not."
 )
-def command(log: Path, output: Path | None, show: bool, no_verify: bool) -> int:
+@click.option(
+    "--music",
+    is_flag=True,
+    help="Put the recording that the script names into the page.",
+)
+def command(
+    log: Path, output: Path | None, show: bool, no_verify: bool, music: bool
+) -> int:
     """Make a page that plays the show in any browser.
 
     One self-contained HTML file, made and played without the network: the fleet in its
     colours, scrubbing, speed, orbit, plots of a chosen drone, the tightest encounter,
-    the transitions as chapters, and the verdict of showc verify, which is run first.
+    the transitions as chapters, cues, curves of the whole fleet against its limits, the
+    missions' predicted flights, and the verdict of showc verify, which is run first.
+    Music plays in step: a file chosen in the page, or with --music the script's.
 
     \b
       showc view output.mcap          writes output.html
     """
+    from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
+    from showc.script import read_show
     from showc.verify import verify_log
     from showc.view import render_page
+    from showc.view.scene import Soundtrack
 
     logged = read_log(log)
     verdict = None if no_verify else verify_log(log, jobs=None).to_json()
     page = output or log.with_suffix(".html")
-    write_file(page, render_page(logged, verdict).encode())
+    script = read_show(logged.script, attached=logged.attachments).show
+    soundtrack = Soundtrack.of(None if script is None else script.music)
+    recording = b""
+    if music:
+        name = "" if soundtrack is None else soundtrack.file
+        if name not in logged.attachments:
+            raise UsageError(
+                "the script names no recording: add `music: {file: …}` and compile "
+                "again, or choose a file in the page"
+            )
+        recording = logged.attachments[name]
+    write_file(page, render_page(logged, verdict, soundtrack, recording).encode())
     if verdict is not None:
         click.echo(verdict["verdict"])
     click.echo(f"wrote {page}; open it in a browser")

@@ -25,7 +25,7 @@ from showc.plan.assignment import assign, nearest_on_lines
 from showc.plan.build import build_itinerary
 from showc.vehicle.metric import scaled
 from showc.view.page import box_of
-from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal
+from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal, Soundtrack
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -258,6 +258,7 @@ def scene_of(draft: Draft, memory: Memory) -> Scene:
         encounters=_meetings(draft, memory),
         signals=(Signal("Speed", "m/s", 2, speed),),
         signal_step=step,
+        soundtrack=Soundtrack.of(show.music),
     )
 
 

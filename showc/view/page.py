@@ -17,6 +17,7 @@ import numpy as np
 
 from showc.view.digest import digest, metric_scale, speeds, tightest, tilt_angles
 from showc.view.document import badge
+from showc.view.fleet import bands_of, predicted_places
 from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal
 
 if TYPE_CHECKING:
@@ -25,32 +26,50 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.reader import LoggedShow
     from showc.view.digest import Digest
+    from showc.view.scene import Soundtrack
 
 
-SCRIPTS = ("data.js", "camera.js", "stage.js", "timeline.js", "plots.js", "player.js")
+SCRIPTS = (
+    "data.js",
+    "camera.js",
+    "stage.js",
+    "timeline.js",
+    "plots.js",
+    "sound.js",
+    "player.js",
+)
 """The page's code, in the order in which it is joined."""
 FRAME_BUDGET = 3_500_000
 """Greatest number of positions in a page (frames x drones)."""
+_PREDICTED = 4
+"""Frames of the solved fleet for each of the predicted one."""
 SIGNAL_BUDGET = 1_600_000
 """Greatest number of values of each plotted quantity (frames x drones)."""
 
 
 def render_page(
-    logged: LoggedShow, verification: Mapping[str, Any] | None = None
+    logged: LoggedShow,
+    verification: Mapping[str, Any] | None = None,
+    soundtrack: Soundtrack | None = None,
+    recording: bytes = b"",
 ) -> str:
     """Return the page as HTML, with the verdict of ``showc verify --json``, or none.
 
+    The cues of a ``soundtrack`` stand on its ruler; a ``recording`` (the bytes of a
+    sound file) becomes a part of it.
+
     The positions in it are within a 130,000th of the flight's extent of the logged
     ones (1 mm for 130 m), between frames along straight lines. The address of the page
-    may carry ``?t=41&play=0&drone=7&view=top`` (show time, whether it plays, chosen
-    drone, camera).
+    may carry ``?t=41&play=0&drone=7&view=top&client=1`` (show time, whether it plays,
+    chosen drone, camera, without engineering).
     """
-    scene = scene_of(logged)
+    scene = scene_of(logged, soundtrack)
     return render_scene(
         scene.name,
         scene.header(),
         base64.b64encode(zlib.compress(scene.payload(), 6)).decode("ascii"),
         badge(verification),
+        recording=base64.b64encode(recording).decode("ascii"),
     )
 
 
@@ -60,6 +79,7 @@ def render_scene(
     data: str,
     verdict: str = "",
     *,
+    recording: str = "",
     more: str = "",
     nonce: str = "",
 ) -> str:
@@ -75,6 +95,8 @@ def render_scene(
         Its payload, deflated, in base 64; empty: the page asks ``more`` for it.
     verdict
         HTML of the proof's outcome.
+    recording
+        A sound file in base 64; empty: none.
     more
         Name of a further file of code and one of HTML among the assets.
     nonce
@@ -94,10 +116,11 @@ def render_scene(
         # A "<" inside a script element could end it or hide what follows.
         header=json.dumps(header, separators=(",", ":")).replace("<", "\\u003c"),
         data=data,
+        recording=recording,
     )
 
 
-def scene_of(logged: LoggedShow) -> Scene:
+def scene_of(logged: LoggedShow, soundtrack: Soundtrack | None = None) -> Scene:
     """Return what a page draws of a log."""
     digests = digest(logged)
     rate = logged.rules.log_rate
@@ -107,6 +130,9 @@ def scene_of(logged: LoggedShow) -> Scene:
     frames = _steps(logged, stride)
     meshes, mesh_index = _meshes(logged)
     samples = logged.samples[frames]
+    encounters = _encounters(digests)
+    sparse = _PREDICTED * stride
+    ghost = predicted_places(logged, logged.times[_steps(logged, sparse)])
     return Scene(
         name=logged.rules.name,
         duration=logged.duration,
@@ -115,11 +141,15 @@ def scene_of(logged: LoggedShow) -> Scene:
         colours=np.stack([samples[name] for name in ("red", "green", "blue")], axis=-1),
         chapters=tuple(_chapter(one) for one in digests),
         ground=_ground(logged),
-        encounters=_encounters(digests),
+        encounters=encounters,
         signals=_signals(logged, _steps(logged, signal_stride)),
         signal_step=signal_stride / rate,
         meshes=meshes,
         mesh_index=mesh_index,
+        bands=bands_of(logged, encounters),
+        soundtrack=soundtrack,
+        predicted=ghost,
+        predicted_step=sparse / rate,
     )
 
 

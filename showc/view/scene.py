@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.arrays import ByteArray, FloatArray, IntArray
+    from showc.script.show import Music
 
 STEPS = 65_000
 """Steps over the bounding box along each axis; fits 16 bits."""
@@ -88,6 +89,63 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """A quantity of the whole fleet against its limit."""
+
+    name: str
+    unit: str
+    digits: int
+    """Decimals shown."""
+    times: FloatArray
+    """Shape (k,), increasing [s]."""
+    values: FloatArray
+    """Shape (k,)."""
+    limits: FloatArray
+    """Shape (k,); not a number where there is none."""
+    least: bool = False
+    """Whether values must not be less than the limit, instead of not more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cue:
+    """A moment with a name."""
+
+    time: float
+    """Show time [s]."""
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Soundtrack:
+    """What the show is flown to."""
+
+    offset: float
+    """Show time at which the music begins [s]."""
+    file: str
+    """Name of the recording; empty: the script names none."""
+    cues: tuple[Cue, ...]
+    bar: float
+    """Time of a bar [s]; 0: not known."""
+    first_bar: float
+    """Show time of the first bar [s]."""
+
+    @classmethod
+    def of(cls, music: Music | None) -> Soundtrack | None:
+        """Return what a page shows of a script's music; None where there is none."""
+        if music is None:
+            return None
+        beat = 60.0 / music.bpm if music.bpm else 0.0
+        cues = sorted((time + music.offset, name) for name, time in music.cues.items())
+        return cls(
+            offset=music.offset,
+            file=music.file or "",
+            cues=tuple(Cue(round(time, 3), name) for time, name in cues),
+            bar=beat * music.beats_per_bar,
+            first_bar=music.offset + music.first_beat,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything a page draws."""
 
@@ -110,6 +168,13 @@ class Scene:
     """Different meshes, as fractions of their leg."""
     mesh_index: IntArray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     """Which mesh each drone has on each chapter, shape (chapters, drones)."""
+    bands: tuple[Band, ...] = ()
+    """Of the whole fleet."""
+    soundtrack: Soundtrack | None = None
+    predicted: FloatArray | None = None
+    """Where the missions' flights are, every ``predicted_step``, as ``positions``."""
+    predicted_step: float = 0.0
+    """[s]."""
 
     def header(self) -> dict[str, Any]:
         """Return what is not numbers of each drone."""
@@ -140,6 +205,10 @@ class Scene:
             "heading": self.ground.heading,
             "separation": self.ground.separation,
             "metric": self.ground.metric.tolist(),
+            "bands": [_drawn(one) for one in self.bands],
+            "soundtrack": None if self.soundtrack is None else asdict(self.soundtrack),
+            "predictedFrames": 0 if self.predicted is None else len(self.predicted),
+            "predictedStep": self.predicted_step,
         }
 
     def payload(self) -> bytes:
@@ -154,13 +223,19 @@ class Scene:
                 _packed_colours(self.colours),
                 *(_packed_signal(one) for one in self.signals),
                 index.astype("<u2").tobytes(),
+                *(
+                    [_packed_positions((self.predicted - low) / scale)]
+                    if self.predicted is not None
+                    else []
+                ),
             ]
         )
 
     def _box(self) -> tuple[FloatArray, FloatArray]:
         """Lower corner of the bounding box, and a step along each axis, (3,) [m]."""
-        low = self.positions.min(axis=(0, 1))
-        high = self.positions.max(axis=(0, 1))
+        shown = [self.positions, *([] if self.predicted is None else [self.predicted])]
+        low = np.min([one.min(axis=(0, 1)) for one in shown], axis=0)
+        high = np.max([one.max(axis=(0, 1)) for one in shown], axis=0)
         return low, np.maximum((high - low) / STEPS, 1e-4)
 
 
@@ -171,6 +246,18 @@ def _described(signal: Signal) -> dict[str, Any]:
         "digits": signal.digits,
         "range": _extent(signal),
         "limits": list(signal.limits),
+    }
+
+
+def _drawn(band: Band) -> dict[str, Any]:
+    return {
+        "name": band.name,
+        "unit": band.unit,
+        "digits": band.digits,
+        "least": band.least,
+        "times": np.round(band.times, 3).tolist(),
+        "values": np.round(band.values, 4).tolist(),
+        "limits": [None if np.isnan(one) else round(one, 4) for one in band.limits],
     }
 
 

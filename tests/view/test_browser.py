@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import wave
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from PIL import Image
 
 from showc.view import render_leg, render_page, render_report
 from showc.view.digest import digest, tightest
+from showc.view.scene import Cue, Soundtrack
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -230,6 +232,151 @@ def test_timeline_shows_light_and_mesh_in_place(tab, page, gliding_log):
         for share in (0.3, 0.5)
     )
     assert border > middle + 100
+
+
+FRAME = "new Promise(done => requestAnimationFrame(() => done()))"
+
+
+def test_the_fleet_is_held_against_its_limits_and_red_where_it_breaks_them(
+    tab, tmp_path, gliding_log
+):
+    path = tmp_path / "show.html"
+    page = render_page(gliding_log)
+    path.write_text(page, "utf-8")
+    tab.open(path, "t=17&play=0&fleet=1")
+    names = "[...document.querySelectorAll('.plot h3 span')].map(e => e.textContent)"
+    assert len(tab.evaluate(names)) == 4
+    broken = "[...document.querySelectorAll('.plot')].map(e => e.className)"
+    band = tab.evaluate("show.bands[2]")
+    value = tab.evaluate("document.querySelectorAll('.plot h3 b')[2].textContent")
+    row = int(np.searchsorted(band["times"], 17.0 + 1e-6, side="right")) - 1
+    assert float(value.split()[0]) == pytest.approx(band["values"][row], abs=0.006)
+    # The synthetic fleet comes nearer than its separation, and breaks nothing else.
+    least = min(band["values"])
+    assert least < band["limits"][0]
+    assert [c.split()[1:] for c in tab.evaluate(broken)] == [[], [], ["broken"], []]
+    tab.evaluate(f"show.bands[2].limits.fill({least - 0.1}); panel.choose(-1); 0")
+    assert [c.split()[1:] for c in tab.evaluate(broken)] == [[], [], [], []]
+
+
+def test_cues_stand_on_the_ruler_and_names_over_holds(tab, tmp_path, gliding_log):
+    hold = next(
+        one
+        for one in gliding_log.segments
+        if one.kind == "hold" and not one.message.to_formation.startswith("above")
+    )
+    cues = (Cue(hold.start + 0.5, "the drop"),)
+    track = Soundtrack(2.0, "", cues, 2.0, 2.0)
+    path = tmp_path / "show.html"
+    path.write_text(render_page(gliding_log, soundtrack=track), "utf-8")
+    tab.open(path, f"t={hold.start + 0.5}&play=0")
+    left, top, width = tab.evaluate(
+        "(({left, top, width}) => [left, top, width])"
+        "(document.querySelector('#timeline').getBoundingClientRect())"
+    )
+    tab.evaluate("seek(0)")
+    tab.evaluate(FRAME)
+    shown = picture(tab)
+    x = int(left + width * (hold.start + 0.5) / gliding_log.duration)
+    flag = shown[int(top) + 90, x - 1 : x + 2].sum(axis=0)
+    assert flag[0] > flag[2] + 100  # amber
+    caption = "document.querySelector('#caption').textContent"
+    assert tab.evaluate(caption) == ""
+    tab.evaluate(f"seek({hold.start + 0.5})")
+    tab.evaluate(FRAME)
+    assert tab.evaluate(caption) == hold.message.to_formation
+    tab.evaluate("toggle('names', false)")
+    tab.evaluate(FRAME)
+    assert tab.evaluate(caption) == ""
+
+
+def test_music_is_where_the_show_is(tab, tmp_path, gliding_log):
+    stream = BytesIO()
+    with wave.open(stream, "wb") as sound:
+        sound.setparams((1, 2, 8000, 0, "NONE", ""))
+        loud = (20000 * np.sin(np.arange(40_000) * 0.3)).astype("<i2")
+        sound.writeframes(np.concatenate([np.zeros(40_000, "<i2"), loud]).tobytes())
+    path = tmp_path / "show.html"
+    track = Soundtrack(3.0, "tone.wav", (), 0.0, 0.0)
+    page = render_page(gliding_log, soundtrack=track, recording=stream.getvalue())
+    path.write_text(page, "utf-8")
+    tab.open(path, "t=0&play=0")
+    waiting = "new Promise(done => setTimeout(() => done(sound.peaks !== null), 50))"
+    assert any(tab.evaluate(waiting) for _ in range(200))
+    peaks = tab.evaluate("[...sound.peaks]")
+    half = len(peaks) // 2
+    assert max(peaks[: half - 2]) < 0.02 and min(peaks[half + 2 : -2]) > 0.5
+    tab.evaluate("player.time = 7.5; player.playing = true; followSound(); 0")
+    assert tab.evaluate("sound.audio.currentTime") == pytest.approx(4.5, abs=0.1)
+    # Before it begins, it is silent.
+    tab.evaluate("player.time = 1.0; followSound(); player.playing = false; 0")
+    assert tab.evaluate("sound.audio.paused")
+
+
+def test_a_show_for_clients_has_no_engineering(tab, page):
+    tab.open(page, "t=17&play=0&client=1&fleet=1&drone=3")
+    hidden = (
+        "['nav', '.verdict', '#tightest', '#panel', '#legend'].every(name => "
+        "getComputedStyle(document.querySelector(name)).display === 'none')"
+    )
+    assert tab.evaluate(hidden)
+    key(tab, "p")
+    assert not tab.evaluate(hidden)
+
+
+def test_numbers_loop_and_the_clock(tab, page):
+    tab.open(page, "t=17&play=0")
+    plain = picture(tab)
+    key(tab, "#")
+    tab.evaluate(FRAME)
+    assert (picture(tab) != plain).any(axis=-1).sum() > 300
+    key(tab, "#")
+    key(tab, "l")
+    tab.evaluate("seek(show.duration - 0.01); play(true)")
+    frame = "new Promise(done => requestAnimationFrame(() => done(player.time)))"
+    assert any(tab.evaluate(frame) < 5.0 for _ in range(100))
+    assert tab.evaluate("player.playing")
+    tab.evaluate("play(false); toggle('loop', false)")
+    clock = "[-0.04, -0.2, 59.96, 61.25].map(one => clockText(one))"
+    assert tab.evaluate(clock) == ["0:00.0", "−0:00.2", "1:00.0", "1:01.3"]
+
+
+def test_where_motion_is_not_wanted_nothing_moves_by_itself(tab, page):
+    features = [{"name": "prefers-reduced-motion", "value": "reduce"}]
+    tab.call("Emulation.setEmulatedMedia", features=features)
+    try:
+        tab.open(page, "t=5")
+        assert not tab.evaluate("player.playing")
+    finally:
+        tab.call("Emulation.setEmulatedMedia", features=[])
+
+
+def test_on_a_phone_nothing_is_cut_off(tab, page):
+    size = {"deviceScaleFactor": 1, "mobile": True}
+    tab.call("Emulation.setDeviceMetricsOverride", width=390, height=780, **size)
+    try:
+        tab.open(page, "t=17&play=0&fleet=1")
+        outside = (
+            "[...document.querySelectorAll('nav button, .controls button, #panel, "
+            "#timeline, h1')].filter(e => { const b = e.getBoundingClientRect(); "
+            "return b.width && (b.left < 0 || b.right > innerWidth || b.bottom > "
+            "innerHeight); }).map(e => e.id)"
+        )
+        assert tab.evaluate(outside) == []
+        panel, footer = tab.evaluate(
+            "['#panel', 'footer'].map(n => document.querySelector(n)"
+            ".getBoundingClientRect()).map(b => [b.top, b.bottom])"
+        )
+        assert panel[1] <= footer[0]
+        assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    finally:
+        tab.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=WIDTH,
+            height=HEIGHT,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
 
 def test_report_prints(tab, tmp_path, gliding_log):

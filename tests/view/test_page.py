@@ -6,13 +6,16 @@ import base64
 import json
 import re
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic import gliding_flight
 
+from showc.log.sample import PLACE
 from showc.view import render_page
 from showc.view.digest import digest, tightest
+from showc.view.fleet import predicted_places
 
 
 def header_of(page: str) -> dict:
@@ -87,6 +90,50 @@ def test_meshes_are_those_of_the_trajectories(gliding_log, page):
             assert np.allclose(mesh, breaks, atol=1e-4)
 
 
+def test_curves_of_the_fleet_are_its_extremes(gliding_log, page):
+    speed, push, apart, height = header_of(page)["bands"]
+    samples, times = gliding_log.samples, gliding_log.times
+    velocity = np.stack([samples[n] for n in ("vx", "vy", "vz")], axis=-1)
+    limits = gliding_log.rules.limits
+    assert max(speed["values"]) == pytest.approx(np.abs(velocity).max(), abs=2e-3)
+    assert max(speed["limits"]) == max(one.velocity_max.x for one in limits)
+    change = np.diff(velocity[..., :2], axis=0) / np.diff(times)[:, None, None]
+    most = np.linalg.norm(change, axis=-1).max()
+    assert max(push["values"]) == pytest.approx(most, rel=1e-3)
+    nearest = tightest(digest(gliding_log))
+    assert min(apart["values"]) == pytest.approx(nearest.distance, abs=1e-3)
+    assert apart["least"] and set(apart["limits"]) == {header_of(page)["separation"]}
+    assert max(height["values"]) == pytest.approx(samples["z"].max(), abs=1e-3)
+
+
+def test_the_missions_fleet_starts_each_leg_with_the_solved_one(gliding_log):
+    moves = [one for one in gliding_log.segments if one.kind == "transition"]
+    slots = [one.start * 1.5 + 4.0 for one in moves]
+    legs = [
+        {"optimal_start": one.start, "slot": slot}
+        for one, slot in zip(moves, slots, strict=True)
+    ]
+    clock = np.arange(0.0, 1.5 * gliding_log.duration + 20.0, 0.05)
+    fleet = np.zeros((clock.size, 16), dtype=PLACE)
+    fleet["x"] = clock[:, None]
+    logged = replace(
+        gliding_log,
+        predicted_times=clock,
+        predicted=fleet,
+        attachments={
+            "manifest.json": json.dumps(
+                {"missions": {"prediction": {"legs": legs}}}
+            ).encode()
+        },
+    )
+    asked = np.array([moves[0].start - 1.0, moves[0].start + 0.5, moves[1].start + 1.0])
+    found = predicted_places(logged, asked)[:, 3, 0]
+    wanted = [asked[0], slots[0] + 0.5, slots[1] + 1.0]
+    assert np.allclose(found, wanted, atol=0.051)
+    assert predicted_places(gliding_log, asked) is None
+    assert header_of(render_page(logged))["predictedFrames"] > 100
+
+
 def test_encounters_and_chapters(gliding_log, page):
     header = header_of(page)
     nearest = tightest(digest(gliding_log))
@@ -119,7 +166,7 @@ def test_names_cannot_break_out_of_the_page(make_logged):
     logged = make_logged(gliding_flight(4))
     logged.rules.name = "</script><script>alert('$header & more')</script>"
     page = render_page(logged)
-    assert page.count("<script") == 3 and "<script>alert" not in page
+    assert page.count("<script") == 4 and "<script>alert" not in page
     assert header_of(page)["name"] == logged.rules.name
 
 

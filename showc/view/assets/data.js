@@ -24,22 +24,7 @@ function readNumbers(raw) {
   let offset = 0;
   const take = (length) => raw.subarray(offset, (offset += length));
 
-  // Positions: second differences in time, low bytes first, then high bytes.
-  const count = 3 * frames * drones;
-  const low = take(count);
-  const high = take(count);
-  show.places = new Int16Array(count);
-  for (let axis = 0, at = 0; axis < 3; axis++) {
-    const value = new Int32Array(drones);
-    const rate = new Int32Array(drones);
-    for (let frame = 0; frame < frames; frame++) {
-      for (let drone = 0; drone < drones; drone++, at++) {
-        rate[drone] += low[at] | (high[at] << 8);
-        value[drone] += rate[drone];
-        show.places[(frame * drones + drone) * 3 + axis] = value[drone];
-      }
-    }
-  }
+  show.places = readPlaces(take, frames);
 
   // Colours: differences in time.
   const colours = take(3 * frames * drones);
@@ -68,6 +53,29 @@ function readNumbers(raw) {
   // Which of the meshes each drone has on each segment.
   const meshes = take(2 * segments.length * drones);
   show.meshIndex = new Uint16Array(meshes.slice().buffer);
+
+  show.predicted = readPlaces(take, show.predictedFrames);
+}
+
+// Positions: second differences in time, low bytes first, then high bytes.
+function readPlaces(take, frames) {
+  const { drones } = show;
+  const count = 3 * frames * drones;
+  const low = take(count);
+  const high = take(count);
+  const places = new Int16Array(count);
+  for (let axis = 0, at = 0; axis < 3; axis++) {
+    const value = new Int32Array(drones);
+    const rate = new Int32Array(drones);
+    for (let frame = 0; frame < frames; frame++) {
+      for (let drone = 0; drone < drones; drone++, at++) {
+        rate[drone] += low[at] | (high[at] << 8);
+        value[drone] += rate[drone];
+        places[(frame * drones + drone) * 3 + axis] = value[drone];
+      }
+    }
+  }
+  return places;
 }
 
 // Frame before a time and how far it is to the next one.
@@ -131,8 +139,13 @@ function nearestDistances(drone) {
 }
 
 function clockText(seconds, digits = 1) {
-  const whole = Math.floor(seconds / 60);
-  const rest = (seconds - 60 * whole).toFixed(digits);
+  // What rounds to nothing has no sign.
+  if (Number(seconds.toFixed(digits)) < 0) return `−${clockText(-seconds, digits)}`;
+  seconds = Math.max(seconds, 0);
+  // Rounded first: 59.96 s are a minute, not 60.0 s.
+  const rounded = Number(seconds.toFixed(digits));
+  const whole = Math.floor(rounded / 60);
+  const rest = (rounded - 60 * whole).toFixed(digits);
   return `${whole}:${rest.padStart(digits ? 3 + digits : 2, "0")}`;
 }
 

@@ -4,6 +4,9 @@ const $ = (selector) => document.querySelector(selector);
 const query = new URLSearchParams(location.search);
 const player = { time: 0, speed: 1, playing: false, chosen: -1, last: 0 };
 let stage, timeline, panel;
+// What is shown beside the fleet; the menu turns each on and off.
+const display = { names: true, numbers: false, fleet: false, missions: false, loop: false, client: false };
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 window.__frames = 0;
 
 function seek(time) {
@@ -15,6 +18,7 @@ function play(on) {
   if (on && player.time >= show.duration) player.time = 0;
   player.playing = on;
   player.last = performance.now();
+  followSound();
   $("#play-shape").setAttribute("d", on ? "M3 1.5h3.6v13H3zM9.4 1.5H13v13H9.4z" : "M3 1.5v13L14 8z");
   wake();
 }
@@ -33,6 +37,49 @@ function chapterStep(direction) {
   seek(direction > 0
     ? starts.find((start) => start > player.time + 0.05) ?? show.duration
     : starts.findLast((start) => start < player.time - 0.6) ?? 0);
+}
+
+// A short text over the picture: what it shows, or what went wrong.
+function caption(text) {
+  if ($("#caption").textContent !== text) $("#caption").textContent = text;
+}
+
+function toggle(name, on = !display[name]) {
+  display[name] = on;
+  document.documentElement.classList.toggle(name, on);
+  document.querySelector(`#menu [data-toggle="${name}"]`).setAttribute("aria-checked", String(on));
+  if (name === "client" && on) choose(-1);
+  panel.choose(player.chosen);
+  timeline.draw();
+  wake();
+}
+
+function fullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else document.documentElement.requestFullscreen?.().catch(() => {});
+}
+
+// Numbers beside the drones, on a layer that is only there when they are.
+function drawNumbers(matrix) {
+  const canvas = $("#numbers");
+  canvas.hidden = !display.numbers;
+  if (canvas.hidden) return;
+  const [width, height] = [innerWidth, innerHeight];
+  const density = window.devicePixelRatio || 1;
+  [canvas.width, canvas.height] = [width * density, height * density];
+  const c = canvas.getContext("2d");
+  c.scale(density, density);
+  c.font = "11px system-ui, 'DejaVu Sans', sans-serif";
+  c.fillStyle = "rgba(233, 237, 246, 0.9)";
+  const taken = new Set();
+  for (let drone = 0; drone < show.drones; drone++) {
+    const [x, y, depth] = project(matrix, placeAt(drone, player.time), width, height);
+    // One number for each patch of the page: more could not be read.
+    const patch = `${Math.round(x / 24)},${Math.round(y / 12)}`;
+    if (depth <= 0 || x < 0 || x > width || y < 0 || y > height || taken.has(patch)) continue;
+    taken.add(patch);
+    c.fillText(String(drone + 1), x + 7, y - 5);
+  }
 }
 
 function view(name) {
@@ -63,7 +110,7 @@ function drawMarks(matrix) {
     $("#ring").setAttribute("cy", ring[1]);
   }
   moveTag($("#ring-label"), ring && [ring[0] + 17, ring[1] - 24], ring ? String(player.chosen + 1) : "");
-  const near = show.encounters
+  const near = display.client ? undefined : show.encounters
     .filter((e) => Math.abs(e.time - player.time) < (e.tightest ? 1 : 0.4))
     .sort((a, b) => Math.abs(a.time - player.time) - Math.abs(b.time - player.time))[0];
   const ends = near ? [near.a, near.b].map((drone) => onPage(placeAt(drone, player.time))) : [];
@@ -72,7 +119,9 @@ function drawMarks(matrix) {
   if (shown) {
     const [a, b] = ends;
     for (const [name, value] of Object.entries({ x1: a[0], y1: a[1], x2: b[0], y2: b[1] })) $("#pair-line").setAttribute(name, value);
-    $("#pair-line").style.stroke = near.tightest ? "" : "#ffb454";
+    const wrong = near.distance < show.separation;
+    $("#pair-line").style.stroke = wrong ? "" : "#ffb454";
+    $("#pair-label").classList.toggle("danger", wrong);
   }
   const found = window.findingMarks ? findingMarks(onPage) : [];
   $("#finding-rings").replaceChildren(...found.map(([[x, y], kind]) => {
@@ -85,24 +134,29 @@ function drawMarks(matrix) {
   $("#marks").style.display = ring || shown || found.length ? "" : "none";
   moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
     shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
-  const tip = onPage(northArrow()[0]);
+  const tip = display.client ? null : onPage(northArrow()[0]);
   moveTag($("#north"), tip && tip[1] < height - 160 && [tip[0] - 10, tip[1] - 20]);
 }
 
 function follow() {
   if (!camera.follow || player.chosen < 0) return;
   const place = placeAt(player.chosen, player.time);
-  camera.target = camera.target.map((value, axis) => value + 0.2 * (place[axis] - value));
+  const haste = calm ? 1 : 0.2;
+  camera.target = camera.target.map((value, axis) => value + haste * (place[axis] - value));
 }
 
 function draw() {
   follow();
   const matrix = stage.draw(player.time);
   drawMarks(matrix);
+  drawNumbers(matrix);
+  const segment = show.segments[segmentAt(player.time)];
+  caption(display.names && segment.picture && !segment.picture.startsWith("above ") ? segment.picture : "");
   timeline.move(player.time);
   panel.move(player.time);
   $("#clock").textContent = clockText(player.time);
-  $("#chapter").textContent = show.segments[segmentAt(player.time)].name;
+  $("#chapter").textContent = segment.name;
+  followSound();
   window.__frames++;
 }
 
@@ -119,8 +173,8 @@ function tick(now) {
   if (player.playing) {
     player.time += (player.speed * Math.min(now - player.last, 250)) / 1000;
     if (player.time >= show.duration) {
-      player.time = show.duration;
-      play(false);
+      player.time = display.loop ? 0 : show.duration;
+      if (!display.loop) play(false);
     }
   }
   player.last = now;
@@ -223,8 +277,19 @@ const KEYS = {
   f: () => view("front"),
   r: () => view("orbit"),
   t: () => view("top"),
+  l: () => toggle("loop"),
+  "#": () => toggle("numbers"),
+  g: () => toggle("fleet"),
+  m: () => show.predictedFrames && toggle("missions"),
+  p: () => toggle("client"),
+  x: fullScreen,
   "?": () => ($("#help").hidden = !$("#help").hidden),
-  Escape: () => { if ($("#help").hidden) choose(-1); else $("#help").hidden = true; },
+  Escape: () => {
+    if (!$("#help").hidden) $("#help").hidden = true;
+    else if (!$("#menu").hidden) $("#menu-button").click();
+    else if (player.chosen >= 0) choose(-1);
+    else if (display.client) toggle("client", false);
+  },
 };
 
 function listen() {
@@ -243,8 +308,22 @@ function listen() {
   $("#next").onclick = () => chapterStep(1);
   $("#speed").onchange = () => setSpeed(0);
   $("#tightest").onclick = toTightest;
+  $("#menu").onclick = (event) => {
+    const name = event.target.closest("[data-toggle]")?.dataset.toggle;
+    if (name) toggle(name);
+  };
+  $("#menu-button").onclick = () => {
+    $("#menu").hidden = !$("#menu").hidden;
+    $("#menu-button").setAttribute("aria-expanded", String(!$("#menu").hidden));
+  };
+  $("#full").onclick = fullScreen;
+  $("#leave-client").onclick = () => toggle("client", false);
+  $("#sound-file").onchange = async (event) => {
+    const [file] = event.target.files;
+    if (file) await loadSound(await file.arrayBuffer(), file.type);
+  };
   $("#help-button").onclick = KEYS["?"];
-  $("#panel-close").onclick = () => choose(-1);
+  $("#panel-close").onclick = () => { if (player.chosen < 0) toggle("fleet", false); else choose(-1); };
   $("#panel-previous").onclick = () => stepDrone(-1);
   $("#panel-next").onclick = () => stepDrone(1);
   document.querySelectorAll("nav button[data-view]").forEach((button) => (button.onclick = () => view(button.dataset.view)));
@@ -260,7 +339,10 @@ function describe() {
     $("#tightest").hidden = false;
     $("#tightest").textContent = `◆ tightest ${tightest.distance.toFixed(2)} m at ${clockText(tightest.time)}`;
   }
-  $("#legend").textContent = "Chapters · light of the fleet · closest pair of each move (◆ tightest) · mesh intervals of the solution";
+  $("#legend").textContent = "Chapters · light of the fleet · closest pair of each move (◆ tightest) · mesh intervals of the solution · time and cues";
+  $("#menu [data-toggle=missions]").hidden = !show.predictedFrames;
+  $("#menu [data-toggle=fleet]").hidden = !show.bands.length;
+  $("#tightest").classList.toggle("plain", Boolean(tightest) && tightest.distance >= show.separation);
 }
 
 // ?t=41&play=0&drone=7&view=top, or a camera: &az=20&el=10&dist=60&target=0,0,10 (degrees, metres)
@@ -276,8 +358,10 @@ function obeyAddress() {
     setSpeed(0);
   }
   if (query.has("drone")) choose(Math.min(Math.max(Number(query.get("drone")) - 1, -1), show.drones - 1));
+  for (const name of Object.keys(display)) if (query.has(name)) toggle(name, query.get(name) !== "0");
   seek(Number(query.get("t") ?? 0));
-  play(query.get("play") !== "0");
+  // Pages do not move by themselves where that is not wanted.
+  play(query.has("play") ? query.get("play") !== "0" : !calm);
 }
 
 async function start() {
@@ -293,6 +377,7 @@ async function start() {
     timeline.draw();
     obeyAddress();
     draw();
+    loadOwnSound();
   } catch (error) {
     $("#failure").hidden = false;
     $("#failure").textContent = `The show cannot be drawn here. ${error.message}`;

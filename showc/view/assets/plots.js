@@ -1,4 +1,5 @@
-// The panel of the chosen drone: where it is, and four plots over the whole show.
+// The panel: of the chosen drone, where it is and four plots over the whole show; else
+// of the fleet, if it is asked for, its extremes against their limits.
 
 class Panel {
   constructor(element, seek) {
@@ -10,25 +11,39 @@ class Panel {
 
   choose(drone) {
     this.drone = drone;
-    this.element.hidden = drone < 0;
-    if (drone < 0) return;
-    this.element.querySelector("#panel-title").textContent = droneName(drone);
+    const fleet = drone < 0 && display.fleet;
+    this.element.hidden = drone < 0 && !fleet;
+    this.element.classList.toggle("of-fleet", fleet);
+    this.plots = [];
+    if (this.element.hidden) return;
+    this.element.querySelector("#panel-title").textContent = fleet ? "Whole fleet" : droneName(drone);
     const holder = this.element.querySelector("#plots");
     holder.replaceChildren();
-    this.plots = show.signals.map((signal) => ({
+    this.plots = fleet ? show.bands.map(bandPlot) : this.plotsOf(drone);
+    for (const plot of this.plots) this.build(plot, holder);
+  }
+
+  plotsOf(drone) {
+    const grid = {
+      count: show.signalFrames,
+      time: (k) => Math.min(k * show.signalStep, show.duration),
+      index: (time) => Math.min(Math.round(time / show.signalStep), show.signalFrames - 1),
+    };
+    const plots = show.signals.map((signal) => ({
       ...signal,
+      ...grid,
       at: (k) => (signal.values[k * show.drones + drone] / 255) * signal.range,
     }));
-    if (show.drones > 1) {
+    if (show.drones > 1 && show.signalFrames) {
       const distances = nearestDistances(drone);
       let most = 0;
       for (const value of distances) most = Math.max(most, value);
-      this.plots.push({
+      plots.push({
         name: "Nearest drone", unit: "m", digits: 2, range: Math.max(1.1 * most, 2 * show.separation),
-        limits: [show.separation], at: (k) => distances[k],
+        limits: [show.separation], least: true, ...grid, at: (k) => distances[k],
       });
     }
-    for (const plot of this.plots) this.build(plot, holder);
+    return plots;
   }
 
   build(plot, holder) {
@@ -72,26 +87,71 @@ class Panel {
       c.lineTo(width, y(limit));
       c.stroke();
     }
+    if (plot.limitAt) {
+      c.beginPath();
+      for (let k = 0; k < plot.count; k++) {
+        const limit = plot.limitAt(k);
+        if (limit === null || limit > plot.range) { c.stroke(); c.beginPath(); }
+        else c.lineTo(x(plot.time(k)), y(limit));
+      }
+      c.stroke();
+    }
     c.setLineDash([]);
-    c.beginPath();
-    for (let k = 0; k < show.signalFrames; k++)
-      c.lineTo(x(Math.min(k * show.signalStep, show.duration)), y(plot.at(k)));
-    c.strokeStyle = "#7db4ff";
     c.lineWidth = 1.4;
     c.lineJoin = "round";
-    c.stroke();
+    // A piece at a time in the colour of the value that it leads to.
+    let red = null;
+    c.beginPath();
+    for (let k = 0; k < plot.count; k++) {
+      const wrong = brokenAt(plot, k);
+      c.lineTo(x(plot.time(k)), y(plot.at(k)));
+      if (wrong !== red || k === plot.count - 1) {
+        c.strokeStyle = red ? "#ff6b7a" : "#7db4ff";
+        c.stroke();
+        c.beginPath();
+        c.moveTo(x(plot.time(k)), y(plot.at(k)));
+        red = wrong;
+      }
+    }
+    box.classList.toggle("broken", plot.count > 0 && Array.from({ length: plot.count }, (_, k) => k).some((k) => brokenAt(plot, k)));
   }
 
   move(time) {
-    if (this.drone < 0) return;
-    const k = Math.min(Math.round(time / show.signalStep), show.signalFrames - 1);
     for (const plot of this.plots) {
+      const k = plot.index(time);
       plot.value.textContent = `${plot.at(k).toFixed(plot.digits)} ${plot.unit}`;
       plot.cursor.style.transform = `translateX(${(time / show.duration) * plot.width}px)`;
     }
+    if (this.drone < 0) return;
     const [x, y, z] = placeAt(this.drone, time).map((value) => value.toFixed(2));
     this.element.querySelector("#panel-place").textContent = `x ${x}   y ${y}   z ${z} m`;
     const [r, g, b] = colourAt(this.drone, time);
     this.element.querySelector("#swatch").style.background = `rgb(${r}, ${g}, ${b})`;
   }
+}
+
+// By how much a value may be beyond its limit by the rounding of what the page carries.
+const ROUNDING = 0.006;
+
+function brokenAt(plot, k) {
+  const limit = plot.limitAt ? plot.limitAt(k) : plot.limits[0];
+  if (limit === undefined || limit === null) return false;
+  const excess = plot.least ? limit - plot.at(k) : plot.at(k) - limit;
+  return excess > ROUNDING * Math.max(limit, plot.limitAt ? 0 : plot.range);
+}
+
+function bandPlot(band) {
+  const { times } = band;
+  const most = Math.max(...band.values, 1e-3);
+  const limits = band.limits.filter((one) => one !== null && one < 2.5 * most);
+  return {
+    ...band,
+    limits: [],
+    range: 1.08 * Math.max(most, ...limits),
+    count: times.length,
+    time: (k) => times[k],
+    index: (time) => Math.max(times.findLastIndex((one) => one <= time + 1e-6), 0),
+    at: (k) => band.values[k],
+    limitAt: (k) => band.limits[k],
+  };
 }

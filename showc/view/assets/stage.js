@@ -5,16 +5,17 @@ in vec3 before, after;
 in vec4 colourBefore, colourAfter;
 uniform mat4 camera;
 uniform vec3 origin, scale;
-uniform float share, pixels, mirror;
+uniform float share, pixels, mirror, ghost;
 out vec3 colour;
 void main() {
   vec3 place = origin + scale * mix(before, after, share);
   place.z *= mirror;
   gl_Position = camera * vec4(place, 1.0);
   colour = mix(colourBefore.rgb, colourAfter.rgb, share);
+  if (ghost > 0.5) colour = vec3(0.35, 0.95, 0.75);
   float light = max(colour.r, max(colour.g, colour.b));
-  float size = (0.3 + 1.9 * light) * pixels / gl_Position.w;
-  gl_PointSize = clamp(size, mix(3.0, 9.0, light), 110.0);
+  float size = (0.3 + 1.9 * light) * (ghost > 0.5 ? 0.45 : 1.0) * pixels / gl_Position.w;
+  gl_PointSize = clamp(size, ghost > 0.5 ? 4.0 : mix(3.0, 9.0, light), 110.0);
 }`;
 
 const DRONE_FRAGMENT = `#version 300 es
@@ -148,6 +149,12 @@ class Stage {
       this.attribute(program, place, this.buffers[k].place, 3, gl.SHORT, false);
       this.attribute(program, colour, this.buffers[k].colour, 4, gl.UNSIGNED_BYTE, true);
     }
+    // The missions' fleet: places of its own, no colours.
+    this.shadow = gl.createVertexArray();
+    gl.bindVertexArray(this.shadow);
+    this.shadows = [gl.createBuffer(), gl.createBuffer()];
+    this.attribute(program, "before", this.shadows[0], 3, gl.SHORT, false);
+    this.attribute(program, "after", this.shadows[1], 3, gl.SHORT, false);
     gl.bindVertexArray(null);
   }
 
@@ -195,6 +202,22 @@ class Stage {
     });
   }
 
+  drawShadow(time, uniforms) {
+    const gl = this.gl;
+    const last = show.predictedFrames - 1;
+    const position = Math.min(Math.max(time / show.predictedStep, 0), last);
+    const frame = Math.min(Math.floor(position), Math.max(last - 1, 0));
+    [frame, Math.min(frame + 1, last)].forEach((wanted, k) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.shadows[k]);
+      gl.bufferData(gl.ARRAY_BUFFER, show.predicted.subarray(wanted * show.drones * 3, (wanted + 1) * show.drones * 3), gl.DYNAMIC_DRAW);
+    });
+    gl.bindVertexArray(this.shadow);
+    gl.uniform1f(uniforms.share, position - frame);
+    gl.uniform1f(uniforms.ghost, 1);
+    gl.drawArrays(gl.POINTS, 0, show.drones);
+    gl.uniform1f(uniforms.ghost, 0);
+  }
+
   drawLines(set, matrix) {
     const gl = this.gl;
     gl.useProgram(this.lines.program);
@@ -219,7 +242,7 @@ class Stage {
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 2 * SKY_BANDS + 2);
     gl.enable(gl.BLEND);
 
-    this.drawLines(this.ground, matrix);
+    if (!display.client) this.drawLines(this.ground, matrix);
     if (this.trail) this.drawLines(this.trail, matrix);
 
     const [frame, share] = frameAt(time);
@@ -240,6 +263,7 @@ class Stage {
     gl.uniform1f(uniforms.mirror, 1);
     gl.uniform1f(uniforms.strength, 1);
     gl.drawArrays(gl.POINTS, 0, show.drones);
+    if (display.missions && show.predictedFrames) this.drawShadow(time, uniforms);
     gl.bindVertexArray(null);
     return matrix;
   }

@@ -1,6 +1,8 @@
-// The timeline: chapters, the fleet's mean light, closest encounters, the mesh.
+// The timeline: chapters, the fleet's mean light, closest encounters, the mesh, a ruler
+// with cues, and the music's waveform.
 
-const ROWS = { names: [0, 17], light: [20, 22], distance: [46, 14], mesh: [63, 11] };
+const FULL = { names: [0, 17], light: [20, 22], distance: [46, 14], mesh: [63, 11], ruler: [77, 24], wave: [103, 22] };
+const PLAIN = { names: [0, 17], light: [20, 22], ruler: [45, 24], wave: [71, 22] };
 
 class Timeline {
   constructor(element, seek) {
@@ -31,10 +33,11 @@ class Timeline {
 
   showTip(time) {
     const segment = show.segments[segmentAt(time)];
-    const near = show.encounters.find((e) => Math.abs(this.x(e.time) - this.x(time)) < 5);
+    const cue = show.soundtrack?.cues.find((one) => Math.abs(this.x(one.time) - this.x(time)) < 4);
+    const near = !display.client && show.encounters.find((e) => Math.abs(this.x(e.time) - this.x(time)) < 5);
     this.tip.textContent = near
       ? `${clockText(near.time)} · ${near.distance.toFixed(2)} m between ${near.a + 1} and ${near.b + 1}`
-      : `${clockText(time)} · ${segment.name}`;
+      : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : segment.name}`;
     this.tip.hidden = false;
     const half = this.tip.offsetWidth / 2;
     const left = Math.min(Math.max(this.x(time) - half, 0), this.width - 2 * half);
@@ -51,6 +54,11 @@ class Timeline {
     this.drone = drone;
     this.element.setAttribute("aria-valuemax", show.duration);
     const density = window.devicePixelRatio || 1;
+    this.rows = display.client ? PLAIN : FULL;
+    const [last, tall] = sound.peaks ? this.rows.wave : this.rows.ruler;
+    this.element.style.height = `${last + tall}px`;
+    const foot = this.element.closest("footer").offsetHeight;
+    document.documentElement.style.setProperty("--foot", `${foot}px`);
     this.width = this.element.clientWidth;
     this.canvas.width = this.width * density;
     this.canvas.height = this.element.clientHeight * density;
@@ -58,12 +66,61 @@ class Timeline {
     c.scale(density, density);
     this.drawLight(c);
     this.drawChapters(c);
+    this.drawRuler(c);
+    if (sound.peaks) this.drawWave(c);
+    if (display.client) return;
     this.drawMesh(c);
     this.drawDistances(c);
   }
 
+  // Ticks at round times, bars where there is room, and cues with their names.
+  drawRuler(c) {
+    const [top] = this.rows.ruler;
+    const least = (70 / this.width) * show.duration;
+    const step = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600].find((one) => one >= least) ?? 1200;
+    c.font = "10px system-ui, 'DejaVu Sans', sans-serif";
+    c.textBaseline = "middle";
+    const { cues, bar, first_bar: first } = show.soundtrack ?? { cues: [], bar: 0, first_bar: 0 };
+    if (bar > 0 && this.x(bar) >= 4) {
+      c.fillStyle = "rgba(255, 180, 84, 0.35)";
+      for (let time = first; time <= show.duration; time += bar)
+        if (time >= 0) c.fillRect(this.x(time), top, 1, 3);
+    }
+    for (let time = 0; time <= show.duration; time += step) {
+      c.fillStyle = "rgba(255, 255, 255, 0.35)";
+      c.fillRect(this.x(time), top, 1, 5);
+      c.fillStyle = "rgba(141, 152, 174, 0.9)";
+      const text = clockText(time, 0);
+      const left = Math.min(this.x(time) + 3, this.width - c.measureText(text).width - 1);
+      c.fillText(text, left, top + 6);
+    }
+    let free = 0;
+    for (const cue of cues) {
+      if (cue.time < 0 || cue.time > show.duration) continue;
+      const x = this.x(cue.time);
+      c.fillStyle = "#ffb454";
+      c.fillRect(x - 0.5, top, 1, 24);
+      if (x < free) continue;
+      c.fillText(cue.name, Math.min(x + 3, this.width - c.measureText(cue.name).width), top + 18);
+      free = x + c.measureText(cue.name).width + 8;
+    }
+  }
+
+  drawWave(c) {
+    const [top, height] = this.rows.wave;
+    const { peaks, rate } = sound;
+    c.fillStyle = "rgba(125, 180, 255, 0.55)";
+    for (let x = 0; x < this.width; x++) {
+      const time = (x / this.width) * show.duration - soundOffset();
+      const next = ((x + 1) / this.width) * show.duration - soundOffset();
+      let most = 0;
+      for (let k = Math.max(Math.floor(time * rate), 0); k <= next * rate && k < peaks.length; k++) most = Math.max(most, peaks[k]);
+      if (most > 0) c.fillRect(x, top + (height * (1 - most)) / 2, 1, Math.max(height * most, 1));
+    }
+  }
+
   drawChapters(c) {
-    const [top, height] = ROWS.names;
+    const [top, height] = this.rows.names;
     c.textBaseline = "middle";
     show.segments.forEach((segment, index) => {
       const left = this.x(segment.start);
@@ -91,7 +148,7 @@ class Timeline {
 
   // Mean colour of the fleet, brightened so that few lights show too.
   drawLight(c) {
-    const [top, height] = ROWS.light;
+    const [top, height] = this.rows.light;
     c.save();
     c.beginPath();
     c.roundRect(0, top, this.width, height, 5);
@@ -120,7 +177,7 @@ class Timeline {
 
   // A dot for the nearest pair of every move, a diamond for the tightest of all.
   drawDistances(c) {
-    const [top, height] = ROWS.distance;
+    const [top, height] = this.rows.distance;
     const middle = top + height / 2;
     for (const encounter of show.encounters) {
       const x = this.x(encounter.time);
@@ -141,7 +198,7 @@ class Timeline {
 
   // Borders of the mesh intervals: of the chosen drone, or how many drones share them.
   drawMesh(c) {
-    const [top, height] = ROWS.mesh;
+    const [top, height] = this.rows.mesh;
     c.fillStyle = "rgba(255, 255, 255, 0.04)";
     c.fillRect(0, top, this.width, height);
     show.segments.forEach((segment, index) => {
