@@ -15,6 +15,7 @@ from the difference of both polynomials, the rounding included.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,7 @@ from showc.foreign.motion import (
     portions,
     standing,
 )
+from showc.processes import side_by_side
 from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
 
@@ -173,8 +175,9 @@ def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
     place, velocity = states(exact, nodes)
     scale = _scale(place[:, :, :3], velocity[:, :, :3] * (step / 3000.0))
     grid = scale[:, None, None] / 1000.0
-    whole = np.rint(place[:, :, :3] / grid).astype(np.int64)
-    handle = np.rint(velocity[:, :, :3] * (step / 3000.0) / grid).astype(np.int64)
+    # A long show of many drones is millions of numbers: as small as they fit.
+    whole = np.rint(place[:, :, :3] / grid).astype(np.int32)
+    handle = np.rint(velocity[:, :, :3] * (step / 3000.0) / grid).astype(np.int32)
     # Exactly at the take-off height above the first point, or the next step above.
     rows = np.flatnonzero(np.isfinite(crossing))
     node = np.rint((lead + at_crossing - begin) / step).astype(np.int64)[rows]
@@ -267,15 +270,19 @@ def decoded(fitted: FittedFleet) -> Tracks:
     """Return the tracks that the control points stand for, in the file's time."""
     drones, pieces = fitted.drones, fitted.pieces
     times = fitted.times / 1000.0
-    body = fitted.points * (fitted.scale[:, None, None, None] / 1000.0)
-    wait = np.repeat(body[:, :1, :1], 4, axis=2)
+    # Written into its place: a copy of a long show would be hundreds of megabytes.
+    body = np.empty((drones, pieces + 1, 4, 3))
+    np.multiply(
+        fitted.points, fitted.scale[:, None, None, None] / 1000.0, out=body[:, 1:]
+    )
+    body[:, 0] = body[:, 1, :1]
     return Tracks(
         0.0,
         fitted.duration,
         np.arange(drones + 1) * (pieces + 1),
         np.concatenate([np.zeros((drones, 1)), times[:, :-1]], axis=1).ravel(),
         times.ravel(),
-        np.concatenate([wait, body], axis=1).reshape(-1, 4, 3),
+        body.reshape(-1, 4, 3),
     )
 
 
@@ -292,10 +299,8 @@ def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
         How much later everything happens in the file [s].
     """
     end = max(written.end, exact.end + lead)
-    found: list[list[Greatest]] = [[], [], []]
-    for (first, part), solved in zip(
-        portions(written), _alike(exact, written), strict=True
-    ):
+
+    def bounded(first: int, part: Tracks, solved: Tracks) -> list[Greatest]:
         moved = Tracks(
             0.0,
             end,
@@ -305,15 +310,28 @@ def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
             solved.position[:, :, :3],
         )
         apart = difference(standing(moved, 0.0, end), standing(part, 0.0, end))
-        for kind, resolution in enumerate(
-            (_POSITION_RESOLUTION, _VELOCITY_RESOLUTION, _ACCELERATION_RESOLUTION)
+        found = []
+        for resolution in (
+            _POSITION_RESOLUTION,
+            _VELOCITY_RESOLUTION,
+            _ACCELERATION_RESOLUTION,
         ):
             one = greatest(apart, length((0, 1, 2)), resolution)
-            found[kind].append(
-                Greatest(one.upper, one.lower, one.drone + first, one.time)
-            )
+            found.append(Greatest(one.upper, one.lower, one.drone + first, one.time))
             apart = derivative(apart)
-    return FitError(*(max(kind, key=lambda one: one.upper) for kind in found))
+        return found
+
+    every = side_by_side(
+        [
+            partial(bounded, first, part, solved)
+            for (first, part), solved in zip(
+                portions(written), _alike(exact, written), strict=True
+            )
+        ]
+    )
+    return FitError(
+        *(max(kind, key=lambda one: one.upper) for kind in zip(*every, strict=True))
+    )
 
 
 def _alike(exact: Tracks, written: Tracks) -> list[Tracks]:

@@ -6,14 +6,17 @@ import base64
 import io
 import json
 import zipfile
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.export.skyb import runs, waiting
+from showc.foreign.motion import ROWS_AT_ONCE
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
@@ -53,15 +56,12 @@ def skyc_file(
         Of each drone, [time s, degrees clockwise from +x].
     """
     stream = io.BytesIO()
-    strings = _Decimals()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as out:
         add_entry(out, "show.json", _json(_top(show, fitted)))
         add_entry(out, "cues.json", _json(_cues(show, fitted)))
-        for drone in range(fitted.drones):
+        for drone, trajectory in enumerate(_trajectories(fitted)):
             folder = f"drones/{drone_name(drone)}"
-            add_entry(
-                out, f"{folder}/trajectory.json", _trajectory(fitted, drone, strings)
-            )
+            add_entry(out, f"{folder}/trajectory.json", trajectory)
             lights = {"version": 1, "data": base64.b64encode(programs[drone]).decode()}
             add_entry(out, f"{folder}/lights.json", _json(lights))
             yaw = {"version": 1, "setpoints": yaws[drone]}
@@ -175,6 +175,20 @@ class _Decimals:
             metres[short] = np.nextafter(metres[short], np.sign(steps[short]) * np.inf)
             self._tables[scale] = [repr(value) for value in metres.tolist()]
         return self._tables[scale]
+
+
+def _trajectories(fitted: FittedFleet) -> Iterator[str]:
+    """Write the trajectories of all drones, some at a time and side by side."""
+    strings = _Decimals()
+
+    def written(drones: Sequence[int]) -> list[str]:
+        return [_trajectory(fitted, drone, strings) for drone in drones]
+
+    most = max(1, ROWS_AT_ONCE // fitted.pieces)
+    every = range(fitted.drones)
+    parts = [partial(written, every[low : low + most]) for low in every[::most]]
+    for some in side_by_side(parts):
+        yield from some
 
 
 def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:

@@ -23,7 +23,7 @@ import numpy as np
 
 from showc.errors import DamagedFileError
 from showc.foreign.lights import read_lights
-from showc.foreign.motion import owners
+from showc.foreign.motion import ROWS_AT_ONCE, owners
 from showc.foreign.show import Stored
 from showc.verify.kernel.bernstein import elevate, values
 from showc.verify.kernel.slices import Tracks
@@ -118,8 +118,6 @@ def as_stored(show: ForeignShow) -> tuple[Tracks, tuple[Stored, ...], list[str]]
     np.maximum.at(reach, owner, np.abs(tracks.position).max(axis=(1, 2)))
     scale = np.maximum(1, np.ceil((np.ceil(1000.0 * reach) + 1.0) / 32_768.0))
     grid = scale[owner][:, None, None] / 1000.0
-    # Numbers on the grid must not fall a step by the last bit of a float.
-    whole = np.trunc(tracks.position / grid + np.sign(tracks.position) * 1e-6)
     durations = tracks.ends - tracks.starts
     exact = np.rint(durations * 1000.0)
     floored = np.floor(np.round(durations, 3) * 1000.0)
@@ -135,14 +133,20 @@ def as_stored(show: ForeignShow) -> tuple[Tracks, tuple[Stored, ...], list[str]]
     begin = np.concatenate([[0.0], times])[tracks.first[:-1]]
     ends = times - begin[owner]
     starts = ends - floored / 1000.0
-    keep = floored > 0
+    keep = np.flatnonzero(floored > 0)
     first = np.concatenate(
         [[0], np.cumsum(np.bincount(owner[keep], minlength=tracks.drones))]
     )
-    degrees = _degrees((tracks.position / grid)[keep])
-    played = Tracks(
-        0.0, float(ends.max()), first, starts[keep], ends[keep], (whole * grid)[keep]
-    )
+    # In place: the numbers of a long show are hundreds of megabytes.
+    steps = tracks.position[keep]
+    steps /= grid[keep]
+    parts = np.array_split(steps, 1 + keep.size // ROWS_AT_ONCE)
+    degrees = np.concatenate([_degrees(part) for part in parts])
+    # Numbers on the grid must not fall a step by the last bit of a float.
+    steps += np.copysign(1e-6, steps)
+    np.trunc(steps, out=steps)
+    steps *= grid[keep]
+    played = Tracks(0.0, float(ends.max()), first, starts[keep], ends[keep], steps)
     sizes = 3 + 2 * degrees.sum(axis=1)
     stored = tuple(
         Stored(
@@ -165,6 +169,11 @@ def _degrees(points: FloatArray) -> IntArray:
     higher = 3 if top <= 3 else 7
     result[:, :3] = np.where(still, 0, np.where(even, 1, higher))
     return result
+
+
+_AT_ONCE, _NARROWINGS = 65, 9
+"""Places of a piece that are looked at together, and how often the part between two of
+them is looked at again: 64 to the ninth is all that float64 tells apart."""
 
 
 def phases(tracks: Tracks, stored: tuple[Stored, ...], firmware: Firmware) -> Phases:
@@ -209,21 +218,23 @@ def _first_touch(
 
 def _touch(points: FloatArray, target: float) -> float | None:
     """Least fraction of a piece at which it has the value ``target``, if any."""
-    fractions = np.linspace(0.0, 1.0, 65)
-    value = values(np.repeat(points[None, :, None], 65, axis=0), fractions)[:, 0]
-    value -= target
-    hit = np.flatnonzero(np.abs(value) < 1e-9)
-    change = np.flatnonzero(value[:-1] * value[1:] < 0.0)
-    first = min([*fractions[hit].tolist(), 2.0])
-    if change.size and fractions[change[0]] < first:
-        low, high = fractions[change[0]], fractions[change[0] + 1]
-        rising = value[change[0]] < 0.0
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            over = values(points[None, :, None], np.array([middle]))[0, 0] >= target
-            low, high = (low, middle) if over == rising else (middle, high)
-        return float(high)
-    return float(first) if first <= 1.0 else None
+    low, high = 0.0, 1.0
+    for narrowing in range(_NARROWINGS):
+        fractions = np.linspace(low, high, _AT_ONCE)
+        value = values(np.repeat(points[None, :, None], _AT_ONCE, axis=0), fractions)
+        over = value[:, 0] - target
+        if not narrowing:
+            hit = fractions[np.abs(over) < 1e-9]
+            change = np.flatnonzero(over[:-1] * over[1:] < 0.0)
+            if hit.size and (not change.size or hit[0] <= fractions[change[0]]):
+                return float(hit[0])
+            if not change.size:
+                return None
+            rising, place = over[change[0]] < 0.0, int(change[0]) + 1
+        else:
+            place = max(int(np.argmax((over >= 0.0) == rising)), 1)
+        low, high = fractions[place - 1], fractions[place]
+    return float(high)
 
 
 def _landing(

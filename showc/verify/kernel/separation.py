@@ -189,7 +189,7 @@ class _Search:
         scaled = self.measure.space(tracks.position)
         positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
-        rounding = GAMMA * float(np.abs(scaled).max(initial=0.0))
+        rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
         # Neighbours at the first instant: a start that makes pruning work.
         place = positions.position[positions.first[:-1], 0]

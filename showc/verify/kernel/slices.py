@@ -18,6 +18,7 @@ Coefficients enclose values by Farouki 2012, section 4.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -38,7 +39,7 @@ MOMENT = 1e-8
 shows. What a drone flies in it is part of every error bound that uses tracks."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Tracks:
     """Positions of the whole fleet from ``begin`` to ``end``.
 
@@ -65,8 +66,7 @@ class Tracks:
         tables = segment.tables
         degree = max(table.state.shape[1] for table in tables) - 1
         owner = np.concatenate([table.owner for table in tables])
-        # A drone's rows stay in their order.
-        order = np.argsort(owner, kind="stable")
+        order = np.argsort(owner, kind="stable")  # a drone's rows stay in order
         counts = np.bincount(owner, minlength=segment.goals.shape[0])
         start = np.concatenate([table.start for table in tables])[order]
         end = np.concatenate([table.end for table in tables])[order]
@@ -88,23 +88,23 @@ class Tracks:
     @property
     def speed(self) -> float:
         """No drone flies faster [m/s]: hulls of coefficients over times."""
-        degree = self.position.shape[1] - 1
-        if degree == 0:
-            return 0.0
-        # Coefficient by coefficient, all rows of one lie side by side.
-        hull = np.ascontiguousarray(self.position.transpose(1, 2, 0))
-        step = np.sqrt(np.sum(np.diff(hull, axis=0) ** 2, axis=1)).max(axis=0)
-        width = self.ends - self.starts
-        return float(degree * np.max(step / np.where(width > 0.0, width, np.inf)))
+        steps = np.diff(self.position, axis=1) * (self.position.shape[1] - 1)
+        width = np.where(self.ends > self.starts, self.ends - self.starts, np.inf)
+        squares = np.sum(steps**2, axis=2).max(axis=1, initial=0.0)
+        return float(np.max(np.sqrt(squares) / width))
+
+    @cached_property
+    def _keys(self) -> FloatArray:
+        """Starts with an offset for each drone: they rise over all rows, (rows,)."""
+        owner = np.arange(self.drones).repeat(np.diff(self.first))
+        return self._key(owner, self.starts)
+
+    def _key(self, drone: IntArray, time: FloatArray) -> FloatArray:
+        return time - self.begin + drone * 2.0 * (self.end - self.begin + 1.0)
 
     def at(self, drone: IntArray, time: FloatArray) -> IntArray:
         """Row of each ``drone`` that covers each ``time``, shape (n,)."""
-        # Times rise along a drone's rows; an offset for each drone makes them rise
-        # over all rows, so that one search serves all.
-        offset = 2.0 * (self.end - self.begin + 1.0)
-        owner = np.repeat(np.arange(self.drones), np.diff(self.first))
-        keys = self.starts - self.begin + owner * offset
-        found = np.searchsorted(keys, time - self.begin + drone * offset, side="right")
+        found = np.searchsorted(self._keys, self._key(drone, time), side="right")
         return np.clip(found - 1, self.first[drone], self.first[drone + 1] - 1)
 
     def between(self, row: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
