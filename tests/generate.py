@@ -1,10 +1,13 @@
 """Writes what is made from the program's own tables: schema and references."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+import gallery  # noqa: E402
 
 from showc.safety.codes import codes_reference as safety_reference  # noqa: E402
 from showc.script.codes import codes_reference  # noqa: E402
@@ -18,8 +21,17 @@ GENERATED = {
     ROOT / "showc" / "docs" / "codes.md": lambda: (
         f"{codes_reference()}\n{checks_reference()}\n{safety_reference()}"
     ),
+    ROOT / "showc" / "docs" / "gallery.md": gallery.page,
+    **{
+        ROOT / "showc" / "docs" / gallery.file_of(group, piece): partial(
+            gallery.picture, piece
+        )
+        for group, pieces in gallery.GROUPS.items()
+        for piece in pieces
+    },
 }
 
 if __name__ == "__main__":
     for path, text in GENERATED.items():
+        path.parent.mkdir(exist_ok=True)
         path.write_text(text(), encoding="utf-8")
