@@ -21,6 +21,7 @@ SET_COLOUR, SET_GREY, SET_BLACK, SET_WHITE = 4, 5, 6, 7
 FADE_COLOUR, FADE_GREY, FADE_BLACK, FADE_WHITE = 8, 9, 10, 11
 LOOP_BEGIN, LOOP_END, RESET_CLOCK = 12, 13, 14
 PYRO, PYRO_ALL = 20, 21
+"""Commands of the bytecode of light programs, by their number in the format."""
 
 MOST_STEPS = 200_000
 """Commands after which a program is read no further: an hour at the frame rate."""

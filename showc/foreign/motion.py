@@ -27,6 +27,7 @@ SHORTEST = 1e-9
 """Pieces shorter than this are rounding of the same instant [s]."""
 
 _ROUNDS = 60
+"""Halvings of a piece after which its ends are neighbouring numbers of float64."""
 
 
 @dataclass(frozen=True, slots=True)

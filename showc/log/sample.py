@@ -142,6 +142,8 @@ DRONE_STATE = np.dtype(
 )
 """The bytes of a ``showc.DroneState`` with every field present: always as long."""
 _VARIABLE, _FIXED64, _LENGTH = 3, 1, 2
+"""Protocol Buffers: bits of the wire type in a tag, and the types of doubles and of
+embedded messages."""
 
 
 def pack_drone_states(

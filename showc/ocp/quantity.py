@@ -14,6 +14,7 @@ Bound = Any
 """A number, or an expression in parameters; ``None`` means no bound."""
 
 INFINITY = float("inf")
+"""What stands for no bound."""
 
 
 def interval(value: object, what: str) -> tuple[Bound, Bound]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 _STILL = 1e-9
+"""Way that counts as rounding of the same place [m]."""
 
 
 @dataclass(frozen=True, slots=True)

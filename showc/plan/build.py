@@ -79,8 +79,12 @@ def build_itinerary(
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """When the script wants a move to be flown, see :class:`Leg`."""
+    """What the script asks of a move or a hold, see :class:`Leg`."""
 
+    limits: Limits
+    duration: float | None = None
+    mark: Mark | None = None
+    transition: int | None = None
     arrive: float | None = None
     depart: float | None = None
     pace: float = 1.0
@@ -108,9 +112,8 @@ class _Builder:
         launch = self.show.launch
         above = self._raised(f"above {self.show.pads}", launch.altitude)
         limits = self.show.limits.upright(launch.climb_speed)
-        self._move(
-            "launch", "launch", above, Assignment(self.fleet, np.inf, ""), limits=limits
-        )
+        given = Assignment(self.fleet, np.inf, "")
+        self._move("launch", "launch", above, given, _Asked(limits))
         self._hold("launch", launch.hold)
 
     def chapter(self, indices: Sequence[int]) -> None:
@@ -122,23 +125,18 @@ class _Builder:
             formation, given = self._groups(transitions)
         durations = [t.duration for t in transitions if t.duration is not None]
         name = " + ".join(transition.name for transition in transitions)
-        mark, index = transitions[0].mark, indices[0]
-        self._move(
-            "transition",
-            name,
-            formation,
-            given,
-            duration=max(durations) if durations else None,
-            mark=mark,
-            transition=index,
-            asked=_Asked(
-                next((t.at for t in transitions if t.at is not None), None),
-                next((t.start for t in transitions if t.start is not None), None),
-                max(t.pace for t in transitions),
-            ),
+        asked = _Asked(
+            self.show.limits,
+            max(durations) if durations else None,
+            transitions[0].mark,
+            indices[0],
+            next((t.at for t in transitions if t.at is not None), None),
+            next((t.start for t in transitions if t.start is not None), None),
+            max(t.pace for t in transitions),
         )
+        self._move("transition", name, formation, given, asked)
         hold = max(transition.hold for transition in transitions)
-        self._hold(name, hold, mark, index, self._moving())
+        self._hold(name, hold, asked, self._moving())
 
     def land(self) -> None:
         """To above the pads, and straight down."""
@@ -150,12 +148,13 @@ class _Builder:
             given = replace(given, reason="every drone to its own pad")
         # A fleet above its pads already lands from there.
         if not np.array_equal(above.points[given.places], self.position):
-            self._move("approach", "approach to the pads", above, given)
+            usual = _Asked(self.show.limits)
+            self._move("approach", "approach to the pads", above, given, usual)
         self._hold("reaching the pads", landing.hold)
         limits = self.show.limits.upright(landing.descent_speed)
         pads = self.show.formations[self.show.pads]
         down = replace(given, reason="")
-        self._move("land", "land", pads, down, limits=limits)
+        self._move("land", "land", pads, down, _Asked(limits))
 
     def _raised(self, name: str, height: float) -> Formation:
         pads = self.show.formations[self.show.pads]
@@ -307,33 +306,17 @@ class _Builder:
         name: str,
         formation: Formation,
         given: Assignment,
-        *,
-        limits: Limits | None = None,
-        duration: float | None = None,
-        mark: Mark | None = None,
-        transition: int | None = None,
-        asked: _Asked | None = None,
+        asked: _Asked,
     ) -> None:
         places = _frozen(given.places.copy())
         goal = self._goals(formation, places, self.fleet)
         colours = formation.colours
-        if transition is not None:
-            override = self.show.transitions[transition].colours
+        if asked.transition is not None:
+            override = self.show.transitions[asked.transition].colours
             if override is not None and formation.name not in self.added:
                 colours = override
-        self._append(
-            kind=kind,
-            name=name,
-            goal=goal,
-            to_formation=formation.name,
-            places=places,
-            limits=limits or self.show.limits,
-            duration=duration,
-            mark=mark,
-            transition=transition,
-            assignment=given.reason,
-            asked=asked,
-        )
+        leg = self._leg(kind, name, goal, formation.name, asked)
+        self.legs.append(replace(leg, places=places, assignment=given.reason))
         self.formation, self.places, self.position = formation.name, places, goal
         self.colours = np.where(
             (places == PARKED)[:, None], 0.0, colours[np.maximum(places, 0)]
@@ -343,25 +326,16 @@ class _Builder:
         self,
         name: str,
         duration: float,
-        mark: Mark | None = None,
-        transition: int | None = None,
+        asked: _Asked | None = None,
         motion: tuple[MovingPlaces, ...] = (),
     ) -> None:
         goal, reached = self._carried(motion)
         if duration > 0.0 or motion:
-            self._append(
-                kind="motion" if motion else "hold",
-                name=f"hold after {name}",
-                goal=goal,
-                to_formation=reached,
-                places=self.places,
-                limits=self.show.limits,
-                duration=duration,
-                mark=mark,
-                transition=transition,
-                assignment="",
-                motion=motion,
-            )
+            wanted = asked or _Asked(self.show.limits)
+            wanted = _Asked(wanted.limits, duration, wanted.mark, wanted.transition)
+            kind: LegKind = "motion" if motion else "hold"
+            leg = self._leg(kind, f"hold after {name}", goal, reached, wanted)
+            self.legs.append(replace(leg, motion=motion))
         self.formation, self.position = reached, goal
 
     def _carried(self, motion: tuple[MovingPlaces, ...]) -> tuple[FloatArray, str]:
@@ -380,46 +354,29 @@ class _Builder:
         self.added[name] = replace(before, name=name, points=_frozen(points))
         return goal, name
 
-    def _append(
-        self,
-        *,
-        kind: LegKind,
-        name: str,
-        goal: FloatArray,
-        to_formation: str,
-        places: IntArray,
-        limits: Limits,
-        duration: float | None,
-        mark: Mark | None,
-        transition: int | None,
-        assignment: str,
-        asked: _Asked | None = None,
-        motion: tuple[MovingPlaces, ...] = (),
-    ) -> None:
-        index = len(self.legs)
-        wanted = asked or _Asked()
-        self.legs.append(
-            Leg(
-                index=index,
-                name=name,
-                kind=kind,
-                drones=self.fleet,
-                start=_frozen(self.position.copy()),
-                goal=_frozen(goal.copy()),
-                from_formation=self.formation,
-                to_formation=to_formation,
-                places=places,
-                limits=limits,
-                duration=None if duration is None else round(duration, 3),
-                after=(index - 1,) if index else (),
-                mark=mark,
-                transition=transition,
-                assignment=assignment,
-                arrive=wanted.arrive,
-                depart=wanted.depart,
-                motion=motion,
-                pace=wanted.pace,
-            )
+    def _leg(
+        self, kind: LegKind, name: str, goal: FloatArray, formation: str, asked: _Asked
+    ) -> Leg:
+        """Return the next leg of the fleet, from where it is to ``goal``."""
+        index, duration = len(self.legs), asked.duration
+        return Leg(
+            index=index,
+            name=name,
+            kind=kind,
+            drones=self.fleet,
+            start=_frozen(self.position.copy()),
+            goal=_frozen(goal.copy()),
+            from_formation=self.formation,
+            to_formation=formation,
+            places=self.places,
+            limits=asked.limits,
+            duration=None if duration is None else round(duration, 3),
+            after=(index - 1,) if index else (),
+            mark=asked.mark,
+            transition=asked.transition,
+            arrive=asked.arrive,
+            depart=asked.depart,
+            pace=asked.pace,
         )
 
 

@@ -41,6 +41,7 @@ MARGIN = 0.01
 """How much farther than their gap two releases are apart [s]."""
 
 NEVER = 10**9
+"""Steps that stand for a release that no schedule has: 3 years."""
 
 ROUNDING = 1e-6
 """Times that differ by less may be the same [s]."""

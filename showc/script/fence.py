@@ -30,6 +30,7 @@ what a drone needs for a curve."""
 _TURN = np.pi / 4.0
 """Greatest angle between neighbouring points about a corner [rad]."""
 _HALVINGS = 40
+"""Halvings of a piece that leave less of it than rounding does."""
 
 
 def inside_polygon(points: FloatArray, corners: FloatArray) -> BoolArray:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 
 _SLACK = 1e-9
+"""What counts as rounding: a share of distances, and [m]."""
 
 
 def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 _MOST_ROUNDS = 400
 _EFFORT = 60_000
 _MARGIN = 1.0 + 1e-3
+"""Most rounds of pushing; most places moved in all of them, which bounds the time; and
+the part of the spacing that is aimed at, for rounds end before they reach it."""
 
 
 def spread_apart(

@@ -12,7 +12,7 @@ from showc.safety.stop import Authority
 from showc.vehicle.presets import ARDUCOPTER
 from showc.vehicle_link.clock import History, Rounds, ShowClock
 from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address
-from showc.vehicle_link.pilot import Phase, Pilot
+from showc.vehicle_link.pilot import ParameterWishes, Phase, Pilot
 from showc.vehicle_link.setpoints import authority_of
 
 if TYPE_CHECKING:
@@ -129,6 +129,11 @@ class Conductor:
         self.progress, self.stop_wish = progress, stop
         self.clock = network.clock
         pads, joins = plan.pads(), plan.at(plan.launch_end).position
+        wishes = ParameterWishes(
+            plan.arducopter_needs(),
+            options.set_parameters,
+            GAINS if options.set_gains else {},
+        )
         self.pilots = [
             Pilot(
                 drone,
@@ -137,9 +142,7 @@ class Conductor:
                 start=joins[index],
                 pad=pads[index],
                 corridor=options.corridor,
-                needs=plan.arducopter_needs(),
-                writes=options.set_parameters,
-                gains=GAINS if options.set_gains else None,
+                wishes=wishes,
             )
             for index, drone in enumerate(plan.drones)
         ]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 NANOSECONDS = 1_000_000_000
+"""In a second: logs count time in them."""
 
 PREFIX, SUFFIX = "/drone/", "/flown"
 

@@ -7,7 +7,7 @@ while no answer comes, and what counts then is what the vehicle tells of itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +98,18 @@ class _Order:
     over: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class ParameterWishes:
+    """What the parameters of a vehicle must be for the show."""
+
+    needs: Mapping[str, float]
+    """Least values that following the show needs, by name."""
+    writes: bool = False
+    """Whether parameters that are less may be raised, until the vehicle has landed."""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that are given these values for as long, whatever they were."""
+
+
 class Pilot:
     """Takes one vehicle through a show.
 
@@ -115,12 +127,8 @@ class Pilot:
         Where it stands before, likewise.
     corridor
         How far from its pad it may stand [m].
-    needs
-        Least values of the parameters that following the show needs, by name.
-    writes
-        Whether parameters that are less may be raised, until the vehicle has landed.
-    gains
-        Parameters that are given these values for as long, whatever they were.
+    wishes
+        What its parameters must be.
     """
 
     def __init__(
@@ -132,18 +140,16 @@ class Pilot:
         start: FloatArray,
         pad: FloatArray,
         corridor: float,
-        needs: Mapping[str, float],
-        writes: bool = False,
-        gains: Mapping[str, float] | None = None,
+        wishes: ParameterWishes,
     ) -> None:
         self.drone = drone
         self.vehicle = vehicle
         self.frame = frame
         self.start, self.pad, self.corridor = start, pad, corridor
-        self.needs, self.writes = dict(needs), writes
+        self.needs, self.writes = dict(wishes.needs), wishes.writes
         self.gains = {
             name: max(value, self.needs.get(name, value))
-            for name, value in (gains or {}).items()
+            for name, value in wishes.gains.items()
         }
         self.phase = Phase.UNHEARD
         self.reason = ""

@@ -83,7 +83,7 @@ _QUANTITIES = {
 }
 """Which of ``GRID`` each field of a sample has."""
 
-_STEPS = np.array(list(GRID.values()))
+_STEPS = np.array(list(GRID.values()))  # of all quantities, in order
 
 _AT_ONCE = 4096
 """Places on polynomials that are evaluated together; bounds the memory."""

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 RESOLUTION = 1e-6
 """To what the least distance of a pair is found [m]."""
 _BLOCK = 100_000
+"""Pairs that are looked at together: bounds the memory."""
 _HALVINGS = 40
+"""Halvings of a second that leave less than a picosecond: the end of any search."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

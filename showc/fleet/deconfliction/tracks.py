@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _SLOTS_LEAST = 8
 _SLOTS_MOST = 240
+"""Slices of a leg in which pairs are sought: few enough to be cheap for two drones, and
+many enough that a drone of a large fleet is near few others in one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -34,6 +34,9 @@ _REACH = 1.6
 _STALLED = 3
 _NEARLY = 0.8
 _BEHIND = 0.3
+"""Separations within which a pair gets walls; tries after which a pair that misses by
+less than the next share of the separation passes another way; and how far, in
+separations, it must have passed for its wall to follow it: found by trial."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,6 +26,8 @@ _STRAIGHT_ERROR = 1.01
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
 _SCATTER = 0.01
+"""Straight flights are solved whose bounds differ by less than this share, one or two:
+which drone is the slowest, bounds cannot tell closer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,6 +31,7 @@ SLACK = 1e-9
 JOINT = 1e-7
 """Greatest jump of a state at a joint (SI): a tenth of what the proof allows."""
 _HERMITE_NODES: FloatArray = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+"""Where a cubic is taken: its ends, and the places of its inner coefficients."""
 
 _RAISE: FloatArray = np.array(
     [

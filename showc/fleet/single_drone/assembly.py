@@ -38,6 +38,7 @@ ROUNDING = 1e-9
 
 _STATES = (*POSITION, "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
 _NODES = tuple(float(s) for s in np.linspace(0.0, 1.0, CONTROL_DEGREE + 1))
+"""Where controls are read off: as many places as polynomials have coefficients."""
 
 
 def _raised(breaks: FloatArray, coefficients: FloatArray, degree: int) -> FloatArray:

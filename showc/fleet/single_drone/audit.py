@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 FLOWN_DEGREE = 7
 """Of velocities as the controls fly them. On the intervals of a solution the thrust's
 direction is a polynomial of degree 6 to 1e-6 of itself."""
+# Chebyshev-Lobatto points: interpolation there is nearly best.
 _FLOWN_NODES = tuple(
     float(s)
     for s in 0.5 - 0.5 * np.cos(np.pi * np.arange(FLOWN_DEGREE) / (FLOWN_DEGREE - 1))

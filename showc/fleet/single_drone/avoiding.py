@@ -55,7 +55,10 @@ LONGEST = 0.35
 TOLERANCE = 1e-3
 BARRIER = 0.1
 INSET = 1e-5
+"""The solver ends at this error, begins with this barrier parameter, and keeps so far
+within its bounds, scaled: a flight is judged, and polished, afterwards."""
 
+# What a program is given for each wall: its normal and its offset.
 WALL_SIGNALS = tuple(
     f"wall_{slot}_{part}" for slot in range(SLOTS) for part in (*POSITION, "offset")
 )

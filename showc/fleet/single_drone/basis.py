@@ -23,6 +23,8 @@ DEGREE = 5
 LOCAL = DEGREE + 1
 """Coefficients that count on an interval."""
 _CALM = 1e-4
+"""Price of squared jerk beside squared distance: without it, coefficients that no place
+determines would be free."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +43,7 @@ class Basis:
 
 
 NODES: FloatArray = (np.arange(4) + 0.5) / 4
+"""Where values are wanted on an interval, as fractions: the middles of its quarters."""
 
 
 @lru_cache(maxsize=16)

@@ -34,6 +34,7 @@ is proved afterwards."""
 MARGIN = 1e-6
 """Room left at rotor limits for the solver's tolerance, as a share of their range."""
 _SAMPLES = 201
+"""Instants at which a solved flight is read for the guess on the next mesh."""
 
 
 def solve_on_graded_meshes(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 _ITERATIONS = 6
+"""Programs that are solved, each about the flight of the one before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

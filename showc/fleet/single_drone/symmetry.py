@@ -25,6 +25,8 @@ _ALIGNED = 1e-12
 _STATE_AHEAD, _STATE_LEFT = (7, 10), (6, 9)
 """Pitch and its rate go with motion ahead, roll and its rate with motion left."""
 _CONTROL_AHEAD, _CONTROL_LEFT = (2, 3), (1, 3)
+"""Of the controls, the torques about y and z go with motion ahead, about x and z with
+motion left."""
 
 
 def images(aircraft: Aircraft) -> FloatArray:

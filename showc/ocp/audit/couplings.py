@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 KEPT = 1e-9
 """Violation over the scale of a coupling that counts as rounding."""
 _HALVINGS = 20
+"""Halvings of a piece after which the rest, a millionth, is taken at its bound."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _PIXELS_ACROSS = 8
 """Pixels across a stroke of mean width."""
 _MAX_PIXELS = 3_000_000
+"""Pixels of a raster: bounds the time and the memory of the thinning."""
 
 
 def centreline(contours: Sequence[Contour], count: int) -> FloatArray:

@@ -16,6 +16,7 @@ Pixel = tuple[int, int]
 """Row and column."""
 
 _RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+"""Steps to the eight neighbours of a pixel, once around."""
 
 
 def thinned(inside: BoolArray) -> BoolArray:

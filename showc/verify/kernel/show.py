@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
 
-STATE_COMPONENTS = 12
-CONTROL_COMPONENTS = 4
+STATE_COMPONENTS = 12  # position, velocity, attitude, body rates
+CONTROL_COMPONENTS = 4  # thrust and three torques
 
 LARGEST = 1e9
 """Greatest number that a show can hold (SI): beyond it products leave float64."""

@@ -52,7 +52,7 @@ CLOCK_LAG = 0.17
 PHASES = 15
 """Phases of a leg."""
 
-_HALVINGS = 80
+_HALVINGS = 80  # of a speed: beyond float64
 
 _SHORTEST = 1e-6
 """What is shorter is no leg [m]."""

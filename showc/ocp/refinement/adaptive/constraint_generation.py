@@ -42,6 +42,8 @@ ROUNDS = 20
 """Greatest number of times that couplings are added or tightened."""
 _LITTLE = 1e-3
 _PLACES = 6
+"""Share of the scale of a coupling that a violation must have, and most places, for one
+more: beyond, chasing the greatest violation would never end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ _HEAD_ON = 0.3
 """Share of what is lacking that the gradient gains on the way that the curvature
 needs; below it the gradient is no guide."""
 _LEVEL = 1e-6
+"""Length of a direction below which it is rounding."""
 
 
 def nudged(

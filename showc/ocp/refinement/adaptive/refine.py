@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 LEAST_POINTS = 3
 MOST_POINTS = 12
+"""Collocation points of an interval: fewer than three cannot tell how fast coefficients
+decay; the most is a convention, for blocks of the program grow with its square."""
 
 
 @dataclass(frozen=True, slots=True)

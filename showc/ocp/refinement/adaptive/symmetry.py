@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _STILL = 1e-6
 """Share of its range by which a control has moved that counts as moved."""
 _VALUES = 41
+"""Values of the curve that breaks a symmetry: as 40 intervals can tell apart."""
 
 
 def unmoved(

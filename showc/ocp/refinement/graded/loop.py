@@ -69,6 +69,7 @@ _STILL = 1e-2
 """Range over its scale below which a state counts as one that hardly moves: its errors
 are relative to this range then."""
 _REPAIRS = 3
+"""Times that the last mesh is mended, each halving the error or being the last."""
 
 
 @dataclass(frozen=True, slots=True)

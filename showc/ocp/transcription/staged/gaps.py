@@ -20,6 +20,7 @@ CLOSED = 1e-11
 NEAR = 1e-4
 """Gap beyond which a point is no solution and is left alone."""
 STEPS = 2
+"""Steps of Newton: from gaps of 1e-4, the second ends in rounding."""
 
 
 class Gaps:
