@@ -114,6 +114,11 @@ class FlownLog:
     ) -> None:
         try:
             with self._end:
+                if not self._sequence:
+                    self.fault = self.fault or (
+                        f"{str(self._path)!r} is not written: nothing was flown; a "
+                        "former one is whole"
+                    )
                 if not self.fault:
                     self._writer.finish()
                     flush(self._stream)

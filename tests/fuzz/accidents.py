@@ -73,8 +73,10 @@ PAIR = """showc: 1
 name: Pair
 drones: 2
 pads: {type: grid, step: 4}
+launch: {altitude: 3}
+landing: {altitude: 3}
 formations:
-  it: {type: line, spacing: 4, centre: [0, 6, 12]}
+  it: {type: line, spacing: 4, centre: [0, 3, 5]}
 transitions: [it]
 """
 ABLE = {

@@ -566,7 +566,12 @@ def test_a_log_of_a_flight_takes_its_name_when_it_is_whole(tmp_path, monkeypatch
         assert path.read_bytes() == b"former"
     assert read_flown(path)[0].positions.tolist() == [[1.0, 1.0, 1.0]]
     whole = path.read_bytes()
+    with FlownLog(path, (0,), 0) as record:
+        pass
+    assert "nothing was flown; a former one is whole" in record.fault
+    assert path.read_bytes() == whole
     with pytest.raises(AttributeError), FlownLog(path, (1,), 0) as record:
+        record.add(1, 1.0, np.ones(3), np.zeros(3))
         record.add(1, 1.0, np.ones(3), None)
     assert path.read_bytes() != whole
 
