@@ -36,6 +36,10 @@ SUSPICIOUS = 1 << 21
 GREATEST_RATIO = 60
 """Unpacked over packed: numbers as text reach 10, repeated ones 30."""
 
+MOST_UNPACKED = 1 << 30
+"""Unpacked length of all documents that references read, each as often as it is read
+[bytes]."""
+
 DEEPEST_REFERENCE = 16
 """References that lead to references."""
 
@@ -172,6 +176,9 @@ class References:
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
         self._documents: dict[str, Any] = {}
+        self._unpacked = 0
+        self.followed: list[str] = []
+        """Every reference that was followed, in order."""
 
     def resolved(self, value: Any) -> Any:  # noqa: ANN401 - any JSON
         """Follow references until there is a value; only this level is followed.
@@ -190,6 +197,7 @@ class References:
                     + " -> ".join([*seen, target][:4])
                 )
             seen.append(target)
+            self.followed.append(target)
             value = self._target(target)
         return value
 
@@ -203,6 +211,12 @@ class References:
             )
         if name not in self._documents:
             content = self._archive.read(name)
+            self._unpacked += len(content)
+            if self._unpacked > MOST_UNPACKED:
+                raise DamagedFileError(
+                    f"{self._archive.name}: its references unpack more than "
+                    f"{MOST_UNPACKED:,} bytes: the same documents over and over"
+                )
             self._documents[name] = parse_json(content, f"{self._archive.name}:{name}")
         value = self._documents[name]
         for step in filter(None, pointer.split("/")):
@@ -220,3 +234,4 @@ class References:
     def forget(self) -> None:
         """Let go of parsed documents: each drone has its own, read once."""
         self._documents.clear()
+        self.followed.clear()

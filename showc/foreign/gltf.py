@@ -18,7 +18,7 @@ from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.document import LARGEST_ENTRY, parse_json
 from showc.foreign.numbers import places, rising
-from showc.foreign.show import Course, ForeignShow, fleet, polyline
+from showc.foreign.show import Course, Courses, ForeignShow, fleet, polyline
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,6 +53,7 @@ class _Reading:
             raise self._damage("is no glTF document")
         self.top = top
         self._buffers: dict[int, bytes] = {}
+        self._moved_by: dict[Any, int] = {}
 
     def _damage(self, text: str) -> DamagedFileError:
         return DamagedFileError(f"{self.path}: {text}")
@@ -138,6 +139,7 @@ class _Reading:
     def courses(self) -> dict[int, Course]:
         """Courses of all nodes whose translation moves."""
         found: dict[int, Course] = {}
+        counted = Courses(self.path)
         animations = self.top.get("animations")
         if not isinstance(animations, list):
             return found
@@ -156,6 +158,7 @@ class _Reading:
                 if len(found) >= MOST_DRONES:
                     raise self._damage(f"moves more than {MOST_DRONES} nodes")
                 found[node] = self._course(animation, channel.get("sampler"), node)
+                counted.add(found[node])
         return found
 
     def _course(self, animation: dict[str, Any], index: Any, node: int) -> Course:  # noqa: ANN401
@@ -170,6 +173,12 @@ class _Reading:
         what = f"{self.path}: node {node}"
         times = rising(self.numbers(sampler.get("input"), "SCALAR")[:, 0], what)
         values = places(_show_frame(self.numbers(sampler.get("output"), "VEC3")), what)
+        other = self._moved_by.setdefault(sampler.get("output"), node)
+        if other != node:
+            raise self._damage(
+                f"nodes {other} and {node} have the same places; wanted for each drone "
+                "some of its own"
+            )
         way = sampler.get("interpolation", "LINEAR")
         wanted = times.size * (3 if way == "CUBICSPLINE" else 1)
         if values.shape[0] != wanted:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from showc.errors import DamagedFileError, UsageError
 from showc.files import UnreadableFileError, read_file
 from showc.foreign.gltf import read_gltf
-from showc.foreign.show import ForeignShow, fleet
+from showc.foreign.show import Courses, ForeignShow
 from showc.foreign.skyb import read_compressed, read_skyb
 from showc.foreign.skyc import read_skyc
 from showc.foreign.tables import read_csv_files, read_csv_zip
@@ -103,13 +103,16 @@ def _binaries(path: Path, files: list[Path]) -> ForeignShow:
     files = sorted(files, key=lambda file: _natural(file.stem))
     raw = files[0].suffix.lower() == ".traj"
     read = read_compressed if raw else read_skyb
-    found = [read(_binary(file), file.name) for file in files]
+    courses, found = Courses(path), []
+    for file in files:
+        found.append(read(_binary(file), file.name))
+        courses.add(found[-1].course)
     return ForeignShow(
         path=str(path),
         format="Crazyflie .traj" if raw else ".skyb",
         title=path.stem,
         names=tuple(file.stem for file in files),
-        tracks=fleet([one.course for one in found]),
+        tracks=courses.tracks(),
         lights=() if raw else tuple(one.lights for one in found),
         stored=() if raw else tuple(one.stored for one in found),
     )

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.errors import DamagedFileError
 from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from showc.arrays import FloatArray, IntArray
 
@@ -190,6 +192,49 @@ def polyline(times: FloatArray, places: FloatArray) -> Course:
     if times.size == 1:
         return Course(np.array([times[0], times[0] + 1e-3]), places[None, :1])
     return Course(times, np.stack([places[:-1], places[1:]], axis=1))
+
+
+MOST_CONTROLS = 6_000_000
+"""Coefficients of a fleet, three numbers each: a thousand drones of twelve minutes, two
+cubics a second."""
+
+
+class Courses:
+    """Courses of a fleet, gathered up to what a show may have.
+
+    Parameters
+    ----------
+    path
+        Of the show, for the error.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._courses = path, list[Course]()
+        self._pieces, self._width = 0, 0
+
+    def add(self, course: Course) -> None:
+        """Take the course of the next drone.
+
+        Raises
+        ------
+        DamagedFileError
+            If the fleet has more coefficients than are read.
+        """
+        pieces, width = course.position.shape[:2]
+        self._pieces, self._width = self._pieces + pieces, max(self._width, width)
+        # One degree serves all: what is lower is raised.
+        controls = self._pieces * self._width
+        if controls > MOST_CONTROLS:
+            raise DamagedFileError(
+                f"{self._path}: up to drone {len(self._courses) + 1} there are "
+                f"{self._pieces:,} pieces of degree {self._width - 1}, {controls:,} "
+                f"coefficients; wanted at most {MOST_CONTROLS:,}"
+            )
+        self._courses.append(course)
+
+    def tracks(self) -> Tracks:
+        """Lay the courses side by side; see :func:`fleet`."""
+        return fleet(self._courses)
 
 
 def fleet(courses: Sequence[Course]) -> Tracks:

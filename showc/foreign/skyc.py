@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +14,13 @@ from showc.foreign.document import Archive, References, parse_json
 from showc.foreign.numbers import array, number, places, rising
 from showc.foreign.show import (
     Course,
+    Courses,
     Cue,
     Declared,
     FencePolygon,
     ForeignShow,
     Location,
     Oddity,
-    fleet,
 )
 from showc.verify.kernel.bernstein import elevate
 
@@ -35,6 +36,9 @@ MOST_DRONES = 5000
 MOST_POINTS = 50_000
 """Points of one drone: a quarter of an hour at 50 a second."""
 
+MOST_CORNERS = 1000
+"""Corners of all polygons of a fence: ten times what autopilots hold."""
+
 MOST_INNER = 6
 """Inner control points of a segment: degree 7."""
 
@@ -45,6 +49,7 @@ class _Reading:
         self.path = path
         self.references = References(self.archive)
         self.oddities: list[Oddity] = []
+        self.flown_by: dict[tuple[str, str], int] = {}
 
     def mapping(self, value: Any, what: str) -> dict[str, Any]:  # noqa: ANN401
         """Return the object behind ``value``; an empty one where there is none."""
@@ -83,13 +88,14 @@ class _Reading:
         settings = self.mapping(top.get("settings"), "settings")
         meta = self.mapping(top.get("meta"), "meta")
         environment = self.mapping(top.get("environment"), "environment")
-        names, courses, lights, home, land = [], [], [], [], []
+        courses = Courses(self.path)
+        names, lights, home, land = [], [], [], []
         for index, entry in enumerate(drones):
             drone = self.mapping(entry, f"drone {index + 1}")
             own = self.mapping(drone.get("settings"), f"drone {index + 1}: settings")
             names.append(str(own.get("name") or f"drone {index + 1}")[:80])
             course = self._course(own.get("trajectory"), index + 1)
-            courses.append(course)
+            courses.add(course)
             lights.append(self._lights(own.get("lights"), index + 1))
             first, last = course.position[0, 0], course.position[-1, -1]
             home.append(self._place(own.get("home"), index + 1, "home", first))
@@ -100,7 +106,7 @@ class _Reading:
             format=".skyc",
             title=str(meta.get("title") or self.path.stem)[:200],
             names=tuple(names),
-            tracks=fleet(courses),
+            tracks=courses.tracks(),
             declared=self._declared(settings),
             fences=self._fences(settings),
             lights=tuple(lights),
@@ -111,10 +117,24 @@ class _Reading:
             oddities=tuple(self.oddities),
         )
 
+    def _alone(self, references: list[str], drone: int) -> None:
+        """Refuse a drone that refers to the trajectory of another one."""
+        for name in references:
+            path, _, pointer = name.partition("#")
+            place = str(PurePosixPath(path)), pointer.strip("/")
+            other = self.flown_by.setdefault(place, drone)
+            if other != drone:
+                raise DamagedFileError(
+                    f"{self.path}: drones {other} and {drone} refer to one trajectory, "
+                    f"{name!r}; wanted one for each: they would fly into each other"
+                )
+
     def _course(self, value: Any, drone: int) -> Course:  # noqa: ANN401
         what = f"{self.path}: drone {drone}"
+        begun = len(self.references.followed)
         trajectory = self.mapping(value, f"drone {drone}: trajectory")
         points = self.items(trajectory.get("points"), f"drone {drone}: points")
+        self._alone(self.references.followed[begun:], drone)
         if trajectory.get("version") != 1 or not points:
             raise DamagedFileError(
                 f"{what}: has no trajectory of version 1 with points"
@@ -200,14 +220,16 @@ class _Reading:
 
     def _fences(self, settings: dict[str, Any]) -> tuple[FencePolygon, ...]:
         fence = self.mapping(settings.get("geofence"), "settings.geofence")
-        found = []
+        found: list[FencePolygon] = []
         for index, entry in enumerate(self.items(fence.get("polygons"), "polygons")):
             polygon = self.mapping(entry, f"polygon {index + 1}")
             what = f"{self.path}: polygon {index + 1} of the fence"
             corners = self.items(polygon.get("points"), what)
-            if not 3 <= len(corners) <= 1000:
+            before = sum(len(one.points) for one in found)
+            if not 3 <= len(corners) <= MOST_CORNERS - before:
                 raise DamagedFileError(
-                    f"{what}: has {len(corners)} corners; wanted 3 up"
+                    f"{what}: has {len(corners)} corners, those before {before}; "
+                    f"wanted 3 or more, {MOST_CORNERS} in all"
                 )
             flat = [
                 corner[:2] if isinstance(corner, list) else corner for corner in corners

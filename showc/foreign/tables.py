@@ -7,6 +7,7 @@ eight ascending coefficients of x, y, z and yaw in the time since the piece's st
 
 from __future__ import annotations
 
+from functools import partial
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -16,10 +17,10 @@ from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.document import LARGEST_ENTRY, Archive
 from showc.foreign.numbers import places, rising
-from showc.foreign.show import Course, ForeignShow, LightTrack, fleet, polyline
+from showc.foreign.show import Course, Courses, ForeignShow, LightTrack, polyline
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from showc.arrays import FloatArray
@@ -138,29 +139,37 @@ def bernstein_of_powers(degree: int) -> FloatArray:
     )
 
 
-def read_tables(path: Path, contents: dict[str, bytes]) -> ForeignShow:
-    """Read the tables of a whole fleet, by the name of each drone.
+def read_tables(path: Path, contents: dict[str, Callable[[], bytes]]) -> ForeignShow:
+    """Read the tables of a whole fleet, by the name of each drone, one after the other.
 
     Raises
     ------
     DamagedFileError
         If one is not what its format wants, or the fleet mixes two.
     """
-    kinds = {is_poly7(content) for content in contents.values()}
-    if len(kinds) > 1:
-        raise DamagedFileError(f"{path}: mixes polynomial pieces and tables of places")
-    names = tuple(contents)
-    if kinds.pop():
-        courses = [poly7_course(content, name) for name, content in contents.items()]
-        return ForeignShow(str(path), "poly7 .csv", path.stem, names, fleet(courses))
-    found = [skybrush_course(content, name) for name, content in contents.items()]
+    courses, lights = Courses(path), []
+    kinds = set()
+    for name, read in contents.items():
+        content, light = read(), None
+        kinds.add(is_poly7(content))
+        if len(kinds) > 1:
+            raise DamagedFileError(
+                f"{path}: mixes polynomial pieces and tables of places"
+            )
+        if is_poly7(content):
+            course = poly7_course(content, name)
+        else:
+            course, light = skybrush_course(content, name)
+        courses.add(course)
+        lights.append(light)
+    poly7 = kinds.pop()
     return ForeignShow(
         str(path),
-        "Skybrush .csv",
+        "poly7 .csv" if poly7 else "Skybrush .csv",
         path.stem,
-        names,
-        fleet([course for course, _ in found]),
-        lights=tuple(light for _, light in found),
+        tuple(contents),
+        courses.tracks(),
+        lights=() if poly7 else tuple(lights),
     )
 
 
@@ -176,17 +185,17 @@ def read_csv_zip(path: Path) -> ForeignShow:
     members = [name for name in archive.names if name.lower().endswith(".csv")]
     if not members:
         raise DamagedFileError(f"{path}: has no .csv files in it")
-    contents: dict[str, bytes] = {}
+    contents: dict[str, Callable[[], bytes]] = {}
     for member in members:
         stem = member.rsplit("/", 1)[-1][: -len(".csv")]
         if stem in contents:
             raise DamagedFileError(f"{path}: has two drones named {stem!r}")
-        contents[stem] = archive.read(member)
+        contents[stem] = partial(archive.read, member)
     return read_tables(path, contents)
 
 
 def read_csv_files(path: Path, files: Sequence[Path]) -> ForeignShow:
     """Read a folder of tables, one a drone."""
     return read_tables(
-        path, {file.stem: read_file(file, LARGEST_ENTRY) for file in files}
+        path, {file.stem: partial(read_file, file, LARGEST_ENTRY) for file in files}
     )

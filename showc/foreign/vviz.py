@@ -14,7 +14,7 @@ from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.document import LARGEST_ENTRY, parse_json
 from showc.foreign.numbers import array, number, places, rising
-from showc.foreign.show import ForeignShow, LightTrack, fleet, polyline
+from showc.foreign.show import Courses, ForeignShow, LightTrack, polyline
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,11 +53,12 @@ def read_vviz(path: Path) -> ForeignShow:
         raise DamagedFileError(
             f"{path}: a rate is {min(rate, frames):g} Hz; wanted more"
         )
-    names, courses, lights = [], [], []
+    courses = Courses(path)
+    names, lights = [], []
     for index, performance in enumerate(performances):
         what = f"{path}: performance {index + 1}"
         agent = _entry(performance, "agentDescription", what, dict)
-        courses.append(_course(agent, rate, shift, what))
+        courses.add(_course(agent, rate, shift, what))
         lights.append(_lights(performance, frames, shift, what))
         names.append(str(performance.get("id", index + 1))[:80])
     return ForeignShow(
@@ -65,7 +66,7 @@ def read_vviz(path: Path) -> ForeignShow:
         ".vviz",
         str(top.get("performanceName") or path.stem)[:200],
         tuple(names),
-        fleet(courses),
+        courses.tracks(),
         lights=tuple(lights),
     )
 

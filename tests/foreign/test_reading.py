@@ -213,6 +213,16 @@ def hostile_archives(path):
     zipped(path / "pointer.skyc", show_json=show_of({"$ref": "./show.json#/x/9"}))
     zipped(path / "deep.skyc", show_json=nested(100_000))
     zipped(path / "wide.skyc", show_json="[" + "[]," * 5_000_000 + "[]]")
+    same = [{"$ref": "./a.json"}] * 5000
+    zipped(path / "same.skyc", show_json=show_of(*same), a_json=CURVED)
+    fan = [{"$ref": f"./a.json#/{k}"} for k in range(5000)]
+    a, b = [{"$ref": f"./b.json#/{k % 9}"} for k in range(5000)], [CURVED] * 9
+    zipped(path / "fan.skyc", show_json=show_of(*fan), a_json=a, b_json=b)
+    inner = [trajectory() | {"points": {"$ref": "./a.json"}} for _ in range(5000)]
+    zipped(path / "points.skyc", show_json=show_of(*inner), a_json=CURVED["points"])
+    star = {"isInclusion": True, "points": [[k, k * k % 7] for k in range(600)]}
+    fenced = show_of(UP, geofence={"polygons": [star, star]})
+    zipped(path / "fences.skyc", show_json=fenced)
     zipped(path / "none.skyc", other_json="{}")
     zipped(path / "empty.skyc", show_json=show_of())
     zipped(path / "crowd.skyc", show_json=show_of(*[UP] * 5001))
@@ -227,7 +237,7 @@ def hostile_archives(path):
 
 def test_hostile_archives_end_in_one_finding(tmp_path):
     archives = hostile_archives(tmp_path)
-    assert len(archives) == 17
+    assert len(archives) == 21
     for path in archives:
         found = findings(path)
         assert set(found) == {"VRF501"}, path

@@ -570,8 +570,9 @@ def test_a_log_of_a_flight_takes_its_name_when_it_is_whole(tmp_path, monkeypatch
         pass
     assert "nothing was flown; a former one is whole" in record.fault
     assert path.read_bytes() == whole
-    with pytest.raises(AttributeError), FlownLog(path, (1,), 0) as record:
-        record.add(1, 1.0, np.ones(3), np.zeros(3))
+    record = FlownLog(path, (1,), 0)
+    record.add(1, 1.0, np.ones(3), np.zeros(3))
+    with pytest.raises(AttributeError), record:
         record.add(1, 1.0, np.ones(3), None)
     assert path.read_bytes() != whole
 

@@ -37,6 +37,7 @@ from showc.verify.kernel.slices import (
     Tracks,
     edges,
     measures,
+    near_pairs,
     take,
 )
 
@@ -60,6 +61,15 @@ TOLERANCE = 1e-6
 _FURTHEST = 2.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to their polynomials."""
+
+
+_CROWD = 200
+"""Pairs for each drone that are looked at in a slice: formations as dense as the
+separation allows have half of them. Where there are more, slices are halved."""
+_HALVINGS = 20
+"""How often a slice is halved at most: to a millionth."""
+_NARROWINGS = 30
+"""How often the distance of near pairs is halved, until few enough are left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,12 +209,49 @@ class _Search:
         self.best, self.time = float(distance[row]), positions.begin
         self.pair = int(order[row : row + 2].min()), int(order[row : row + 2].max())
         for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
-            piece = take(positions, low, high, self.measure)
-            first, second = piece.near(self.measure, self.best - RESOLUTION / 2).T
-            times = np.full(first.size, low), np.full(first.size, high)
-            self._decide(positions, _Pairs(first, second, *times))
+            self._slice(positions, low, high, _HALVINGS)
+            if self._over:
+                break
         lower = max(self.best - RESOLUTION - self.error, 0.0)
         return Encounter(lower, self.best, self.pair, self.time, during, self.error)
+
+    def _slice(self, positions: Tracks, low: float, high: float, halvings: int) -> None:
+        """Search a slice of time, in halves where drones stand in heaps."""
+        piece = take(positions, low, high, self.measure)
+        most = _CROWD * positions.drones
+        pairs = piece.near(self.measure, self.best - RESOLUTION / 2, most)
+        if pairs is not None:
+            first, second = pairs.T
+            times = np.full(first.size, low), np.full(first.size, high)
+            self._decide(positions, _Pairs(first, second, *times))
+            return
+        self._look(piece.begin, low, most)
+        if not halvings:
+            # Drones without number are as near each other as any: nothing is proved.
+            self.error = np.inf
+        middle = 0.5 * (low + high)
+        for begin, end in ((low, middle), (middle, high)):
+            if not self._over:
+                self._slice(positions, begin, end, halvings - 1)
+
+    @property
+    def _over(self) -> bool:
+        """Whether nothing can come nearer, or nothing can be proved."""
+        return self.best <= RESOLUTION or not np.isfinite(self.error)
+
+    def _look(self, place: FloatArray, time: float, most: float) -> None:
+        """Look for a near pair at an instant, where there are too many near ones."""
+        reach = self.best
+        for _ in range(_NARROWINGS):
+            pairs = near_pairs(place, reach, most)
+            if pairs is not None and pairs.size:
+                distance = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
+                row = int(np.argmin(distance))
+                if distance[row] < self.best:
+                    self.best, self.time = float(distance[row]), time
+                    self.pair = int(pairs[row, 0]), int(pairs[row, 1])
+                return
+            reach *= 0.5
 
     def _decide(self, positions: Tracks, pairs: _Pairs) -> None:
         """Enclose the distances of candidate pairs over a slice."""

@@ -173,11 +173,13 @@ def measures(separation: pb.Separation) -> tuple[Measure, ...]:
     return (Measure((0, 1, 2), (1.0, 1.0, 1.0 / stretch), largest=False),)
 
 
-def near_pairs(points: FloatArray, reach: float) -> IntArray:
+def near_pairs(
+    points: FloatArray, reach: float, most: float = np.inf
+) -> IntArray | None:
     """Pairs (n, 2) of points (m, axes), the first less, that may be within ``reach``.
 
     All pairs in one cell of a lattice with edges of ``reach``, or in cells that touch;
-    no pair within ``reach`` is missing.
+    no pair within ``reach`` is missing. None: there are more than ``most``.
     """
     count = points.shape[0]
     if count < 2:
@@ -199,6 +201,9 @@ def near_pairs(points: FloatArray, reach: float) -> IntArray:
         # Each pair once: only points that come later in the order.
         first = np.maximum(first, np.arange(1, count + 1))
         many = np.maximum(np.searchsorted(ranked, middle + 1, side="right") - first, 0)
+        most -= many.sum()
+        if most < 0:
+            return None
         one = np.repeat(np.arange(count), many)
         begin = np.cumsum(many) - many
         other = np.arange(one.size) + np.repeat(first - begin, many)
@@ -219,11 +224,18 @@ class Slice:
     away: FloatArray
     """How far the flight leaves the chord at most, shape (drones,)."""
 
-    def near(self, measure: Measure, distance: float) -> IntArray:
-        """Pairs (n, 2), the first less, that could come nearer than ``distance``."""
+    def near(
+        self, measure: Measure, distance: float, most: float = np.inf
+    ) -> IntArray | None:
+        """Pairs (n, 2), the first less, that could come nearer than ``distance``.
+
+        None: there are more than ``most`` to look at.
+        """
         middle = 0.5 * (self.begin + self.end)
         reach = distance + 2.0 * float(self.radius.max())
-        pairs = near_pairs(middle, reach)
+        pairs = near_pairs(middle, reach, most)
+        if pairs is None:
+            return None
         first, second = pairs[:, 0], pairs[:, 1]
         gap = measure(middle[first] - middle[second])
         gap -= self.radius[first] + self.radius[second]
