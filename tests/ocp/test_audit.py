@@ -165,3 +165,48 @@ def test_an_overshoot_just_behind_a_border_is_found():
     assert 0.3 < audit.path.max() <= 1.0
     (places,) = audit.path_places
     assert min(abs(s - place) for s in places) < 0.003
+
+
+def test_dynamics_are_not_asked_for_beyond_the_bounds_of_states():
+    """A model may end there; an integrated state is beyond by rounding."""
+    problem = ocp.Problem("on the ground")
+    phase = problem.phase(duration=1.0)
+    height = phase.state("height", 0.0, 10.0, start=0.0)
+    speed = phase.state("speed", start=0.0)
+    climb = phase.control("climb", -1.0, 1.0)
+    phase.derivative(height, climb)
+    phase.derivative(speed, ca.if_else(height >= 0.0, 1.0, -50.0))
+    problem.maximise(phase.final(speed) - phase.final(height))
+
+    def sink(part):
+        states = part.states.coefficients.copy()
+        states[:, :, 0] = 0.0
+        breaks = part.states.breaks
+        steps = np.linspace(0.0, 1.0, states.shape[1])
+        states[:, :, 1] = breaks[:-1, None] + np.diff(breaks)[:, None] * steps
+        down = np.full_like(part.controls.coefficients, -1e-9)
+        return replace(
+            part,
+            states=PiecewisePolynomial(breaks, states),
+            controls=PiecewisePolynomial(breaks, down),
+        )
+
+    audit, _ = audited(problem, sink)
+    assert audit.dynamics.max() < 1e-6
+    assert audit.shooting < 1e-6
+
+
+def test_stiff_dynamics_with_slopes_that_vary_are_integrated():
+    """Time constants of 1e-3 to 1e-5 within an interval: no stage is taken for lost."""
+    problem = ocp.Problem("stiff")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=1.0)
+    y = phase.state("y", start=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, -x + u)
+    phase.derivative(y, (1e3 + 1e5 * phase.time) * (ca.sin(x) - y))
+    problem.minimise(phase.integral(x**2 + u**2))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.error.dynamics < 1e-6
+    assert solution.error.shooting < 1e-6

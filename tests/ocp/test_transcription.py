@@ -226,3 +226,21 @@ def test_static_unknowns_and_several_phases_linked_by_continuity():
     assert lower.states(lower.start) == pytest.approx(upper.states(upper.end), abs=1e-7)
     with pytest.raises(KeyError, match="there is upper, lower"):
         solution.phase("middle")
+
+
+def test_the_search_does_not_leave_the_domain_of_a_table():
+    """Beyond its grid a spline of CasADi is zero: the bound is its end."""
+    problem = ocp.Problem("push at the end of a table")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", 0.0, 2.0, start=0.0)
+    v = phase.state("v", start=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    knots = [0.0, 0.5, 1.0, 1.5, 2.0]
+    push = ca.interpolant("push", "bspline", [knots], [5.0, 4.0, 3.0, 2.0, 1.0])
+    phase.derivative(x, u)
+    phase.derivative(v, push(x))
+    problem.maximise(phase.final(v))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective == pytest.approx(5.0, rel=1e-6)
+    assert solution.iterations < 40

@@ -6,9 +6,16 @@ more than the state's polynomial has points. The method is L-stable: what decays
 a fraction of an interval does decay, however fast, where explicit steps would grow.
 
 The polynomial to be judged is where the iteration starts, so fixed-point steps find the
-stages in a few evaluations where the dynamics are not stiff; Newton's method finds the
-others. Error control: the Legendre coefficients of the stages tell how well an interval
-is resolved. Where they do not fall it is integrated again in three parts, and what they
+stages in a few evaluations where the dynamics are not stiff. Elsewhere Newton's method
+with the interval's mean slopes does: with these the stages decouple (Hairer, Wanner
+1996, section IV.8). Newton's method with the slopes of every stage finds what is left.
+
+Dynamics need not exist beyond the bounds of the states (a table ends, a root has no
+value), where an integrated state may come by rounding. There they are those of the
+nearest state within the bounds.
+
+Error control: the Legendre coefficients of the stages tell how well an interval is
+resolved. Where they do not fall it is integrated again in three parts, and what they
 leave open then counts as error.
 """
 
@@ -26,9 +33,13 @@ from showc.ocp.nodes import collocation
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from showc.arrays import BoolArray, FloatArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
+
+    ComplexArray = NDArray[np.complex128]
     from showc.ocp.solution import PhaseSolution
 
 
@@ -38,6 +49,10 @@ _PARTS = 3
 """Parts in which an interval is integrated that one step does not resolve."""
 _FIXED_POINT = 6
 """Fixed-point steps before Newton's method takes over."""
+_SIMPLE = 8
+"""Newton's steps with mean slopes before those with the slopes of every stage."""
+_CONTRACTS = 0.3
+"""Ratio of one change to the last up to which an iteration is worth going on with."""
 _NEWTON = 12
 """Newton's steps after which an interval counts as not integrable."""
 _SETTLED = 1e-2
@@ -76,6 +91,20 @@ def _radau(stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return c, np.asarray(matrix, float), np.asarray(spectrum, float)
 
 
+@lru_cache(maxsize=64)
+def _modes(stages: int) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Eigenvalues (m,) of matrix A, eigenvectors (s, m), rows of their inverse (m, s).
+
+    Of two conjugate ones that with the positive imaginary part stands for both, its
+    eigenvector doubled: the real part of its product is what both contribute.
+    """
+    values, vectors = np.linalg.eig(_radau(stages)[1])
+    inverse = np.linalg.inv(vectors)
+    kept = values.imag >= 0.0
+    share = np.where(values.imag > 0.0, 2.0, 1.0)
+    return values[kept], (vectors * share)[:, kept], inverse[kept]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
     """What is integrated."""
@@ -84,6 +113,8 @@ class Flight:
     """Polynomials of states and controls on K intervals."""
     bounds: tuple[FloatArray, FloatArray]
     """Lower and upper bounds of the controls, to which they are clipped."""
+    domain: tuple[FloatArray, FloatArray]
+    """Lower and upper bounds of the states, within which the dynamics are asked for."""
     parameters: FloatArray
     """Values of parameters and statics."""
     scale: FloatArray
@@ -201,6 +232,7 @@ class _Batch:
         phase = flight.phase
         self.owner, self.scale, self.stages = owner, flight.scale, stages
         self.bounds, self.p = flight.bounds, flight.parameters
+        self.domain = flight.domain
         self.states = phase.states.coefficients[chosen]
         self.controls = phase.controls.coefficients[chosen]
         self.begin = phase.states.breaks[chosen]
@@ -222,11 +254,11 @@ class _Batch:
         c, _, spectrum = _radau(self.stages)
         for part in range(parts):
             at = (part + c) / parts
-            guess = self._values(self.states, at)
-            offset = (x - self._values(self.states, np.array([part / parts]))[:, 0])[
+            guess = self.values(self.states, at)
+            offset = (x - self.values(self.states, np.array([part / parts]))[:, 0])[
                 :, None
             ]
-            found = self._stages(x, guess + offset, guess, at, self.width / parts)
+            found = _Step(self, guess + offset, guess, at, self.width / parts).stages(x)
             distance = np.abs(found - guess) / self.scale
             distance = np.nan_to_num(distance, nan=_LOST, posinf=_LOST)
             far = np.maximum(far, distance.max(axis=(1, 2)))
@@ -241,120 +273,179 @@ class _Batch:
         """Slopes of the ends by the starts, shape (B, states, states)."""
         c, matrix, _ = _radau(self.stages)
         count, size = self.width.size, self.states.shape[2]
-        x = self._values(self.states, c)
-        u = np.clip(self._values(self.controls, c), *self.bounds)
-        t = self.begin[:, None] + self.width[:, None] * c
-        system = self._system(
-            [
-                x.reshape(count * self.stages, size).T,
-                u.reshape(count * self.stages, u.shape[2]).T,
-                t.reshape(1, -1),
-                np.repeat(self.p[:, None], count * self.stages, axis=1),
-            ],
-            self.width,
-            matrix,
-        )
+        x = self.values(self.states, c)
+        step = _Step(self, x, x, c, self.width)
+        system = _system(step.slopes(np.arange(count)), self.width, matrix)
         right = np.tile(np.eye(size), (self.stages, 1))[None]
         if not np.all(np.isfinite(system)):
             return np.full((count, size, size), np.nan)
         return np.asarray(np.linalg.solve(system, right)[:, -size:])
 
-    def _system(
-        self, arguments: list[FloatArray], width: FloatArray, matrix: FloatArray
-    ) -> FloatArray:
-        """Slopes I - h A (x) df/dx of the stages' equations, shape (B, s n, s n)."""
-        count, stages, size = width.size, matrix.shape[0], self.states.shape[2]
-        rows, columns = self.owner.pattern
-        entries = np.asarray(self.owner.slopes.map(count * stages)(*arguments))
-        slopes = np.zeros((count, stages, size, size))
-        slopes[:, :, rows, columns] = entries.T.reshape(count, stages, -1)
-        system = -np.einsum("b,ij,bjxy->bixjy", width, matrix, slopes)
-        system = system.reshape(count, stages * size, stages * size)
-        system += np.eye(stages * size)
-        return np.asarray(system)
-
     @staticmethod
-    def _values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
+    def values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
+        """Values (B, places, components) of Bernstein polynomials."""
         basis = bernstein_basis(coefficients.shape[1] - 1, places)
         return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
 
-    def _stages(
+
+class _Step:
+    """The stages' equations of one step in each interval of a batch.
+
+    Parameters
+    ----------
+    batch
+        The intervals.
+    first
+        Where the search for the stages starts, shape (B, s, states).
+    reference
+        Values of the polynomials to be judged at the stages, of that shape.
+    at
+        Places of the stages as fractions of the intervals, shape (s,).
+    width
+        Width of each step, shape (B,).
+    """
+
+    def __init__(
         self,
-        start: FloatArray,
+        batch: _Batch,
         first: FloatArray,
         reference: FloatArray,
         at: FloatArray,
         width: FloatArray,
-    ) -> FloatArray:
-        """States at the stages, shape (B, s, states); not numbers where none exist."""
-        count, stages, size = first.shape
-        _, matrix, _ = _radau(stages)
-        u = np.clip(self._values(self.controls, at), *self.bounds)
-        t = self.begin[:, None] + self.width[:, None] * at
-        x, base, h = first.copy(), start[:, None], width[:, None, None]
+    ) -> None:
+        self.owner, self.scale, self.domain = batch.owner, batch.scale, batch.domain
+        self.first, self.x, self.reference = first, first.copy(), reference
+        self.u = np.clip(batch.values(batch.controls, at), *batch.bounds)
+        self.t = batch.begin[:, None] + batch.width[:, None] * at
+        self.p, self.width, self.matrix = batch.p, width, _radau(first.shape[1])[1]
 
-        def arguments(here: NDArray[np.intp]) -> list[FloatArray]:
-            return [
-                x[here].reshape(here.size * stages, size).T,
-                u[here].reshape(here.size * stages, u.shape[2]).T,
-                t[here].reshape(1, -1),
-                np.repeat(self.p[:, None], here.size * stages, axis=1),
-            ]
+    def stages(self, start: FloatArray) -> FloatArray:
+        """States at the stages, shape (B, s, states); not numbers where none exist.
 
-        def rate(here: NDArray[np.intp]) -> FloatArray:
-            f = self.owner.f.map(here.size * stages)(*arguments(here))
-            return np.asarray(f).T.reshape(here.size, stages, size)
+        ``start``: states at the start of the step, shape (B, states).
+        """
+        base, h = start[:, None], self.width[:, None, None]
 
-        def settled(here: NDArray[np.intp], change: FloatArray) -> BoolArray:
-            moved = (np.abs(change) / self.scale).max(axis=(1, 2))
-            far = (np.abs(x[here] - reference[here]) / self.scale).max(axis=(1, 2))
-            return np.asarray(moved <= np.maximum(_SETTLED * far, _ROUNDING))
+        def residual(here: IntArray) -> FloatArray:
+            rise = np.einsum("ij,bjx->bix", self.matrix, self._rate(here))
+            return np.asarray(base[here] + h[here] * rise - self.x[here])
 
-        left = np.arange(count)
-        before = np.full(count, np.inf)
-        stiff: list[NDArray[np.intp]] = []
         with np.errstate(all="ignore"):
-            for _ in range(_FIXED_POINT):
-                new = base[left] + h[left] * _weighted(matrix, rate(left))
-                change = new - x[left]
-                moved = (np.abs(change) / self.scale).max(axis=(1, 2))
-                good = moved < 0.3 * before[left]
-                stiff.append(left[~good])
-                x[left[good]] = new[good]
-                before[left] = moved
-                left = left[good & ~settled(left, change)]
-                if not left.size:
-                    break
-            stiff.append(left)
-            left = np.concatenate(stiff)
-            x[left] = first[left]
+            left = np.arange(start.shape[0])
+            left = self._iterated(left, _FIXED_POINT, residual)
+            if left.size:
+                slopes = np.zeros((start.shape[0], *2 * start.shape[1:]))
+                slopes[left] = self.slopes(left).mean(axis=1)
+                left = self._iterated(
+                    left,
+                    _SIMPLE,
+                    lambda here: _decoupled(
+                        residual(here), slopes[here], self.width[here]
+                    ),
+                )
             for _ in range(_NEWTON):
                 if not left.size:
                     break
-                residual = base[left] + h[left] * _weighted(matrix, rate(left))
-                change = _newton(
-                    residual - x[left],
-                    self._system(arguments(left), width[left], matrix),
-                )
-                x[left] += change
-                left = left[~settled(left, change)]
-            x[left] = np.nan
-        return x
+                system = _system(self.slopes(left), self.width[left], self.matrix)
+                change = _newton(residual(left), system)
+                self.x[left] += change
+                left = left[~self._settled(left, change)]
+            self.x[left] = np.nan
+        return self.x
+
+    def slopes(self, here: IntArray) -> FloatArray:
+        """Slopes of the dynamics by the states at the stages, (B, s, n, n)."""
+        x = self.x[here]
+        count, stages, size = x.shape
+        rows, columns = self.owner.pattern
+        entries = self.owner.slopes.map(count * stages)(*self._arguments(here))
+        slopes = np.zeros((count, stages, size, size))
+        slopes[:, :, rows, columns] = np.asarray(entries).T.reshape(count, stages, -1)
+        inside = (x >= self.domain[0]) & (x <= self.domain[1])
+        return np.asarray(slopes * inside[:, :, None, :])
+
+    def _iterated(
+        self, left: IntArray, most: int, change_of: Callable[[IntArray], FloatArray]
+    ) -> IntArray:
+        """Iterate where it contracts; give back where it does not, as before."""
+        failed: list[IntArray] = []
+        before = np.full(self.width.size, np.inf)
+        for _ in range(most):
+            if not left.size:
+                break
+            change = change_of(left)
+            moved = (np.abs(change) / self.scale).max(axis=(1, 2))
+            good = moved < _CONTRACTS * before[left]
+            failed.append(left[~good])
+            self.x[left[good]] += change[good]
+            before[left] = moved
+            left = left[good & ~self._settled(left, change)]
+        failed.append(left)
+        left = np.concatenate(failed)
+        self.x[left] = self.first[left]
+        return left
+
+    def _arguments(self, here: IntArray) -> list[FloatArray]:
+        """States, controls, times and parameters of all stages, as columns."""
+        u, count = self.u[here], self.t[here].size
+        x = np.clip(self.x[here], *self.domain)
+        return [
+            x.reshape(count, -1).T,
+            u.reshape(count, u.shape[2]).T,
+            self.t[here].reshape(1, -1),
+            np.repeat(self.p[:, None], count, axis=1),
+        ]
+
+    def _rate(self, here: IntArray) -> FloatArray:
+        """Dynamics at the stages, shape (B, s, states)."""
+        rate = self.owner.f.map(self.t[here].size)(*self._arguments(here))
+        return np.asarray(rate).T.reshape(self.x[here].shape)
+
+    def _settled(self, here: IntArray, change: FloatArray) -> BoolArray:
+        """Whether the stages are known well enough to judge the polynomial."""
+        moved = (np.abs(change) / self.scale).max(axis=(1, 2))
+        far = np.abs(self.x[here] - self.reference[here]) / self.scale
+        return np.asarray(
+            moved <= np.maximum(_SETTLED * far.max(axis=(1, 2)), _ROUNDING)
+        )
 
 
-def _weighted(matrix: FloatArray, rate: FloatArray) -> FloatArray:
-    """Products A f of the stages' rates, shape (B, s, states)."""
-    return np.asarray(np.einsum("ij,bjx->bix", matrix, rate))
+def _system(slopes: FloatArray, width: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Slopes I - h A (x) df/dx of the stages' equations, shape (B, s n, s n)."""
+    count, stages, size, _ = slopes.shape
+    system = -np.einsum("b,ij,bjxy->bixjy", width, matrix, slopes)
+    system = system.reshape(count, stages * size, stages * size)
+    system += np.eye(stages * size)
+    return np.asarray(system)
+
+
+def _decoupled(
+    residual: FloatArray, slopes: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Newton's step with the same slopes (B, n, n) at all stages; (B, s, n)."""
+    values, vectors, inverse = _modes(residual.shape[1])
+    right = np.einsum("ms,bsx->bmx", inverse, residual)
+    system = -np.einsum("b,m,bxy->bmxy", width, values, slopes)
+    system += np.eye(residual.shape[2])
+    step = _solved(system, right[..., None])[..., 0]
+    return np.asarray(np.einsum("sm,bmx->bsx", vectors, step).real)
 
 
 def _newton(residual: FloatArray, system: FloatArray) -> FloatArray:
     """Newton's step for the stages; not numbers where there is none."""
     right = residual.reshape(residual.shape[0], -1, 1)
-    finite = np.isfinite(system).all(axis=(1, 2)) & np.isfinite(right).all(axis=(1, 2))
-    change = np.full(right.shape[:2], np.nan)
+    return _solved(system, right).reshape(residual.shape)
+
+
+def _solved(system: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Solutions of stacked linear systems; not numbers where there is none."""
+    finite = np.isfinite(system).all(axis=(-2, -1)) & np.isfinite(right).all(
+        axis=(-2, -1)
+    )
+    found = np.full(right.shape, np.nan, dtype=right.dtype)
     if finite.any():
         try:
-            change[finite] = np.linalg.solve(system[finite], right[finite])[:, :, 0]
+            found[finite] = np.linalg.solve(system[finite], right[finite])
         except np.linalg.LinAlgError:
-            return np.full(residual.shape, np.nan)
-    return change.reshape(residual.shape)
+            return np.full(right.shape, np.nan, dtype=right.dtype)
+    return found

@@ -107,7 +107,8 @@ class PhaseAuditor:
         reference = np.maximum(ranges(phase.states), self.least_range)
         bounds = self.control_bounds(table)
         starts = phase.states.coefficients[:, 0]
-        flight = Flight(phase, bounds, p, np.asarray(reference))
+        domain = self.state_bounds(table)
+        flight = Flight(phase, bounds, domain, p, np.asarray(reference))
         flown = self.integrator.fly(flight, starts)
         missed = flown.ends - phase.states.coefficients[:, -1]
         missed = np.nan_to_num(missed, nan=1e9, posinf=1e9, neginf=1e9)
@@ -135,6 +136,12 @@ class PhaseAuditor:
     def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
         """Bounds of the controls, each of shape (controls,)."""
         pairs = [table["bounds", self.phase.name, name] for name in self.phase.controls]
+        bounds = np.array(pairs).reshape(-1, 2)
+        return bounds[:, 0], bounds[:, 1]
+
+    def state_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the states, each of shape (states,)."""
+        pairs = [table["bounds", self.phase.name, name] for name in self.phase.states]
         bounds = np.array(pairs).reshape(-1, 2)
         return bounds[:, 0], bounds[:, 1]
 

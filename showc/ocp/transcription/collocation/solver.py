@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 SolverName = Literal["ipopt", "snopt"]
 
+LEAST_BARRIER = 1e-2
+"""Least parameter of the barrier over the solver's tolerance: with 100 active bounds
+they cost the tolerance."""
+
 
 class SolverMissingError(ShowError):
     """The nonlinear programming solver asked for is not on this machine."""
@@ -111,7 +115,10 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
         # Rows and unknowns are scaled from bounds already; a scale from the
         # gradient at the guess is useless where the guess is flat.
         "nlp_scaling_method": "none",
-        "bound_relax_factor": 1e-8,
+        # Bounds are relaxed before, where the model does not end at them.
+        "bound_relax_factor": 0.0,
+        # Less would ask for more than the tolerance, and an ill-conditioned system.
+        "mu_min": LEAST_BARRIER * options.tolerance,
         "mu_strategy": "adaptive",
         "acceptable_iter": 0,
         "honor_original_bounds": "no",

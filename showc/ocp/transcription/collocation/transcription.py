@@ -33,7 +33,7 @@ from showc.ocp.transcription.collocation.warmstart import transfer
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.arrays import FloatArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import Mesh
@@ -62,6 +62,12 @@ SHARE = 0.1
 """Share of the change found that the objective is divided by. Its slopes are then some
 tens at the start, as IPOPT's own scaling has them, and the search goes by the objective
 from the first step; measured to end in fewer wrong places than with 1."""
+RELAXED = 1e-8
+"""What bounds are relaxed by, over the greater of themselves and their quantities'
+scales: an arc on which one is kept with equality would else have no inside."""
+_JUMP = 1e-3
+"""Change of a row over its scale, on the way out through a relaxed bound, from which on
+the model ends at that bound."""
 _SAMPLES = 5
 """Places at which the slopes of the objective are looked at for its scale."""
 
@@ -109,6 +115,7 @@ class Transcription:
         self.scales = self._statement.scales(scales or {})
         self.discretisation = discretise(problem, mesh, scheme, self.scales, couplings)
         self._solvers: dict[bool, Any] = {}
+        self._ends: tuple[BoolArray, BoolArray] | None = None
 
     def solve(
         self,
@@ -188,7 +195,7 @@ class Transcription:
                 "lam_g0": warm.of_constraints,
             }
         solver = self._solver(warm=warm is not None)
-        answer = solver(**scaled)
+        answer = solver(**scaled | self._relaxed(scaled))
         statistics = solver.stats()
         result = result_of(statistics["return_status"])
         multipliers = Multipliers(
@@ -260,6 +267,57 @@ class Transcription:
             if np.isfinite(size) and size > 0.0:
                 sizes.append(size)
         return float(SHARE * np.median(sizes)) if sizes else 1.0
+
+    def _relaxed(self, scaled: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Bounds of unknowns and rows that are a little wider, where they may be."""
+        if self._ends is None:
+            self._ends = self._model_ends(scaled)
+        relaxed = {}
+        for low, high, hard in (("lbx", "ubx", self._ends), ("lbg", "ubg", None)):
+            free = scaled[low] < scaled[high]
+            for name, side in ((low, 0), (high, 1)):
+                bound = scaled[name]
+                may = free & np.isfinite(bound)
+                if hard is not None:
+                    may &= ~hard[side]
+                width = RELAXED * np.maximum(1.0, np.abs(bound))
+                away = -width if side == 0 else width
+                relaxed[name] = np.where(may, bound + np.where(may, away, 0.0), bound)
+        return relaxed
+
+    def _model_ends(
+        self, scaled: Mapping[str, FloatArray]
+    ) -> tuple[BoolArray, BoolArray]:
+        """Mark the lower and upper bounds beyond which the model has no values.
+
+        A table ends there, or a root: the rows jump, or are not numbers.
+        """
+        built, start, given = self.discretisation, scaled["x0"], scaled["p"]
+        ends = (np.zeros(start.size, dtype=bool), np.zeros(start.size, dtype=bool))
+        free = scaled["lbx"] < scaled["ubx"]
+        for phase, place in zip(self.problem.phases, built.layout.phases, strict=True):
+            tables = [place.state_row(i) for i in range(len(phase.states))]
+            tables += [place.control_row(j) for j in range(len(phase.controls))]
+            for table in tables:
+                members = np.concatenate([np.ravel(part) for part in table])
+                for name, side, way in (("lbx", 0, -1.0), ("ubx", 1, 1.0)):
+                    bound = scaled[name][members]
+                    chosen = members[np.isfinite(bound) & free[members]]
+                    if not chosen.size:
+                        continue
+                    at, beyond = start.copy(), start.copy()
+                    at[chosen] = scaled[name][chosen]
+                    width = RELAXED * np.maximum(1.0, np.abs(at[chosen]))
+                    beyond[chosen] = at[chosen] + way * width
+                    rows = [
+                        np.asarray(built.program.values(point, given)[1])
+                        for point in (at, beyond)
+                    ]
+                    with np.errstate(invalid="ignore"):
+                        jump = np.abs(rows[1] - rows[0])
+                        same = jump <= _JUMP * (1.0 + np.abs(rows[0]))
+                    ends[side][chosen] = not bool(np.all(same))
+        return ends
 
     def _growing(
         self, found: Multipliers, limits: Box, vector: FloatArray
