@@ -184,11 +184,24 @@ EFFECTS = [
     Piece("rainbow", 48, f"{{{WALL}}}", "effect: {kind: rainbow, wavelength: 24}"),
     Piece("strobe", 48, f"{{{WALL}, colour: white}}", "effect: {kind: strobe}"),
     Piece("twinkle", 48, f"{{{WALL}, colour: white}}", "effect: {kind: twinkle}"),
+    Piece(
+        "run",
+        48,
+        f"{{{WALL}}}",
+        "effect: {kind: run, colours: [deepskyblue, white, magenta], wavelength: 24}",
+    ),
+    Piece(
+        "moments",
+        48,
+        f"{{{WALL}, colour: white}}",
+        "lights: [{after: 1, colour: red}, {after: 1.6, colour: {gradient: [gold, "
+        "blue], along: x}, fade: end}]",
+    ),
 ]
-GROUPS = {"Formations": FORMATIONS, "Motions": MOTIONS, "Effects": EFFECTS}
+GROUPS = {"Formations": FORMATIONS, "Motions": MOTIONS, "Lights": EFFECTS}
 INTRODUCTION = """# Gallery
 
-Formations, motions and effects, each with the lines that make it. Pictures are drawn
+Formations, motions and lights, each with the lines that make it. Pictures are drawn
 from the places and colours that `showc` works out, seen half from the side. Of motions
 they show the ways of the drones, of effects six moments of two seconds. Every key is in
 [Show scripts](script.md); `showc preview` shows yours while you write.

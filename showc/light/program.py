@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from showc.light.colour import drive_bytes, full_hue, srgb_bytes
+from showc.light.keyframes import keyframes_of, placed
+from showc.script.show import chapters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import ByteArray, FloatArray, IntArray
     from showc.flight import Flight
+    from showc.light.keyframes import Keyframes
     from showc.plan.itinerary import Leg
     from showc.script.show import Effect, Show
 
@@ -55,6 +58,8 @@ class LightSpan:
     """Effect that plays over it."""
     places: FloatArray
     """Where the drones hover at the end, shape (n, 3), show frame [m]."""
+    keys: Keyframes | None = None
+    """Colours at moments, instead of those at start and end."""
 
     def linear(self, elapsed: FloatArray) -> FloatArray:
         """Linear colours at times (T,) since the start [s], shape (T, n, 3)."""
@@ -65,13 +70,17 @@ class LightSpan:
             share = (elapsed >= self.duration).astype(np.float64)
         else:
             share = elapsed / self.duration
-        weight = share[:, None, None]
-        colours = (1.0 - weight) * self.begin + weight * self.end
+        if self.keys is not None:
+            colours = self.keys.linear(elapsed)
+        else:
+            weight = share[:, None, None]
+            colours = (1.0 - weight) * self.begin + weight * self.end
         if self.effect is None:
             return np.asarray(colours)
         ease = min(EASE, 0.25 * self.duration)
         strength = np.clip(elapsed / ease, 0.0, 1.0)[:, None, None]
-        played = _play(self.effect, elapsed, self.places, colours)
+        since = 0.0 if self.effect.beat is None else self.start - self.effect.beat
+        played = _play(self.effect, elapsed + since, self.places, colours)
         return np.asarray((1.0 - strength) * colours + strength * played)
 
 
@@ -83,6 +92,8 @@ def _play(
     A strobe shows the colours for the first quarter of each period, and 1 - depth of
     them for the rest. A twinkle is a pulse that begins, for the i-th drone, at the
     fraction of i times the golden ratio of its period.
+    What runs goes through its colours, and from the last back to the first, evenly in
+    light and once a turn, in the brightness of the colour that it replaces.
     With turns w = t / period - (place . direction) / wavelength (pulses without the
     second term), pulse and sweep dim to 1 - depth (1 - cos 2 pi w) / 2, and a rainbow
     shows the hue w in the brightness of the colour it replaces.
@@ -95,12 +106,19 @@ def _play(
         return np.asarray(colours * (1.0 - effect.depth * dark)[..., None])
     if effect.kind == "twinkle":
         turns = turns + np.mod(np.arange(places.shape[0]) * _GOLDEN, 1.0)
-    if effect.kind in {"sweep", "rainbow"}:
+    if effect.kind in {"sweep", "rainbow", "run"}:
         axis = np.asarray(effect.direction)
         turns = turns - places @ axis / effect.wavelength
     if effect.kind == "rainbow":
         brightness = colours.max(axis=-1, keepdims=True)
         return np.asarray(full_hue(turns) * brightness)
+    if effect.kind == "run":
+        ring = np.array([*effect.colours, effect.colours[0]])
+        way = np.mod(-turns, 1.0) * len(effect.colours)
+        steps = np.arange(len(ring))
+        shown = [np.interp(way, steps, ring[:, channel]) for channel in range(3)]
+        brightness = colours.max(axis=-1, keepdims=True)
+        return np.asarray(np.stack(shown, axis=-1) * brightness)
     dimming = 1.0 - effect.depth * (0.5 - 0.5 * np.cos(tau * turns))
     return np.asarray(colours * dimming[..., None])
 
@@ -133,10 +151,16 @@ class LightProgram:
     ) -> Self:
         """Lay out the light of legs that start and last as said, by the show [s]."""
         present = np.zeros((show.drones, 3))
+        together = {index: flown for flown in chapters(show) for index in flown}
         spans = []
         for leg, start, duration in zip(legs, starts, durations, strict=True):
             holding = leg.kind in {"hold", "motion"}
             begin = present[leg.drones]
+            keys = None
+            if holding and leg.transition is not None:
+                flown = [show.transitions[k] for k in together[leg.transition]]
+                lit = placed(show, flown, leg.start, leg.places)
+                keys = keyframes_of(begin, float(start), lit)
             span = LightSpan(
                 start=float(start),
                 duration=duration,
@@ -146,6 +170,7 @@ class LightProgram:
                 fade=_fade(show, leg),
                 effect=_effect(show, leg) if holding else None,
                 places=leg.goal,
+                keys=keys,
             )
             spans.append(span)
             # A fade starts from what an effect leaves, so that nothing jumps.

@@ -348,6 +348,8 @@ def lights_left_out(show: Show) -> tuple[str, ...]:
         effect = transition.effect or show.formations[transition.to].effect
         if effect is not None:
             effects.append(f"{effect.kind} over {transition.to}{members}")
+        if transition.lights:
+            effects.append(f"lights at moments over {transition.to}{members}")
     found = []
     if effects:
         found.append(

@@ -21,6 +21,7 @@ from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.formations import FormationError
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.lights import lights_of
 from showc.script.motions import formations_of, motions_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
@@ -145,6 +146,7 @@ class Builder:
         site = None
         if not _broken(settings, "site"):
             site = site_of(settings.section("site"), self.reader)
+        self.music = music_of(settings, self.files, self.reader)
         floor = 10.0
         if not _broken(settings, "launch"):
             floor = settings.section("launch").number("altitude")
@@ -153,6 +155,7 @@ class Builder:
             floor,
             settings.integer("seed") if "seed" in settings else 0,
             self.files.read,
+            self.music,
         )
         gallery = Gallery(self.table, bench, self.reader)
         self._references()
@@ -254,10 +257,12 @@ class Builder:
                 colours = linear_light(srgb)
                 colours.setflags(write=False)
             if "effect" in settings:
-                effect = effect_of(settings.section("effect"))
+                effect = effect_of(settings.section("effect"), self.music)
         except FormationError as fault:
             key = "colour" if "effect" not in settings else "effect"
-            self.reader.say(fault.code, str(fault), settings.mark_of(key))
+            self.reader.say(
+                fault.code, str(fault), settings.mark_of(key), help_text=fault.help
+            )
             return None
         at, start, duration = self._times(settings)
         fade = settings.text("fade")
@@ -279,6 +284,7 @@ class Builder:
             start=start,
             pace=settings.number("pace"),
             motion=self._motion(settings, formation, sketch),
+            lights=lights_of(settings, formation, self.music, self.files, self.reader),
         )
 
     def _motion(
@@ -344,7 +350,6 @@ class Builder:
                     sketch.site,
                     self.reader,
                 )
-        self.music = music_of(settings, self.files, self.reader)
         transitions = []
         loose = []
         last: dict[str | None, str] = {}

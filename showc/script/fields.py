@@ -24,6 +24,7 @@ from showc.script.kinds import (
     Text,
     Time,
 )
+from showc.script.lights import LIGHTS
 from showc.script.motions import MOTION
 from showc.script.site_fields import SITE
 from showc.script.vehicle_fields import LIMITS, VEHICLE
@@ -165,6 +166,19 @@ TRANSITION = Section(
             default="linear",
         ),
         Field("effect", EFFECT, "Effect over the hold, instead of the formation's."),
+        Field(
+            "lights",
+            LIGHTS,
+            "Colours at moments of the hold, or a table of them: columns time [s], "
+            "place (from 1), red, green, blue (0 to 255). Effects play on them.",
+            examples=(
+                [
+                    {"after": 2, "colour": "red"},
+                    {"at": "bar 13", "colour": "white", "fade": "end"},
+                ],
+                "lights.csv",
+            ),
+        ),
         Field(
             "motion",
             Items(MOTION, 1, 20),

@@ -28,11 +28,11 @@ EFFECT = Section(
     (
         Field(
             "kind",
-            Choice(("pulse", "sweep", "rainbow", "strobe", "twinkle")),
+            Choice(("pulse", "sweep", "rainbow", "strobe", "twinkle", "run")),
             "`pulse` darkens and brightens all together, `sweep` runs a bright band "
             "along the direction, `rainbow` runs the hues along it, `strobe` flashes "
             "all for the first quarter of each period, `twinkle` darkens and brightens "
-            "each drone in its own time.",
+            "each drone in its own time, `run` runs `colours` along the direction.",
             required=True,
         ),
         Field(
@@ -42,16 +42,29 @@ EFFECT = Section(
             default=2.0,
         ),
         Field(
+            "beats",
+            Quantity(minimum=0.125, maximum=1024.0),
+            "Time of one cycle in beats of the music, instead of `period`; cycles "
+            "begin on the beat.",
+            default_text="none: cycles begin with the hold",
+        ),
+        Field(
+            "colours",
+            Items(Paint(), 2, 20),
+            "What `run` goes through, and then again.",
+            examples=(["deepskyblue", "white", "magenta"],),
+        ),
+        Field(
             "direction",
             _DIRECTION,
-            "Axis along which a sweep or rainbow runs, show frame; its length does "
+            "Axis along which sweep, rainbow or `run` go, show frame; its length does "
             "not matter.",
             default=[1, 0, 0],
         ),
         Field(
             "depth",
             Quantity(minimum=0.0, maximum=1.0),
-            "How far all but a rainbow darken, 0 to 1.",
+            "How far all but rainbow and `run` darken, 0 to 1.",
             default=1.0,
         ),
         Field(

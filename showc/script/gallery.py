@@ -9,10 +9,10 @@ import numpy as np
 
 from showc.script.diagnostic import Label
 from showc.script.formations import SHAPES, FormationError, Request
-from showc.script.placing import paint, transform, unit_vector
+from showc.script.placing import colours_in, paint, transform, unit_vector
 from showc.script.scalars import certain, suggestion
 from showc.script.settings import Setting, Settings
-from showc.script.show import Effect, EffectKind, Mark
+from showc.script.show import Effect, EffectKind, Mark, Music
 from showc.script.spacing import closest, crowded
 from showc.script.spreading import spread_apart
 from showc.script.wording import number_text
@@ -49,20 +49,45 @@ class Bench:
     seed: int
     read: Callable[[str, str], bytes]
     """Reads a file that the script names."""
+    music: Music | None = None
+    """What effects in beats count in."""
 
 
-def effect_of(settings: Settings) -> Effect:
+def effect_of(settings: Settings, music: Music | None) -> Effect:
     """Return the effect a section asks for.
 
     Raises
     ------
     FormationError
-        If its direction has no length.
+        If its direction has no length, its beats have no tempo, or what runs has no
+        colours.
     """
     x, y, z = (float(part) for part in unit_vector(settings, "direction"))
+    kind = cast("EffectKind", settings.text("kind"))
+    if kind == "run" and "colours" not in settings:
+        raise FormationError(
+            "SHW102",
+            "the effect `run` needs `colours`",
+            "effect",
+            help_text="add `colours: [deepskyblue, magenta]`",
+        )
+    period, beat = settings.number("period"), None
+    if "beats" in settings:
+        if music is None or music.bpm is None:
+            raise FormationError(
+                "SHW121",
+                "the effect counts beats, and the music has no tempo",
+                "effect",
+                help_text="add `music: {bpm: 120}`",
+            )
+        period = settings.number("beats") * 60.0 / music.bpm
+        beat = music.offset + music.first_beat
+    stops = colours_in(settings, "colours") if kind == "run" else np.zeros((0, 3))
     return Effect(
-        kind=cast("EffectKind", settings.text("kind")),
-        period=settings.number("period"),
+        kind=kind,
+        period=period,
+        colours=tuple((float(r), float(g), float(b)) for r, g, b in stops),
+        beat=beat,
         direction=(x, y, z),
         depth=settings.number("depth"),
         wavelength=settings.number("wavelength"),
@@ -257,7 +282,7 @@ class Gallery:
         if "colour" in settings:
             colours = paint(settings.section("colour"), points)
         effect = (
-            effect_of(settings.section("effect"))
+            effect_of(settings.section("effect"), self._bench.music)
             if "effect" in settings
             else base.effect
         )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.colours import Colour, gradient
+from showc.script.colours import Colour, gradient, linear_light
 from showc.script.formations.shape import FormationError
 from showc.script.settings import Setting, Settings
 
@@ -103,6 +103,12 @@ def paint(settings: Settings, points: FloatArray) -> FloatArray:
     return gradient(stops, _along(settings, points))
 
 
+def colours_in(settings: Settings, key: str) -> FloatArray:
+    """Return a list of colours in linear light, shape (n, 3)."""
+    srgb = np.array([_colour(item) for item in settings.items(key)])
+    return linear_light(srgb)
+
+
 def _along(settings: Settings, points: FloatArray) -> FloatArray:
     """Return where each place lies on a gradient, 0 to 1."""
     value = settings.values["along"].value
@@ -125,4 +131,4 @@ def _colour(setting: Setting) -> Colour:
     return float(red), float(green), float(blue)
 
 
-__all__ = ["paint", "transform", "unit_vector"]
+__all__ = ["colours_in", "paint", "transform", "unit_vector"]

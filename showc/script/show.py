@@ -142,7 +142,7 @@ class Site:
         )
 
 
-EffectKind = Literal["pulse", "sweep", "rainbow", "strobe", "twinkle"]
+EffectKind = Literal["pulse", "sweep", "rainbow", "strobe", "twinkle", "run"]
 """What a colour effect does."""
 
 
@@ -160,6 +160,25 @@ class Effect:
     """How far a pulse darkens or a sweep dims, 0 to 1."""
     wavelength: float = 10.0
     """Length of one cycle along the axis [m]."""
+    colours: tuple[Vector, ...] = ()
+    """Linear red, green, blue that a running gradient goes through, then again."""
+    beat: float | None = None
+    """Show time at which a cycle begins [s]; None: the beginning of the hold."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightKey:
+    """Colours at one moment of a hold."""
+
+    time: float
+    """Since the beginning of the hold, or of the show [s]."""
+    absolute: bool
+    """Whether it is a time of the show."""
+    colours: FloatArray
+    """Linear light of each place, shape (places, 3), read-only; not a number where
+    nothing is said."""
+    step: bool
+    """Whether the colours change there at once, and not on the way there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,6 +316,8 @@ class Transition:
 
     motion: tuple[Motion, ...] = ()
     """What the formation does over the hold, each on top of those before it."""
+    lights: tuple[LightKey, ...] = ()
+    """Colours at moments of the hold, under the effect."""
 
     @property
     def timed(self) -> bool:

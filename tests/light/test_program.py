@@ -15,7 +15,7 @@ from showc.flight import Flight
 from showc.light import LightProgram, srgb_bytes
 from showc.light.colour import drive_bytes, full_hue, linear_light
 from showc.plan.itinerary import Itinerary
-from showc.script.show import Effect
+from showc.script.show import Effect, LightKey
 
 FLIGHT = vertical_flight(4)
 PROGRAM = LightProgram.of(FLIGHT)
@@ -185,3 +185,83 @@ def test_drones_twinkle_each_in_its_own_time():
     light = played("twinkle", np.linspace(0.0, 1.0, 81)[:-1])
     assert light.max(axis=0).min() > 10.0 * light.min(axis=0).max()
     assert len(set(light.argmax(axis=0).tolist())) == light.shape[1]
+
+
+def test_what_runs_moves_its_colours_along_the_direction():
+    hold = FLIGHT.legs[FIRST_HOLD].duration
+    colours = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    effect = Effect(
+        "run", period=0.5 * hold, direction=(1.0, 0.0, 0.0), colours=colours,
+        wavelength=1e9,
+    )  # fmt: skip
+    # Nothing but time counts with so long a wave: backwards through the colours.
+    times = STARTS[FIRST_HOLD] + 0.5 * hold * (1.0 + np.arange(3) / 3.0)
+    light = changed(effect=effect).linear(times)[:, 0]
+    assert np.array_equal(light.argmax(axis=1), [0, 2, 1])
+    # A drone further along shows what one before it shows a little later.
+    program = changed(effect=replace(effect, wavelength=60.0))
+    places = FLIGHT.legs[FIRST_HOLD].leg.goal
+    ahead = int(np.argmax(places[:, 0]))
+    behind = int(np.argmin(places[:, 0]))
+    later = (places[ahead, 0] - places[behind, 0]) / 60.0 * 0.5 * hold
+    assert 0.0 < later < 0.3 * hold
+    time = STARTS[FIRST_HOLD] + 0.6 * hold
+    here, there = program.linear([time, time + later])
+    assert np.allclose(here[behind], there[ahead], atol=1e-9)
+
+
+def test_effects_in_beats_are_in_step_with_the_music():
+    start = STARTS[FIRST_HOLD]
+    hold = FLIGHT.legs[FIRST_HOLD].duration
+    beat = 0.25 * hold
+    effect = Effect("strobe", period=beat, beat=float(start) + 0.4 * beat)
+    # Ten hundredths of a beat after each beat it shines, ten before it does not.
+    beats = start + 0.4 * beat + beat * np.array([2.0, 3.0])
+    program = changed(effect=effect)
+    assert program.linear(beats + 0.1 * beat).max(axis=(1, 2)).min() > 0.1
+    assert not program.linear(beats - 0.1 * beat).any()
+
+
+def key(time, colour, *, step=False, absolute=False):
+    return LightKey(time, absolute, np.tile(np.array(colour, float), (4, 1)), step)
+
+
+def test_keyframes_change_evenly_or_at_once():
+    red, blue = [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]
+    hold = FLIGHT.legs[FIRST_HOLD].duration
+    keys = (key(0.4 * hold, red), key(0.7 * hold, blue, step=True))
+    program = changed(lights=keys)
+    shares = np.array([0.0, 0.2, 0.4, 0.55, 0.69, 0.71, 0.99])
+    light = program.linear(STARTS[FIRST_HOLD] + shares * hold)[:, 1]
+    half = 0.5 * (np.array(ORANGE) + red)
+    assert np.allclose(light, [ORANGE, half, red, red, red, blue, blue], atol=1e-9)
+    # The next move begins from the last colour.
+    assert np.allclose(program.linear([STARTS[SECOND] + 1e-6])[0, 1], blue, atol=1e-4)
+
+
+def test_moments_of_the_show_count_from_its_beginning():
+    start, hold = float(STARTS[FIRST_HOLD]), FLIGHT.legs[FIRST_HOLD].duration
+    red, blue = [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]
+    before = key(start - 2.0, red, absolute=True)
+    inside = key(start + 0.5 * hold, blue, step=True, absolute=True)
+    light = changed(lights=(inside, before)).linear(
+        start + np.array([0.01, 0.49, 0.51]) * hold
+    )
+    assert np.allclose(light[:, 2], [red, red, blue])
+
+
+def test_places_without_a_colour_yet_go_to_their_first_one():
+    start, hold = float(STARTS[FIRST_HOLD]), FLIGHT.legs[FIRST_HOLD].duration
+    blue = [0.0, 0.0, 1.0]
+    first, second = np.full((2, 4, 3), np.nan)
+    first[0], second[0], second[1] = blue, blue, blue
+    keys = (
+        LightKey(0.2 * hold, False, first, False),
+        LightKey(0.6 * hold, False, second, False),
+    )
+    drone = {int(p): k for k, p in enumerate(FLIGHT.legs[FIRST_HOLD].leg.places)}
+    light = changed(lights=keys).linear(start + np.array([0.3, 0.6, 0.9]) * hold)
+    half = 0.5 * (np.array(ORANGE) + blue)
+    assert np.allclose(light[:, drone[0]], blue)
+    assert np.allclose(light[:, drone[1]], [half, blue, blue])
+    assert np.allclose(light[:, drone[2]], ORANGE)

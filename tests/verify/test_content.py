@@ -2,6 +2,7 @@
 
 import math
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rewritten import rewritten
+from verified import written
 
 from showc.errors import DamagedFileError
 from showc.log import showc_pb2 as pb
@@ -327,3 +329,17 @@ def test_json_and_text_tell_the_same(log_path):
         assert check["name"] in text
     assert "PROVED" in text
     assert np.isfinite(result["duration"])
+
+
+def test_lights_at_moments_of_a_hold_are_those_of_the_script(flight, tmp_path):
+    itinerary = flight.itinerary
+    moves = itinerary.show.transitions
+    assert moves[0].lights
+    dark = replace(
+        itinerary,
+        show=replace(itinerary.show, transitions=tuple(
+            replace(one, lights=()) for one in moves
+        )),
+    )  # fmt: skip
+    path = written(replace(flight, itinerary=dark), tmp_path / "output.mcap")
+    assert "VRF125" in failures(verify_log(path, missions=False))

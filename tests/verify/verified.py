@@ -36,7 +36,11 @@ formations:
     effect: {{kind: pulse, period: 1}}
   level: {{type: points, points: {level}, colour: {{each: [white, dodgerblue]}}}}
 transitions:
-  - {{to: steps, hold: 1.5, assignment: fixed, fade: end}}
+  - to: steps
+    hold: 1.5
+    assignment: fixed
+    fade: end
+    lights: [{{after: 0.5, colour: red, fade: end}}, {{after: 1, colour: "#ff8800"}}]
   - {{to: level, hold: 1, assignment: fixed}}
 landing: {{altitude: 6, descent_speed: 3, hold: 1, assignment: fixed}}
 """

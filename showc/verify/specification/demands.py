@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from showc.light.keyframes import Lit, keyframes_of, placed
 from showc.light.program import LightProgram, LightSpan
 from showc.log import showc_pb2 as pb
 from showc.script.show import chapters
@@ -132,6 +133,7 @@ class _Walk:
         }
         self.limits: list[Limits] = []
         self.spans: list[LightSpan] = []
+        self.lighting: Sequence[Lit] = ()
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.carried = 0
         self.numbers = np.arange(show.drones)
@@ -218,10 +220,11 @@ class _Walk:
         self._on_time(segment, transitions)
         hold = max(one.hold for one in transitions)
         effect = first.effect or formation.effect
-        if any(one.motion for one in transitions):
-            self._moving(name, hold, effect, grows=grows)
-        else:
-            self._hold(name, hold, effect, grows=grows)
+        own = segment.message.places
+        self.lighting = placed(self.show, transitions, segment.goals, own)
+        take = self._moving if any(one.motion for one in transitions) else self._hold
+        take(name, hold, effect, grows=grows)
+        self.lighting = ()
 
     def _on_time(self, segment: Segment, transitions: Sequence[Transition]) -> None:
         """Hold the times of a move against those that the script asks for."""
@@ -448,16 +451,10 @@ class _Walk:
     def _shine(
         self, segment: Segment, end: FloatArray, fade: str, effect: Effect | None
     ) -> None:
-        span = LightSpan(
-            start=segment.start,
-            duration=segment.duration,
-            drones=self.fleet,
-            begin=self.lit,
-            end=end,
-            fade=fade,
-            effect=effect,
-            places=segment.goals,
-        )
+        start, goals = segment.start, segment.goals
+        keys = keyframes_of(self.lit, start, self.lighting)
+        flown = start, segment.duration, self.fleet
+        span = LightSpan(*flown, self.lit, end, fade, effect, goals, keys)
         self.spans.append(span)
         self.lit = span.linear(np.array([span.duration]))[0]
 
