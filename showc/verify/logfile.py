@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import zstandard
 
-from showc.verify.damage import Damage
+from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.records import HEAD
 
 if TYPE_CHECKING:
@@ -114,6 +115,17 @@ class LogFile:
             if chunk.span[1] <= offset and chunk.messages.log_time.size
         ]
         return (times[-1][1] - times[0][0]) * 1e-9 if times else None
+
+    @contextmanager
+    def reported(self) -> Iterator[None]:
+        """Turn damage that is met into the error that a user sees."""
+        try:
+            yield
+        except Damage as damage:
+            whole = self.good_until(damage.offset)
+            raise DamagedLogError(
+                str(self.path), damage.text, damage.offset, whole
+            ) from damage
 
     def times(self, channel: int) -> IntArray:
         """Time stamps of a channel's messages in order, shape (n,) [ns]."""

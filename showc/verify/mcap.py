@@ -19,7 +19,7 @@ import numpy as np
 
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, open_file
-from showc.verify.damage import Damage, DamagedLogError
+from showc.verify.damage import Damage
 from showc.verify.logfile import MESSAGE_HEAD, Chunk, LogFile, Messages, inflate
 from showc.verify.records import (
     HEAD,
@@ -93,15 +93,8 @@ def open_log(path: Path) -> LogFile:
     if size > LARGEST_FILE:
         raise UsageError(f"{path}: it has {size:,} bytes, more than a log can have")
     walk = _Walk(LogFile(Path(path), memoryview(mapped)))
-    try:
+    with walk.log.reported():
         return walk.run()
-    except Damage as damage:
-        raise DamagedLogError(
-            str(path),
-            damage.text,
-            damage.offset,
-            walk.log.good_until(damage.offset),
-        ) from damage
 
 
 class _Walk:

@@ -54,25 +54,10 @@ def prove(
     jobs: int | None,
     script: Path | None,
 ) -> Verification:
-    """Prove what a log says, and its files beside it.
+    """Prove what a log says, every byte of which is accounted for.
 
-    Parameters
-    ----------
-    log
-        The log, every byte of it accounted for.
-    watch
-        Hears of the course of the work.
-    missions
-        Whether to check the files beside the log.
-    jobs
-        Processes to share the work; None: one for each core.
-    script
-        The script to hold the log against; None: the one attached.
-
-    Raises
-    ------
-    Damage
-        If the log contradicts itself.
+    The rest is as :func:`showc.verify.run.verify_log` has it; what contradicts itself
+    is ``Damage``.
     """
     show = read_show(log)
     metadata = _metadata(log)

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.progress import Progress, Silent
-from showc.verify.damage import Damage, DamagedLogError
 from showc.verify.mcap import open_log
 
 if TYPE_CHECKING:
-    from showc.verify.logfile import LogFile
     from showc.verify.report import Verification
 
 
@@ -57,24 +55,8 @@ def verify_log(
     watch = progress or Silent()
     watch.stage("reading every byte")
     log = open_log(Path(path))
-    try:
-        # What overflows is infinite or undefined, and no check passes with that.
-        with np.errstate(all="ignore"):
-            return _verify(log, watch, missions=missions, jobs=jobs, script=script)
-    except Damage as damage:
-        raise DamagedLogError(
-            str(path), damage.text, damage.offset, log.good_until(damage.offset)
-        ) from damage
-
-
-def _verify(
-    log: LogFile,
-    watch: Progress,
-    *,
-    missions: bool,
-    jobs: int | None,
-    script: Path | None,
-) -> Verification:
     from showc.verify.proofs import prove  # noqa: PLC0415 - heavy
 
-    return prove(log, watch, missions=missions, jobs=jobs, script=script)
+    # What overflows is infinite or undefined, and no check passes with that.
+    with log.reported(), np.errstate(all="ignore"):
+        return prove(log, watch, missions=missions, jobs=jobs, script=script)

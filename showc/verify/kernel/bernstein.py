@@ -19,6 +19,7 @@ from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,18 +47,8 @@ def binomials(degree: int) -> FloatArray:
 def basis(degree: int, fraction: ArrayLike) -> FloatArray:
     """Values of the basis polynomials at ``fraction``, shape (..., degree + 1)."""
     s = np.asarray(fraction, dtype=np.float64)
-    # Products are far quicker than powers.
-    result = np.empty((degree + 1, *s.shape))
-    result[0] = 1.0
-    for j in range(1, degree + 1):
-        result[j] = result[j - 1] * s
-    rest, power = 1.0 - s, np.ones(s.shape)
-    for j in range(degree - 1, -1, -1):
-        power *= rest
-        result[j] *= power
-    factors = binomials(degree).reshape(-1, *(1 for _ in s.shape))
-    result *= factors
-    return np.ascontiguousarray(np.moveaxis(result, 0, -1))
+    powers = polyvander(s, degree) * polyvander(1.0 - s, degree)[..., ::-1]
+    return (powers * binomials(degree)).reshape(*s.shape, degree + 1)
 
 
 @lru_cache(maxsize=64)
@@ -104,22 +95,16 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
         The two fractions, 0 <= lower <= upper <= 1, shape (pieces,).
     """
     degree = coefficients.shape[1] - 1
-    # Coefficient by coefficient, all pieces of one lie side by side.
-    result = coefficients.transpose(1, 2, 0).copy(order="C")
-    step = np.empty_like(result[1:])
-    if np.any(lower > 0.0):
-        for last in range(degree, 0, -1):
-            np.subtract(result[1 : last + 1], result[:last], out=step[:last])
-            step[:last] *= lower
-            result[:last] += step[:last]
+    result = coefficients.copy()
     rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
     beyond = 1.0 - np.clip((upper - lower) / rest, 0.0, 1.0)
-    if np.any(beyond > 0.0):
-        for first in range(degree):
-            np.subtract(result[first:-1], result[first + 1 :], out=step[first:])
-            step[first:] *= beyond
-            result[first + 1 :] += step[first:]
-    return result.transpose(2, 0, 1)
+    share = lower[:, None, None]
+    for last in range(degree, 0, -1):
+        result[:, :last] += share * (result[:, 1 : last + 1] - result[:, :last])
+    share = beyond[:, None, None]
+    for first in range(degree):
+        result[:, first + 1 :] += share * (result[:, first:-1] - result[:, first + 1 :])
+    return result
 
 
 def square_sum(coefficients: FloatArray) -> FloatArray:

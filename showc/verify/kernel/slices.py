@@ -114,12 +114,7 @@ class Tracks:
         width = np.where(width > 0.0, width, 1.0)
         lower = np.clip((low - start) / width, 0.0, 1.0)
         upper = np.clip((high - start) / width, 0.0, 1.0)
-        result = self.position[row]
-        inner = np.flatnonzero((lower > 0.0) | (upper < 1.0))
-        if inner.size == row.size:
-            return part(result, lower, upper)
-        result[inner] = part(result[inner], lower[inner], upper[inner])
-        return result
+        return part(self.position[row], lower, upper)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +132,11 @@ class Measure:
         """Places (..., 3) in the space whose distances count, (..., axes)."""
         return np.asarray(points[..., list(self.axes)] * np.array(self.scale))
 
-    def __call__(self, difference: FloatArray, axis: int = -1) -> FloatArray:
-        """Distances of differences, scaled already, that lie along one ``axis``."""
+    def __call__(self, difference: FloatArray) -> FloatArray:
+        """Distances (...) of differences (..., axes), scaled already."""
         if self.largest:
-            return np.asarray(np.abs(difference).max(axis=axis))
-        return np.asarray(np.sqrt(np.sum(difference**2, axis=axis)))
+            return np.asarray(np.abs(difference).max(axis=-1))
+        return np.asarray(np.sqrt(np.sum(difference**2, axis=-1)))
 
     def of_chords(self, begin: FloatArray, end: FloatArray) -> FloatArray:
         """Lower bounds (n,) of the distances on the way from ``begin`` to ``end``.

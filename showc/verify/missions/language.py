@@ -2,24 +2,7 @@
 
 A mission is a sentence of a small language, and whatever is no word of it, or stands
 where its grammar does not have it, is refused: what an autopilot makes of other items
-is not known here, so nothing about them can be proved. The words:
-
-====  ==================  =====  ====================================================
-word  command             frame  parameters 1 to 4
-====  ==================  =====  ====================================================
-H     NAV_WAYPOINT        0      zero; row 0, the planned home
-T     NAV_TAKEOFF         3      zero; above home, at most 2.5 m
-W     NAV_WAYPOINT        3      zero (PX4: yaw)
-L     NAV_LAND            3      zero (PX4: yaw)
-C     NAV_DELAY           2      -1, hour (-1: any), minute, second
-F     NAV_DELAY           2      below one second, -1, -1, -1
-G     NAV_DELAY           2      one second or more, -1, -1, -1 (PX4)
-P     NAV_DELAY           2      at least one second, zero
-S     DO_CHANGE_SPEED     2      1, 2 or 3 (level, up, down), speed, -1, zero
-V     DO_SET_SERVO        2      output, pulse width, zero
-D     CONDITION_DELAY     2      seconds, zero
-====  ==================  =====  ====================================================
-
+is not known here, so nothing about them can be proved. The words are in ``WORDS``,
 and the sentences, with lights (V) before, half way (D) or after a leg:
 
     ArduPilot   H T V* S* W (S* C F? (V* W V* | D V+ W | V+))* P L
@@ -51,12 +34,6 @@ GLOBAL, MISSION, RELATIVE = 0, 2, 3
 GREATEST_TAKEOFF = 2.5
 """What is above is flown by a waypoint, at a known speed [m]."""
 
-SLOWEST, FASTEST = 0.1, 20.0
-"""Speeds that autopilots accept, above those of any drone of a show [m/s]."""
-
-LONGEST_PAUSE = 600.0
-"""Longest wait that is no slot [s]."""
-
 LARGEST_FILE = 1 << 20
 """More than the items of any board [bytes]."""
 
@@ -65,6 +42,36 @@ MOST_ITEMS = 1306
 
 DECIMALS = 4
 """Of parameters."""
+
+ZERO, NONE = range(1), range(-1, 0)
+YAW = (0.0, 359.9999)
+"""Of a waypoint [deg]: PX4 turns to it, ArduPilot's missions leave it at zero."""
+PAUSE = (1.0, 600.0)
+"""A wait that is no slot, and the longest of these [s]."""
+PART = (0.0001, 0.9999)
+"""What a slot may lie behind a whole second [s]."""
+DURING = (0.0001, 600.0)
+"""When lights change during a leg [s]."""
+SPEEDS = (0.1, 20.0)
+"""Speeds that autopilots accept, above those of any drone of a show [m/s]."""
+
+WORDS: dict[str, tuple[int, int, tuple[range | tuple[float, float], ...]]] = {
+    "H": (GLOBAL, WAYPOINT, (ZERO, ZERO, ZERO, ZERO)),
+    "T": (RELATIVE, TAKEOFF, (ZERO, ZERO, ZERO, YAW)),
+    "W": (RELATIVE, WAYPOINT, (ZERO, ZERO, ZERO, YAW)),
+    "L": (RELATIVE, LAND, (ZERO, ZERO, ZERO, YAW)),
+    "C": (MISSION, DELAY, (NONE, range(-1, 24), range(60), range(60))),
+    "F": (MISSION, DELAY, (PART, NONE, NONE, NONE)),
+    "G": (MISSION, DELAY, (PAUSE, NONE, NONE, NONE)),
+    "P": (MISSION, DELAY, (PAUSE, ZERO, ZERO, ZERO)),
+    "S": (MISSION, SPEED, (range(1, 4), SPEEDS, NONE, ZERO)),
+    "V": (MISSION, SERVO, (range(1, 17), range(500, 2501), ZERO, ZERO)),
+    "D": (MISSION, CONDITION_DELAY, (DURING, ZERO, ZERO, ZERO)),
+}
+"""Frame, command, and what each parameter may be (whole numbers, or between two): the
+planned home, take-off, waypoint, landing; a slot (hour, minute, second; hour -1: any),
+a part of a second behind it, the same wait for PX4, a pause; a speed (level, up, down);
+an output's pulse width [us]; a wait during the leg that follows."""
 
 _GRAMMARS = {
     "ardupilot": re.compile("HTV*S*W(?:S*CF?(?:V*WV*|DV+W|V+))*PL"),
@@ -211,7 +218,8 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
     one, two, three, four, latitude, longitude, height = values
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(height) < 1e5):
         raise MissionFormatError("names a place that is nowhere on the globe")
-    word = _word(command, frame, (one, two, three, four), first=first)
+    parameters = one, two, three, four
+    word = _word(frame, command, parameters)
     if frame == MISSION and (latitude, longitude, height) != (0.0, 0.0, 0.0):
         raise MissionFormatError("names a place, and its command has none")
     if word == "T" and not 0.0 < height <= GREATEST_TAKEOFF + 0.002:
@@ -224,7 +232,7 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
         word,
         frame,
         command,
-        (one, two, three, four),
+        parameters,
         round(latitude * 1e7),
         round(longitude * 1e7),
         height,
@@ -235,48 +243,21 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
 
 
 def _word(
-    command: int, frame: int, values: tuple[float, float, float, float], *, first: bool
+    frame: int, command: int, parameters: tuple[float, float, float, float]
 ) -> str:
     """Return the letter of a row; the place aside."""
-    one, two, three, four = values
-    placed = (one, two, three) == (0.0, 0.0, 0.0) and 0.0 <= four < 360.0
-    found = ""
-    if command == WAYPOINT and first and frame == GLOBAL:
-        found = "H" if placed and four == 0.0 else ""
-    elif command in {WAYPOINT, LAND, TAKEOFF} and frame == RELATIVE:
-        found = {WAYPOINT: "W", LAND: "L", TAKEOFF: "T"}[command] if placed else ""
-    elif frame == MISSION and command == DELAY:
-        found = _delay(values)
-    elif frame == MISSION and command == CONDITION_DELAY:
-        found = "D" if 0.0 < one <= LONGEST_PAUSE and values[1:] == (0, 0, 0) else ""
-    elif frame == MISSION and command == SPEED:
-        heeded = one in {1.0, 2.0, 3.0} and SLOWEST <= two <= FASTEST
-        found = "S" if heeded and (three, four) == (-1.0, 0.0) else ""
-    elif frame == MISSION and command == SERVO:
-        output = one.is_integer() and 1.0 <= one <= 16.0
-        pulse = two.is_integer() and 500.0 <= two <= 2500.0
-        found = "V" if output and pulse and (three, four) == (0.0, 0.0) else ""
-    if not found:
-        name = _NAMES.get(command, f"command {command}")
-        numbers = ", ".join(f"{value:g}" for value in values)
-        raise MissionFormatError(
-            f"{name} in frame {frame} with parameters {numbers} is nothing that showc "
-            "writes"
-        )
-    return found
-
-
-def _delay(values: tuple[float, float, float, float]) -> str:
-    one, hour, minute, second = values
-    if one == -1.0:
-        clock = all(value.is_integer() for value in values)
-        shown = -1.0 <= hour < 24.0 and 0.0 <= minute < 60.0 and 0.0 <= second < 60.0
-        return "C" if clock and shown else ""
-    if values[1:] == (-1.0, -1.0, -1.0) and 0.0 < one <= LONGEST_PAUSE:
-        return "F" if one < 1.0 else "G"
-    if values[1:] == (0.0, 0.0, 0.0) and 1.0 <= one <= LONGEST_PAUSE:
-        return "P"
-    return ""
+    for word, (own_frame, own_command, allowed) in WORDS.items():
+        if (frame, command) == (own_frame, own_command) and all(
+            value in one if isinstance(one, range) else one[0] <= value <= one[1]
+            for value, one in zip(parameters, allowed, strict=True)
+        ):
+            return word
+    name = _NAMES.get(command, f"command {command}")
+    numbers = ", ".join(f"{value:g}" for value in parameters)
+    raise MissionFormatError(
+        f"{name} in frame {frame} with parameters {numbers} is nothing that showc "
+        "writes"
+    )
 
 
 def _stored(height: float) -> bool:

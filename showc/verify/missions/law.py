@@ -161,14 +161,10 @@ class Profiles:
 
         In SI; at rest before and after the leg.
         """
-        edges = self.edges.take(leg, axis=0)
+        edges = self.edges[leg]
         t = np.clip(np.asarray(time, dtype=np.float64), 0.0, edges[:, -1])
-        # Bytes are far quicker to count than truths; a leg has but 15 phases.
-        begun = (t[:, None] >= edges[:, 1:-1]).view(np.uint8)
-        phase = begun.sum(axis=1, dtype=np.uint8).astype(np.int64)
-        since = t - edges.ravel().take((PHASES + 1) * np.arange(t.size) + phase)
-        table = self.phases.reshape(-1, self.phases.shape[2])
-        return _advanced(table.take(PHASES * leg + phase, axis=0).T, since)
+        phase = np.count_nonzero(t[:, None] >= edges[:, 1:-1], axis=1)
+        return _advanced(self.phases[leg, phase].T, t - edges[np.arange(t.size), phase])
 
 
 def profiles(
@@ -280,21 +276,16 @@ def _assembled(
 def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
     """Distance, speed, acceleration (3, n) after ``since`` (n,) of ``phase`` (6, n)."""
     distance, speed, push, constant, cosine, turn = phase
-    result = np.stack(
+    angle = turn * since
+    # Integrals of the cosine.
+    once, twice = np.sin(angle) / turn, (1.0 - np.cos(angle)) / turn**2
+    thrice = (since - once) / turn**2
+    return np.stack(
         [
             distance
-            + since * (speed + since * (0.5 * push + since * (constant / 6.0))),
-            speed + since * (push + since * (0.5 * constant)),
-            push + since * constant,
+            + since * (speed + since * (0.5 * push + since * (constant / 6.0)))
+            + cosine * thrice,
+            speed + since * (push + since * (0.5 * constant)) + cosine * twice,
+            push + since * constant + cosine * once,
         ]
     )
-    # Most of the time the jerk stays as it is.
-    some = np.flatnonzero(cosine)
-    turn, since, cosine = turn[some], since[some], cosine[some] / turn[some]
-    angle = turn * since
-    sine = np.sin(angle)
-    result[2, some] += cosine * sine
-    cosine /= turn
-    result[1, some] += cosine * (1.0 - np.cos(angle))
-    result[0, some] += cosine * (since - sine / turn)
-    return result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,6 @@ from showc.verify.missions.language import MISSION, MissionFormatError
 from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Site
     from showc.verify.missions.language import Item, Mission
@@ -57,14 +54,18 @@ def check_plan(
         plan = read_json(content)
     except ValueError as error:
         raise MissionFormatError(f"is not JSON ({str(error)[:80]})") from None
+    try:
+        station = plan["groundStation"]
+        fence = plan["geoFence"]["polygons"][0]["polygon"]
+        height = plan["mission"]["plannedHomePosition"][2]
+    except (KeyError, IndexError, TypeError):
+        raise MissionFormatError("has no ground station, fence or home") from None
     pad = mission.home or mission.items[0]
-    where = _at(plan, "mission", "plannedHomePosition")
-    height = where[2] if mission.home is None and _triple(where) else pad.height
-    home = [pad.latitude / 1e7, pad.longitude / 1e7, height]
-    station = _at(plan, "groundStation")
+    # PX4's missions do not say how high the pad is.
+    known = mission.home is not None or type(height) not in {int, float}
+    home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height if known else height]
     if not isinstance(station, str) or not _STATION.fullmatch(station):
         raise MissionFormatError("groundStation is not showc's")
-    fence = _at(plan, "geoFence", "polygons", 0, "polygon")
     _check_fence(fence, site)
     wanted = {
         "fileType": "Plan",
@@ -95,23 +96,6 @@ def check_plan(
         raise MissionFormatError(different)
 
 
-def _at(value: Any, *keys: str | int) -> Any:  # noqa: ANN401 - any JSON
-    """Return what lies under ``keys``; None where there is nothing."""
-    for key in keys:
-        if isinstance(value, dict) and isinstance(key, str):
-            value = value.get(key)
-        elif isinstance(value, list) and isinstance(key, int) and key < len(value):
-            value = value[key]
-        else:
-            return None
-    return value
-
-
-def _triple(value: Any) -> bool:  # noqa: ANN401 - any JSON
-    numbers = isinstance(value, list) and len(value) == 3
-    return numbers and all(type(one) in {int, float} for one in value)
-
-
 def _entry(number: int, item: Item) -> dict[str, Any]:
     """Return QGroundControl's form of an item."""
     height = round(item.height, 3)
@@ -139,26 +123,22 @@ def _entry(number: int, item: Item) -> dict[str, Any]:
 
 def _check_fence(found: Any, site: Site) -> None:  # noqa: ANN401 - any JSON
     """Hold the corners of a fence against the site's, clockwise from above."""
-    pairs = isinstance(found, list) and all(
-        isinstance(corner, list)
-        and len(corner) == 2
-        and all(type(one) in {int, float} for one in corner)
-        for corner in found
-    )
     wanted = fence_corners(site)
-    if not pairs or len(found) != len(wanted):
+    try:
+        kinds = {type(value) for corner in found for value in corner}
+        corners = np.array(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        kinds, corners = {str}, wanted
+    if not kinds <= {int, float} or corners.shape != wanted.shape:
         raise MissionFormatError(
             f"geoFence: the script's fence has {len(wanted)} corners, this another"
         )
-    if not all(math.isfinite(value) for corner in found for value in corner):
-        raise MissionFormatError("geoFence: a corner is nowhere")
-    corners = np.array(found, dtype=np.float64)
     altitude = np.full(len(corners), site.altitude)
     places = east_north_up(site, corners[:, 0], corners[:, 1], altitude)
     level = to_show_frame(site, places)[:, :2]
     # A tangent plane has no corner off by its curve within any fence of a show.
     off = np.linalg.norm(level - wanted, axis=1)
-    if off.max() > CORNER:
+    if not off.max() <= CORNER:
         number = int(off.argmax())
         raise MissionFormatError(
             f"geoFence: corner {number + 1} is {off[number]:.2f} m off the script's"
@@ -175,11 +155,7 @@ def fence_corners(site: Site) -> FloatArray:
     corners = np.array(site.fence, dtype=np.float64).reshape(-1, 2)
     if not len(corners):
         return np.array(walls)
-    return corners if _area(corners) <= 0.0 else corners[::-1]
-
-
-def _area(corners: FloatArray) -> float:
-    """Twice the area within corners, positive if they go round to the left."""
     x, y = corners.T
-    after: Sequence[FloatArray] = np.roll(x, -1), np.roll(y, -1)
-    return float(np.sum(x * after[1] - after[0] * y))
+    # Twice the area, positive if they go round to the left.
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return corners if area <= 0.0 else corners[::-1]
