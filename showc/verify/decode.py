@@ -1,4 +1,4 @@
-"""From the log's messages to the show they describe."""
+"""From the log's messages, and their types, to the show they describe."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from foxglove_schemas_protobuf import (
+    FrameTransforms_pb2,
+    PointCloud_pb2,
+    SceneUpdate_pb2,
+)
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
+from showc.log.schema import descriptor_set
 from showc.verify.damage import Damage
 from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
@@ -21,14 +27,30 @@ from showc.verify.kernel.show import (
     Segment,
     xyz,
 )
+from showc.verify.report import agreement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.verify.logfile import LogFile
     from showc.verify.logfile import Message as LoggedMessage
+    from showc.verify.report import Check
 
 Parsed = TypeVar("Parsed", bound=Message)
+
+PROTOBUF = "protobuf"
+"""Encoding of messages and of their types."""
+
+_TYPES: dict[str, type[Message]] = {
+    r"/show/rules": pb.Rules,
+    r"/show/segments": pb.Segment,
+    r"/show/scene": SceneUpdate_pb2.SceneUpdate,
+    r"/fleet/(state|predicted)": PointCloud_pb2.PointCloud,
+    r"/tf": FrameTransforms_pb2.FrameTransforms,
+    r"/drone/\d+/trajectory": pb.Trajectory,
+    r"/drone/\d+/state": pb.DroneState,
+}
+"""Type of the messages on each topic."""
 
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
@@ -51,6 +73,38 @@ _MOST_PIECES = 10_000
 
 _LARGEST_DEGREE = 60
 """Beyond it binomials lose digits; no useful polynomial has it."""
+
+
+def check_schemas(log: LogFile) -> Check:
+    """Hold topics against their types, and types against their definitions.
+
+    A definition must be the one in memory: with another one, a viewer would read other
+    things out of the same bytes than this verifier.
+    """
+    bad = []
+    for channel in log.channels.values():
+        schema = log.schemas[channel.schema]
+        wanted = next(
+            (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic)),
+            None,
+        )
+        if wanted is None:
+            bad.append(f"{channel.topic}: showc writes no such topic")
+        elif (schema.name, schema.encoding) != (wanted.DESCRIPTOR.full_name, PROTOBUF):
+            name = wanted.DESCRIPTOR.full_name
+            bad.append(f"{channel.topic}: {schema.name}, not {name}")
+        elif schema.data != descriptor_set(wanted):
+            bad.append(
+                f"{schema.name} is defined in another way; verify with the release of "
+                "showc that compiled the show, or compile it again"
+            )
+        if channel.encoding != PROTOBUF or channel.metadata:
+            bad.append(f"{channel.topic}: the channel says more, or another encoding")
+    used = {channel.schema for channel in log.channels.values()}
+    bad += [
+        f"{log.schemas[n].name} is used by nothing" for n in log.schemas.keys() - used
+    ]
+    return agreement("VRF103", bad)
 
 
 def read_show(log: LogFile) -> LoggedShow:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from showc.processes import side_by_side
 from showc.verify.damage import Damage
-from showc.verify.decode import read_show
+from showc.verify.decode import check_schemas, read_show
 from showc.verify.kernel.certificates import certified
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
@@ -20,7 +20,6 @@ from showc.verify.missions import parts_of_script
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
-from showc.verify.schemas import check_schemas
 from showc.verify.specification.cover import check_cover
 from showc.verify.specification.demands import hold_against
 from showc.verify.specification.script import read_anchor

@@ -1,12 +1,21 @@
-"""What the autopilots will make of the missions, proved again from the files' bytes."""
+"""What the autopilots will make of the missions, proved again from the files' bytes.
+
+Drones fly straight lines from place to place, and beyond their ends by the overshoot at
+most. A line is a polynomial of degree 1, so that the kernel's proof of the fence holds
+for it, concave fences included.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.verify.kernel.fence import RESOLUTION as TOUCHES
+from showc.verify.kernel.fence import enclosed
+from showc.verify.kernel.show import xyz
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
 from showc.verify.missions.legs import DAY, HOUR, Clock
@@ -17,8 +26,6 @@ from showc.verify.missions.separation import (
     nearest_timed,
     nearest_untimed,
 )
-from showc.verify.missions.space import ROUNDING as BOUNDARY
-from showc.verify.missions.space import Inside, inside_fence, inside_volume
 from showc.verify.missions.terms import FIRMWARE
 from showc.verify.report import Place, agreement, checked
 from showc.verify.specification.compare import unlike
@@ -27,13 +34,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.arrays import FloatArray, IntArray
+    from showc.log.showc_pb2 import Site
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Check, Verdict
 
 
 ROUNDING = 0.02
-"""How much nearer two places can be by the mission's rounding [m]."""
+"""How far off a stored place may be, and how much nearer two places [m]."""
 
 AGREEMENT = 0.01
 """How far the manifest's nearest encounter may be off: both have their resolutions,
@@ -243,12 +251,66 @@ def _check_slots(
     return checked("VRF408", verdict, value, 0.0, "s", where=where, notes=(note,))
 
 
+@dataclass(frozen=True, slots=True)
+class Inside:
+    """How far inside a boundary the missions stay, less what is asked for."""
+
+    spare: float
+    """Negative outside [m]."""
+    leg: int
+    """On which leg of the fleet."""
+
+
+def inside_volume(fleet: FleetLegs, site: Site) -> Inside:
+    """Return how far inside the volume's walls all places are, overshoot included.
+
+    Where the walls are the fence, lines keep its margin; what is flown beyond their
+    ends may use it up.
+    """
+    low, high = xyz(site.volume_min), xyz(site.volume_max)
+    margin = 0.0 if len(site.fence) else site.fence_margin
+    inset = np.array([margin, margin, 0.0])
+    spare = np.full(fleet.lines.size, np.inf)
+    for places, less in ((fleet.begin, inset), (fleet.end, inset), (_beyond(fleet), 0)):
+        walls = np.minimum(places - low, high - places) - less
+        spare = np.minimum(spare, walls.min(axis=1))
+    leg = int(np.argmin(spare))
+    return Inside(float(spare[leg]), leg)
+
+
+def inside_fence(fleet: FleetLegs, site: Site) -> Inside | None:
+    """Return how far inside the fence all lines are, its margin taken off.
+
+    None where the site has no fence but the volume's walls; minus infinity where a line
+    leaves the fence, or touches it.
+    """
+    if not len(site.fence):
+        return None
+    fence = np.array(site.fence).reshape(-1, 2)
+    found = []
+    for begin, end, margin in (
+        (fleet.begin, fleet.end, site.fence_margin),
+        (fleet.end, _beyond(fleet), 0.0),
+    ):
+        lines = np.stack([begin[:, :2], end[:, :2]], axis=1)
+        lower, leg = enclosed(lines, fence)
+        found.append(Inside(lower - margin if lower >= TOUCHES else -np.inf, leg))
+    return min(found, key=lambda one: one.spare)
+
+
+def _beyond(fleet: FleetLegs) -> FloatArray:
+    """Foremost places (n, 3) of all legs; a landing ends on the ground."""
+    excess = fleet.profiles.excess.copy()
+    excess[fleet.first[1:] - 1] = 1.0
+    return fleet.begin + excess[:, None] * (fleet.end - fleet.begin)
+
+
 def _boundary(code: str, fleet: FleetLegs, found: Inside) -> Check:
-    note = f"with what is flown beyond the ends of legs, to {BOUNDARY:g} m of rounding"
+    note = f"with what is flown beyond the ends of legs, to {ROUNDING:g} m of rounding"
     line = fleet.lines[found.leg]
     return checked(
         code,
-        "pass" if found.spare >= -BOUNDARY else "fail",
+        "pass" if found.spare >= -ROUNDING else "fail",
         found.spare,
         0.0,
         "m to spare",

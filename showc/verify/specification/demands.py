@@ -204,18 +204,18 @@ class _Walk:
         times = [one.duration for one in transitions if one.duration is not None]
         duration = max(times) if times else None
         formation = self.show.formations[first.to]
-        if first.group is None:
-            segment = self._leg("transition", name, first.to, duration=duration)
-            places = self._whole(segment, first, formation)
-            self.colours = _shown(first, formation, places)
-        else:
-            joined = self._unused(
+        to = first.to
+        if first.group is not None:
+            to = self._unused(
                 " + ".join(f"{one.group} in {one.to}" for one in transitions)
             )
-            segment = self._leg("transition", name, joined, duration=duration)
-            self._groups(segment, transitions)
-            self.formations[joined] = segment.goals
+        segment = self._leg("transition", name, to, duration=duration)
+        self._place(segment, transitions)
+        if first.group is not None:
+            self.formations[to] = segment.goals
             self._own(segment, segment.goals)
+        elif not np.array_equal(self.placed[0][2], segment.message.places):
+            self._wrong(segment, "the places claimed are not those of the goals")
         self._arrive(segment, self.colours, first.fade)
         self._on_time(segment, transitions)
         hold = max(one.hold for one in transitions)
@@ -239,24 +239,14 @@ class _Walk:
                         f"{asked:.3f} s"
                     )
 
-    def _whole(
-        self, segment: Segment, transition: Transition, formation: Formation
-    ) -> IntArray:
-        """Places of the whole fleet, checked."""
-        self.parking[:] = PARKED
-        places = self._given(segment, transition, formation, self.fleet)
-        self.placed = [(transition, self.fleet, places)]
-        if not np.array_equal(places, segment.message.places):
-            self._wrong(segment, "the places claimed are not those of the goals")
-        return places
-
-    def _groups(self, segment: Segment, transitions: Sequence[Transition]) -> None:
-        """Check the goals of each group; the others stay where they are."""
+    def _place(self, segment: Segment, transitions: Sequence[Transition]) -> None:
+        """Check the goals of the fleet, or of groups; others stay where they are."""
         others = np.ones(self.show.drones, dtype=bool)
         colours = self.colours.copy()
         self.placed = []
         for transition in transitions:
-            members = np.asarray(self.show.groups[str(transition.group)])
+            group = transition.group
+            members = np.array(self.fleet if group is None else self.show.groups[group])
             others[members] = False
             formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
