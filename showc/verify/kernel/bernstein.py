@@ -14,7 +14,6 @@ Arrays of coefficients have the shape (pieces, degree + 1, ...) throughout.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -36,12 +35,9 @@ _ROUNDS = 80
 """Halvings of an interval after which it does: float64 has no more."""
 
 
-@lru_cache(maxsize=64)
 def binomials(degree: int) -> FloatArray:
     """Return C(degree, 0) ... C(degree, degree)."""
-    row = np.array([comb(degree, j) for j in range(degree + 1)], dtype=np.float64)
-    row.setflags(write=False)
-    return row
+    return np.array([comb(degree, j) for j in range(degree + 1)], dtype=np.float64)
 
 
 def basis(degree: int, fraction: ArrayLike) -> FloatArray:
@@ -51,26 +47,16 @@ def basis(degree: int, fraction: ArrayLike) -> FloatArray:
     return (powers * binomials(degree)).reshape(*s.shape, degree + 1)
 
 
-@lru_cache(maxsize=64)
-def _elevation(degree: int, target: int) -> FloatArray:
-    """Matrix (target + 1, degree + 1) that writes a polynomial with a higher degree."""
-    matrix = np.zeros((target + 1, degree + 1))
-    for j in range(degree + 1):
-        share = (
-            binomials(target - degree) / binomials(target)[j : target - degree + j + 1]
-        )
-        matrix[j : target - degree + j + 1, j] = comb(degree, j) * share
-    matrix.setflags(write=False)
-    return matrix
-
-
 def elevate(coefficients: FloatArray, target: int) -> FloatArray:
-    """Coefficients of the same polynomials in the degree ``target``."""
-    degree = coefficients.shape[1] - 1
-    if degree == target:
-        return coefficients
-    raised = np.einsum("ij,njk->nik", _elevation(degree, target), coefficients)
-    return np.asarray(raised)
+    """Coefficients of the same polynomials in the degree ``target``.
+
+    One degree after the other; Farouki 2012, section 4.
+    """
+    for degree in range(coefficients.shape[1], target + 1):
+        share = np.arange(degree + 1)[:, None] / degree
+        padded = np.pad(coefficients, ((0, 0), (1, 1), (0, 0)))
+        coefficients = share * padded[:, :-1] + (1.0 - share) * padded[:, 1:]
+    return coefficients
 
 
 def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -241,8 +241,7 @@ class _Search:
 
     def _look(self, place: FloatArray, time: float, most: float) -> None:
         """Look for a near pair at an instant, where there are too many near ones."""
-        reach = self.best
-        for _ in range(_NARROWINGS):
+        for reach in (self.best * 0.5 ** np.arange(_NARROWINGS)).tolist():
             pairs = near_pairs(place, reach, most)
             if pairs is not None and pairs.size:
                 distance = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
@@ -251,7 +250,6 @@ class _Search:
                     self.best, self.time = float(distance[row]), time
                     self.pair = int(pairs[row, 0]), int(pairs[row, 1])
                 return
-            reach *= 0.5
 
     def _decide(self, positions: Tracks, pairs: _Pairs) -> None:
         """Enclose the distances of candidate pairs over a slice."""
