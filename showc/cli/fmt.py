@@ -22,6 +22,7 @@ def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
       showc fmt my-show.yaml
       showc fmt --check shows/*.yaml        in a CI job
     """
+    from showc.errors import UsageError
     from showc.files import UnreadableFileError, read_file, rewrite_file
     from showc.script.document import MAX_BYTES, parse_document
     from showc.script.layout import format_script
@@ -41,7 +42,12 @@ def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
             click.echo(render(found, {name: text}).rstrip("\n"), err=True)
             code = 2
             continue
-        formatted = format_script(text)
+        try:
+            formatted = format_script(text)
+        except UsageError as fault:
+            click.echo(f"error: {name!r} is left as it is: {fault}", err=True)
+            code = 2
+            continue
         if formatted.encode() == content:
             continue
         if diff:

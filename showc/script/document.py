@@ -359,6 +359,10 @@ class _Builder:
     def _alias(self, event: yaml.AliasEvent) -> None:
         mark = self._mark(event)
         name = event.anchor
+        frame = self.frames[-1] if self.frames else None
+        if frame is not None and frame.mapping and frame.key is None:
+            self._say("SHW009", "a key that is an alias", mark, help="use a word")
+            raise _RefusedError
         if name not in self.anchors:
             self._say("SHW001", f"the alias `*{name}` names nothing before it", mark)
             raise _RefusedError

@@ -13,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from showc.errors import UsageError
 from showc.script.document import LOADER, Mapping, Node, Scalar, parse_document
 
 STEP = 2
@@ -22,6 +23,7 @@ _CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken)
 _TIGHT_BEFORE = (yaml.FlowEntryToken, yaml.ValueToken, *_CLOSING)
 """Tokens that follow the one before without a space."""
 _BLOCKS = (yaml.BlockMappingStartToken, yaml.BlockSequenceStartToken)
+_VALUES = (yaml.ScalarToken, yaml.AliasToken, yaml.AnchorToken, *_OPENING)
 _BLOCK_STYLES = {"|", ">"}
 _WITHOUT_TEXT = (
     *_BLOCKS,
@@ -48,13 +50,17 @@ def format_script(text: str) -> str:
 
     Raises
     ------
-    RuntimeError
-        If the result did not say the same, which were a fault of this module.
+    UsageError
+        If the result did not say the same: line breaks within a value that are no line
+        feeds (U+0085, U+2028) may do that.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     result = _Layout(text).result()
     if _said(text) != _said(result):
-        raise RuntimeError("the formatted script says something else")
+        raise UsageError(
+            "its layout cannot be changed without changing what it says; look for "
+            "unusual line breaks (U+0085, U+2028) in it"
+        )
     return result
 
 
@@ -97,6 +103,8 @@ class _Layout:
     blocks: list[_Block] = field(default_factory=list)
     closed: list[_Block] = field(default_factory=list)
     """Blocks that have ended since the token before."""
+    begun: bool = False
+    """Whether a key or a block has begun since the token before."""
     depth: int = 0
     """Brackets that are open."""
     out: list[str] = field(default_factory=list)
@@ -122,10 +130,12 @@ class _Layout:
             indent = self.blocks[-1].indent + STEP if self.blocks else 0
             mapping = isinstance(token, yaml.BlockMappingStartToken)
             kind = "mapping" if mapping else "list"
+            self.begun = True
             self.blocks.append(_Block(token.start_mark.column, indent, kind))
             return
         if isinstance(token, yaml.KeyToken) and not self.depth:
             self._leave_level()
+            self.begun = True
         start, end = token.start_mark.index, token.end_mark.index
         if isinstance(token, _WITHOUT_TEXT) or start == end:
             return
@@ -136,6 +146,8 @@ class _Layout:
         if isinstance(token, _CLOSING):
             self.depth -= 1
         base = self.blocks[-1].indent if self.blocks else 0
+        if isinstance(token, _VALUES) and not (self.begun or self.depth):
+            base += STEP  # a value on a line of its own
         self._gap(start, column, base + STEP * self.depth, token)
         raw = self.text[start:end]
         if isinstance(token, yaml.ScalarToken) and token.style in _BLOCK_STYLES:
@@ -144,6 +156,7 @@ class _Layout:
         self.out.append(self._written(token, raw))
         self.place, self.last = start + len(raw), token
         self.closed.clear()
+        self.begun = False
         if isinstance(token, _OPENING):
             self.depth += 1
 

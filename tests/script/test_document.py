@@ -118,6 +118,11 @@ def test_an_alias_inside_what_it_names():
     assert [item.code for item in result.diagnostics] == ["SHW009"]
 
 
+def test_an_alias_is_no_key():
+    result = read_show(b"a: &a b\n*a : c\n")
+    assert [item.code for item in result.diagnostics] == ["SHW009"]
+
+
 def test_aliases_give_the_same_value(show):
     made = show(
         "drones: 4\nformations:\n  one: &one {type: circle, radius: 5}\n  two: *one\n"

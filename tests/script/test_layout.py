@@ -83,13 +83,20 @@ class Untidy:
         else:
             for key, value in tree.items():
                 if isinstance(value, str):
-                    lines.append(f"{key}:{self.space()}{self.block(value, column + 1)}")
+                    gap = self.space()
+                    if self.chance.random() < 0.2:
+                        gap = (
+                            f"{self.end()}{' ' * (column + self.chance.randint(1, 4))}"
+                        )
+                    lines.append(f"{key}:{gap}{self.block(value, column + 1)}")
                     continue
                 level = isinstance(value, list) and self.chance.random() < 0.4
                 deep = column if level else column + self.chance.randint(1, 5)
                 inner = self.block(value, deep)
-                below = inner.lstrip().startswith(("[", "{"))
-                start = self.space() if below else f"{self.end()}{' ' * deep}"
+                flow = inner.lstrip().startswith(("[", "{"))
+                deep = column + 1 if flow else deep
+                beside = flow and self.chance.random() < 0.7
+                start = self.space() if beside else f"{self.end()}{' ' * deep}"
                 lines.append(f"{key}:{start}{inner}")
         return (" " * column).join(lines)
 
@@ -167,6 +174,15 @@ def test_what_is_no_yaml_is_left_alone(tmp_path, capsys):
     assert run(["fmt", str(path)]) == 2
     assert "SHW001" in capsys.readouterr().err
     assert path.read_text("utf-8") == "showc: [1\n"
+
+
+def test_what_would_say_something_else_is_left_alone(tmp_path, capsys):
+    path = tmp_path / "show.yaml"
+    path.write_text("a:  1\nb:\n  i\u2028t: x\n", "utf-8")
+    before = path.read_bytes()
+    assert run(["fmt", str(path)]) == 2
+    assert "left as it is" in capsys.readouterr().err
+    assert path.read_bytes() == before
 
 
 def test_check_mends_the_file_and_reports_the_rest(tmp_path, capsys):
