@@ -11,6 +11,7 @@ from showc.log import showc_pb2 as pb
 from showc.view.digest import Digest, digest, tightest
 from showc.view.document import badge, clock, document, row, small, table, text
 from showc.view.forecast import forecast_section
+from showc.view.pictures import pictures_section
 from showc.view.safety import safety_section
 from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
 
@@ -67,14 +68,15 @@ def render_report(
         _figures(logged, digests),
         _site(logged),
         "" if case is None else safety_section(logged, case, aborts),
+        pictures_section(logged),
         _moves(logged, digests),
         _checks(verification),
         forecast_section(logged.manifest),
-        _origin(logged),
         (
             '<div class="sign"><div>Signed off by</div><div>Place</div>'
             "<div>Date</div></div>"
         ),
+        _origin(logged),
     ]
     return document(f"{logged.rules.name} – report", "\n".join(body))
 
@@ -97,7 +99,11 @@ def _figures(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         (clock(logged.duration), "from take-off to landing", ""),
         (str(sum(one.moving for one in digests)), "moves", ""),
         (f"{logged.positions[..., 2].max():.1f} m", "greatest height", ""),
-        (f"{max(one.speed for one in digests):.2f} m/s", "greatest speed", ""),
+        (
+            f"{max(one.speed for one in digests):.2f} m/s",
+            f"greatest speed ({_along_an_axis(logged):.2f} m/s along an axis)",
+            "",
+        ),
         (
             "–" if nearest is None else f"{nearest.distance:.2f} m",
             f"smallest separation (rule: {rule:.2f} m)",
@@ -109,6 +115,12 @@ def _figures(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         for value, name, kind in shown
     )
     return f'<section class="figures">{inner}</section>'
+
+
+def _along_an_axis(logged: LoggedShow) -> float:
+    """Greatest speed of any drone along an axis, from the samples [m/s]."""
+    parts = (np.abs(logged.samples[name]).max() for name in ("vx", "vy", "vz"))
+    return float(max(parts))
 
 
 def _too_near(closest: Encounter | None, rule: float) -> bool:
@@ -172,6 +184,10 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         if bounds
         else '<p class="note">Gap: time beyond the longest least time of a single '
         "drone alone.</p>"
+    )
+    note += (
+        '<p class="note">Speeds are those of the whole motion. Their limit holds along '
+        "each axis: a slanted flight may be faster, and keeps it.</p>"
     )
     note += _envelope_cost(digests)
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"

@@ -182,3 +182,30 @@ def test_ticks_are_even_and_inside(low, span):
     steps = np.diff(found)
     assert np.allclose(steps, steps[0], rtol=1e-3)
     assert low - 1e-6 * span <= found[0] and found[-1] <= high + 1e-6 * span
+
+
+def test_every_formation_that_is_held_is_drawn_once(gliding_log):
+    page = render_report(gliding_log, None)
+    section = page[page.index("<h2>Pictures") : page.index("<h2>Moves")]
+    held = {
+        one.message.to_formation
+        for one in gliding_log.segments
+        if one.kind == "hold" and not one.message.to_formation.startswith("above ")
+    }
+    assert held
+    assert section.count("<figure>") == len(held)
+    assert section.count("<circle") == 16 * len(held)
+    assert all(name in section for name in held)
+
+
+def test_hashes_come_after_the_signature(gliding_log):
+    page = render_report(gliding_log, None)
+    assert page.index('class="sign"') < page.index("<h2>Files")
+
+
+def test_speeds_beside_a_limit_along_an_axis_say_which_they_are(gliding_log):
+    page = render_report(gliding_log, None)
+    samples = gliding_log.samples
+    most = max(np.abs(samples[name]).max() for name in ("vx", "vy", "vz"))
+    assert f"{most:.2f} m/s along an axis" in page
+    assert "Their limit holds along each axis" in page
