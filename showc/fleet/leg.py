@@ -37,7 +37,6 @@ from showc.vehicle.metric import measure
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.fleet.shared_profile.profile import Profile
@@ -54,9 +53,6 @@ SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
 _GROWTH = 4.0
 """Growth of the time allowed over the least one after a failure."""
-_CROWD = 0.1
-"""Pairs left in conflict for each drone from which on a whole crowd is: then the time
-comes down from a slow flight that is known."""
 _FOLLOWED = 128
 """Drones up to which flights that kept apart are followed at a quicker pace: that takes
 a solve for each of them."""
@@ -160,8 +156,7 @@ class _Solver:
         self.fence = Fence.of(show.site)
         self.detours: dict[int, Detour] = {}
         self.shortest: dict[int, Trajectory] = {}
-        # What tries at other common times found, and the flights they solved.
-        self.ways: Ways | None = None
+        # Flights behind half-spaces that were solved, at all common times.
         self.solves = 0
 
     def solve(self) -> LegFlight:
@@ -391,14 +386,10 @@ class _Solver:
         if together is not None:
             return self._finish(together, limiting)
         best: Repair | StretchedFlights | None = None
-        slow: StretchedFlights | None = None
         least, longest = self._times(limiting)
-        failed, gap, slower, looked = 0.0, self.options.gap, 0, False
+        failed, gap, slower = 0.0, self.options.gap, 0
         while best is None:
             time = whole_milliseconds(least * (1.0 + gap))
-            if slow is not None and time >= slow.duration:
-                best = slow
-                break
             repair = self._repair(time, shared)
             if repair.done:
                 best = repair
@@ -413,15 +404,11 @@ class _Solver:
                 limiting = self._with(limiting, late)
                 least = max(least, limiting.time)
                 continue
-            crowd = repair.left > _CROWD * self.leg.drones.size
-            if slow is None and not looked and (crowd or failed > 0.0):
-                looked, slow = True, self._slowly(shared)
             failed = time
-            if slow is not None and crowd:
-                best = slow
-                break
-            if gap >= longest and slow is None:
-                raise self._parted(time, limiting, repair.trouble)
+            if gap >= longest:
+                best = self._slowly(shared)
+                if best is None:
+                    raise self._parted(time, limiting, repair.trouble)
             gap = min(_GROWTH * gap, longest)
         lowest = 0.9 * least if self.detours else limiting.time
         best = self._narrowed(best, max(failed, lowest), limiting, shared)
@@ -515,8 +502,6 @@ class _Solver:
                 np.zeros(self.leg.drones.size, dtype=bool),
             )
         )
-        if found is not None:
-            self.ways = found.ways
         if found is None or self.fence is None:
             return found
         for flight in found.trajectories:
@@ -528,7 +513,7 @@ class _Solver:
 
     def _may_try(self) -> bool:
         """Whether a shorter time may be tried, by what was spent."""
-        tries = self.tried.counts["common_times_tried"]
+        tries = self.tried.counts.get("common_times_tried", 0.0)
         return tries < self.options.effort * _TRIES and self._solves_left() > 0
 
     def _solves_left(self) -> int:
@@ -543,7 +528,6 @@ class _Solver:
         bent: Mapping[int, Trajectory] = _NONE,
     ) -> Repair:
         """Look for flights at a common time; ``done`` tells whether they are found."""
-        self.tried.add("common_times_tried")
         move = Move(
             name=self.leg.name,
             aircraft=self.aircraft,
@@ -557,12 +541,12 @@ class _Solver:
             fence=self.fence,
             rounds=self.options.repair_rounds,
             solves=max(self._solves_left(), _SOLVES),
-            ways=self.ways,
             bent=bent,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)
         repair.run()
-        self.ways = repair.ways
+        tangled = repair.tangled
+        self.tried.add("common_times_" + ("passed_over" if tangled else "tried"))
         solved = ("repair_solves", "solves_without_slack")
         self.solves += int(sum(repair.counts.get(name, 0.0) for name in solved))
         return repair

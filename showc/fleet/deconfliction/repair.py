@@ -1,9 +1,10 @@
 """All flights at one common time: independent first, then repaired until apart.
 
 Drones that can, fly straight on the shared profile; the others follow it as near as
-they can, first as splines, then by optimal control. Where pairs come too near, ways
-round each other are found for the whole crowd. Pairs that still come too near get
-moving half-spaces, and only drones of such pairs are solved again.
+they can, first as splines, then by optimal control. Where pairs come too near, all
+flights are changed together until they keep apart; every drone that has to change is
+solved again near what came out, on its side of moving half-spaces, and again about the
+outcome until no pair comes too near.
 """
 
 from __future__ import annotations
@@ -16,24 +17,28 @@ import numpy as np
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
+from showc.fleet.deconfliction.untangling import (
+    Crowd,
+    Planes,
+    sampled,
+    untangle,
+)
 from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
-from showc.fleet.deconfliction.ways import Crossing, find_ways
-from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
+from showc.fleet.shared_profile.flat import keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
-from showc.fleet.single_drone.convex_program import NO_WALLS
+from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
 from showc.fleet.single_drone.judgement import KEPT
 from showc.fleet.single_drone.staying import (
     OPTIMAL,
-    ROUND,
     SPLINE,
     STRAIGHT,
     stay_apart,
     stay_near,
 )
 from showc.fleet.single_drone.symmetry import image, kinds
-from showc.trajectory import PiecewisePolynomial
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
@@ -42,7 +47,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.walls import PairWalls
-    from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.execution.pool import Workers
     from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.single import Aircraft
@@ -69,6 +73,22 @@ _STRAY = 0.02
 """How much farther from the fence walls go each time that they were not enough [m]."""
 _HALTING = 3
 """Walls that were not enough, after which a drone stops at every corner."""
+_ALONG = 0.8
+"""How much less readily drones change along their ways: there they have no time."""
+_LEFT = 0.75
+"""Share of the conflicts that the first flights may leave: else time is too short."""
+_HOVERING = 0.1
+"""How readily a drone that hovers moves, where others cannot go round it."""
+_FALL, _CLIMB = -4.0, 5.0
+"""Vertical accelerations that any drone is thought to fly [m/s²]: a guess, which the
+flights themselves correct."""
+_TANGLED = 0.35
+"""Pairs for each drone that no change keeps apart, from which on none is flown."""
+_LEAST = 1e-3
+"""Changes, over the separation, below which a flight stays as it is."""
+_MISSED, _STIFFER = 0.05, 0.6
+"""How far a flight may miss its change, in separations, and how much less readily the
+drone is moved from then on if it does."""
 _SETTLING = 4
 """Rounds in which single drones move around all others."""
 _REACH = 2.5
@@ -104,8 +124,6 @@ class Move:
     """Rounds of half-spaces at most."""
     solves: int
     """Flights behind half-spaces that may be solved at most, all rounds together."""
-    ways: Ways | None = None
-    """Ways round each other that were found for another common time."""
     bent: Mapping[int, Trajectory] = field(default_factory=dict)
     """Flights, by row, that left their lines in another common time and kept apart."""
 
@@ -138,11 +156,10 @@ class Repair:
         self.names = move.names
         self.trouble = ""
         self.done = False
-        # Fewest conflicts that any round has left.
-        self.left = 0
+        # Whether no change parts the crowd, so that no flight was solved for it.
+        self.tangled = False
         # Of a drone that finds no flight, however far the others are.
         self.late: int | None = None
-        self.ways = move.ways
         self.counts: dict[str, float] = {}
         self.intervals = int(np.clip(np.ceil(duration / _INTERVAL), 16, 72))
         self.flown: list[Trajectory] = []
@@ -155,6 +172,10 @@ class Repair:
         self._bending = False
         # A drone that does not move hovers, and is flown around.
         self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
+        # How readily each drone is moved aside: less where it did not follow.
+        self._stiff = np.ones(len(move.start))
+        # In how many rounds each pair came too near all the same.
+        self._often: dict[tuple[int, int], int] = {}
         # How often a drone was found outside the fence, and which were not.
         self._strayed: dict[int, int] = {}
         self._kept: set[int] = set()
@@ -182,7 +203,6 @@ class Repair:
             f"{self.kind.count(kind)} {words}"
             for kind, words in (
                 (STRAIGHT, "straight on the shared profile"),
-                (ROUND, "on ways round each other"),
                 (SPLINE, "by splines"),
                 (OPTIMAL, "by optimal control"),
             )
@@ -196,7 +216,7 @@ class Repair:
 
     def run(self) -> bool:
         """Find flights that keep apart; False leaves ``trouble`` saying why not."""
-        self.done = self._base() and self._go_round() and self._apart()
+        self.done = self._base() and self._apart()
         return self.done
 
     def _base(self) -> bool:
@@ -294,70 +314,125 @@ class Repair:
             self.flown[row], self.kind[row] = trajectory, kind
         return True
 
-    def _go_round(self) -> bool:
-        """Give drones of a crowd ways round each other, where their lines conflict."""
-        found = self._conflicts()
-        self._count("first_conflicts", len(found))
-        # Ways about straight lines know no fence.
-        if not len(found) or self.move.detours:
-            return True
-        self.progress.note(
-            f"{self.name}: conflicts left: {len(found)}, at {self.duration:.3f} s"
-        )
-        if self.move.bent:
-            return self._follow_bent()
-        ways = find_ways(
-            Crossing(
-                self.aircraft,
-                self.separation,
-                self.start,
-                self.goal,
-                self.parked,
-                self.profile,
-                np.array([kind == OPTIMAL for kind in self.kind]),
-            ),
-            self.move.ways,
-            quickly=True,
-        )
-        if ways is None or 0 < ways.before <= ways.broken:
-            return True
-        self.ways = ways
-        rows = np.nonzero(np.any(ways.aside != 0.0, axis=1))[0]
-        breaks, positions = ways.positions(self.start, self.goal, self.profile)
-        flights = fly(
-            self.aircraft.vehicle, self.aircraft.heading, breaks, positions[rows]
-        )
-        good = keeps_limits(self.aircraft.vehicle, self.aircraft.limits, flights)
-        good &= joined(flights)
+    def _push_apart(
+        self, round_: int, met: Encounters, astray: Mapping[int, float]
+    ) -> bool:
+        """Change the flights of all drones together, and fly what comes out."""
+        known = self._known() if round_ == 0 else None
+        found = untangle(self._crowd(met), known, anew=round_ == 0)
+        self._count("untangled", 1)
+        if round_ == 0 and found.wrong > _TANGLED * len(self.flown):
+            # Too little time for so many: no flight of theirs is worth a solve.
+            self.tangled = True
+            return False
+        least = _LEAST * self.separation.distance
+        size = np.abs(found.coefficients).max(axis=(1, 2))
+        rows = np.nonzero(size > least)[0]
+        width = self.duration / self.intervals
+        at = width * (np.arange(self.intervals)[:, None] + NODES)
+        aside = found.aside(rows, at.ravel()).reshape(rows.size, *at.shape, 3)
+        inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
+        breaks = np.linspace(0.0, self.duration, self.intervals + 1)
         for index, row in enumerate(rows.tolist()):
-            self._ways[row] = PiecewisePolynomial(breaks, positions[row])
-            if good[index]:
-                self.flown[row], self.kind[row] = flights.trajectory(index), ROUND
+            self._positions[row] = self._sampled(row) + aside[index]
+            self._ways[row] = PiecewisePolynomial(
+                breaks, np.einsum("ij,kja->kia", inverse, self._positions[row])
+            )
+        wanted = {row: self._positions[row] for row in rows.tolist()}
         # One that makes way for others is no obstacle any more.
         self._hovers[rows] = False
-        self._count("ways_round", len(rows))
-        return self._near(rows[~good].tolist(), bending=True)
+        near = zip(found.near[0].tolist(), found.near[1].tolist(), strict=True)
+        done = self._bend(
+            [], dict.fromkeys(near, 1), dict.fromkeys(rows.tolist(), 0.0) | dict(astray)
+        )
+        for row, there in wanted.items():
+            missed = np.abs(self._sampled(row) - there).max()
+            if missed > _MISSED * self.separation.distance:
+                self._stiff[row] *= _STIFFER
+        return done
 
-    def _follow_bent(self) -> bool:
-        """Stay near ways that kept apart at another pace."""
-        rows = sorted(self.move.bent)
-        for row in rows:
-            place = self.move.bent[row].state.select(slice(0, 3))
-            pace = self.duration / place.end
-            breaks = place.breaks * pace
-            breaks[-1] = self.duration
-            self._ways[row] = PiecewisePolynomial(breaks, place.coefficients)
-        self._hovers[rows] = False
-        self._count("ways_followed", len(rows))
-        return self._near(rows, bending=True)
+    def _known(self) -> FloatArray | None:
+        """Return changes that kept all apart at another pace, at the crowd's times."""
+        if not self.move.bent:
+            return None
+        times = sampled(self.duration)
+        parked = 0 if self.parked is None else len(self.parked)
+        known = np.zeros((len(self.flown) + parked, times.size, 3))
+        for row, flight in self.move.bent.items():
+            pace = flight.state.end / self.duration
+            there = flight.state.select(slice(0, 3))(times * pace)
+            known[row] = there - self.flown[row].state.select(slice(0, 3))(times)
+        return known
+
+    def _crowd(self, found: Encounters) -> Crowd:
+        """Flights of all drones as they are, for all to be changed together."""
+        times = sampled(self.duration)
+        state = [flight.state for flight in self.flown]
+        places = np.stack([one.select(slice(0, 3))(times) for one in state])
+        speeds = [one.select(slice(3, 6)) for one in state]
+        pulls = np.stack([one.derivative()(times) for one in speeds])
+        rates = np.stack([one(times) for one in speeds])
+        way = self.goal - self.start
+        length = np.linalg.norm(way, axis=1)
+        ahead = way / np.maximum(length, _STILL)[:, None]
+        give = np.eye(3) - _ALONG * np.einsum("na,nb->nab", ahead, ahead)
+        give = self._stiff[:, None, None] * give
+        give[self._hovers] *= _HOVERING
+        parked = np.zeros((0, 3)) if self.parked is None else self.parked
+        still = np.repeat(parked[:, None], times.size, axis=1)
+        nothing = np.zeros_like(still)
+        limits = self.aircraft.limits
+        level = self.aircraft.vehicle.gravity * np.tan(limits.tilt)
+        box = np.array(
+            [
+                [limits.position_min, limits.velocity_min, (-level, -level, _FALL)],
+                [limits.position_max, limits.velocity_max, (level, level, _CLIMB)],
+            ]
+        )
+        return Crowd(
+            np.concatenate([places, still]),
+            np.concatenate([rates, nothing]),
+            np.concatenate([pulls, nothing]),
+            self.duration,
+            self.separation,
+            np.concatenate([give, np.zeros((len(parked), 3, 3))]),
+            np.append(self._hovers, np.zeros(len(parked), dtype=bool)),
+            self._planes(found, times),
+            self._often,
+            box,
+        )
+
+    def _planes(self, found: Encounters, times: FloatArray) -> Planes:
+        """Planes of the fence for drones that come too near others."""
+        fence, count = self.move.fence, len(self.flown)
+        rows = np.unique(np.concatenate([found.first, found.second]))
+        drone, instant = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        normal, offset = [np.zeros((0, 3))], [np.zeros(0)]
+        at = np.clip(times / self.duration * self.intervals, 0, self.intervals - 1)
+        at = at.astype(np.int64)
+        for row in rows[rows < count].tolist() if fence is not None else ():
+            assert fence is not None  # noqa: S101 - the line above says so
+            interval, normals, offsets = fence_walls(fence, self._sampled(row), 0.0)
+            plane, sample = np.nonzero(interval[:, None] == at)
+            drone.append(np.full(plane.size, row))
+            instant.append(sample)
+            normal.append(normals[plane, 0])
+            offset.append(offsets[plane, 0])
+        return Planes(
+            np.concatenate(drone),
+            np.concatenate(instant),
+            np.concatenate(normal),
+            np.concatenate(offset),
+        )
 
     def _apart(self) -> bool:
         """Lay half-spaces, round after round, until no pair comes too near."""
-        active: dict[tuple[int, int], int] = {}
         fewest, stalled = len(self.flown) ** 2, 0
         for number in range(self.move.rounds + 1):
             found, astray = self._conflicts(), self._astray()
             count = len(found) + len(astray)
+            if number == 0:
+                self._count("first_conflicts", len(found))
             if not count:
                 return True
             self._say(found, astray)
@@ -366,20 +441,22 @@ class Repair:
             self.progress.note(
                 f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
             )
-            pairs = list(zip(found.first.tolist(), found.second.tolist(), strict=True))
-            for pair in pairs:
-                active[pair] = active.get(pair, 0) + 1
+            if number == 1 and count > _LEFT * self.counts["first_conflicts"]:
+                self.tangled = True
+                return False
             many = count > _FEW_LEFT
             wanted = (1.0 - _FALLING) * fewest if many else fewest - 1
             stalled = stalled + 1 if count > wanted else 0
-            fewest = self.left = min(fewest, count)
+            fewest = min(fewest, count)
             if stalled > (_PATIENCE // 2 if many else _PATIENCE):
                 return self._settle()
             self._count("repair_rounds", 1)
+            for pair in zip(found.first.tolist(), found.second.tolist(), strict=True):
+                self._often[pair] = self._often.get(pair, -1) + 1
             for row in astray:
                 self._lead_round(row)
-            if not self._bend(pairs, active, astray):
-                return self._settle()
+            if not self._push_apart(number, found, astray):
+                return not self.tangled and self._settle()
         return False
 
     def _say(self, found: Encounters, astray: Mapping[int, float]) -> None:

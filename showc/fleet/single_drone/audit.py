@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from showc.vehicle import Quadrotor
 
 
+_ROTORS = tuple(f"rotor {number}" for number in range(1, 5))
 FLOWN_DEGREE = 7
 """Of velocities as the controls fly them. On the intervals of a solution the thrust's
 direction is a polynomial of degree 6 to 1e-6 of itself."""
@@ -45,22 +47,32 @@ class Excess:
     """``amount`` over the limit's range."""
 
 
-def _worst(
-    name: str,
-    breaks: FloatArray,
-    values: FloatArray,
-    lower: float,
-    upper: float,
-) -> Excess:
-    """Worst excess of coefficients (K, degree + 1)."""
-    outside = np.maximum(lower - values, values - upper).max(axis=1)
-    at = int(np.argmax(outside))
-    span = upper - lower
-    scale = span if np.isfinite(span) and span > 0.0 else 1.0
-    amount = float(outside[at])
-    return Excess(name, float(breaks[at]), amount, amount / scale)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Limits of some polynomials on the same intervals, m of them."""
+
+    names: tuple[str, ...]
+    values: FloatArray
+    """Coefficients, shape (K, degree + 1, m)."""
+    lower: FloatArray
+    """Shape (m,)."""
+    upper: FloatArray
+    """Shape (m,)."""
+
+    def worst(self, breaks: FloatArray) -> Excess:
+        """Return the limit that is broken most, as a share of its range."""
+        least, most = self.values.min(axis=(0, 1)), self.values.max(axis=(0, 1))
+        amount = np.maximum(self.lower - least, most - self.upper)
+        span = self.upper - self.lower
+        relative = amount / np.where(np.isfinite(span) & (span > 0.0), span, 1.0)
+        at = int(np.argmax(relative))
+        one = self.values[..., at]
+        outside = np.maximum(self.lower[at] - one, one - self.upper[at]).max(axis=1)
+        time = float(breaks[int(np.argmax(outside))])
+        return Excess(self.names[at], time, float(amount[at]), float(relative[at]))
 
 
+@lru_cache(maxsize=64)
 def state_bounds(aircraft: Aircraft) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the 12 states."""
     limits = aircraft.limits
@@ -97,47 +109,52 @@ def greatest_excess(aircraft: Aircraft, trajectory: Trajectory) -> Excess:
 
     An upper bound: the coefficients enclose the polynomial.
     """
-    breaks = trajectory.state.breaks
-    low, high = state_bounds(aircraft)
-    found = [
-        _worst(name, breaks, trajectory.state.coefficients[:, :, k], low[k], high[k])
-        for k, name in enumerate(STATE_NAMES)
-        if np.isfinite(low[k]) or np.isfinite(high[k])
-    ]
-    control = trajectory.control.coefficients
+    state, control = trajectory.state.coefficients, trajectory.control.coefficients
     limits = aircraft.limits
-    bounds = [(limits.thrust_min, limits.thrust_max)]
-    bounds += [(-bound, bound) for bound in limits.torque_max]
-    found += [
-        _worst(name, breaks, control[:, :, k], *bounds[k])
-        for k, name in enumerate(CONTROL_NAMES)
+    torque = np.array(limits.torque_max)
+    groups = [
+        _Group(STATE_NAMES, state, *state_bounds(aircraft)),
+        _Group(
+            CONTROL_NAMES,
+            control,
+            np.array([limits.thrust_min, *-torque]),
+            np.array([limits.thrust_max, *torque]),
+        ),
+        _Group(
+            _ROTORS,
+            control @ aircraft.vehicle.rotor_fractions().T,
+            np.zeros(len(_ROTORS)),
+            np.ones(len(_ROTORS)),
+        ),
+        *_round_groups(aircraft, trajectory),
     ]
-    found += _round_excesses(aircraft, trajectory)
-    shares = control @ aircraft.vehicle.rotor_fractions().T
-    found += [
-        _worst(f"rotor {k + 1}", breaks, shares[:, :, k], 0.0, 1.0) for k in range(4)
-    ]
+    breaks = trajectory.state.breaks
+    found = [group.worst(breaks) for group in groups]
     return max(found, key=lambda excess: excess.relative)
 
 
-def _round_excesses(aircraft: Aircraft, trajectory: Trajectory) -> Iterator[Excess]:
-    """Worst level speed; worst accelerations, of the velocity and as thrust gives."""
+def _round_groups(aircraft: Aircraft, trajectory: Trajectory) -> Iterator[_Group]:
+    """Level speed; accelerations, of the velocity and as thrust gives them."""
     limits = aircraft.limits
-    breaks = trajectory.state.breaks
     velocity = trajectory.state.coefficients[:, :, 3:6]
+    none = np.zeros(1)
     if limits.rounds_speed:
-        speed = np.hypot(velocity[..., 0], velocity[..., 1])
-        yield _worst("level speed", breaks, speed, 0.0, limits.level_speed)
+        speed = np.hypot(velocity[..., :1], velocity[..., 1:2])
+        yield _Group(("level speed",), speed, none, np.array([limits.level_speed]))
     degree = velocity.shape[1] - 1
     if degree == 0 or not limits.limits_acceleration:
         return
-    rate = degree * np.diff(velocity, axis=1) / np.diff(breaks)[:, None, None]
+    widths = np.diff(trajectory.state.breaks)[:, None, None]
+    rate = degree * np.diff(velocity, axis=1) / widths
     low, high = -limits.acceleration_down or -np.inf, limits.acceleration_up or np.inf
     for found in (rate, flown_acceleration(aircraft.vehicle, trajectory)):
-        if limits.acceleration:
-            level = np.hypot(found[..., 0], found[..., 1])
-            yield _worst("level acceleration", breaks, level, 0.0, limits.acceleration)
-        yield _worst("vertical acceleration", breaks, found[..., 2], low, high)
+        level = np.hypot(found[..., 0], found[..., 1])
+        yield _Group(
+            ("level acceleration", "vertical acceleration"),
+            np.stack([level, found[..., 2]], axis=-1),
+            np.array([0.0, low]),
+            np.array([limits.acceleration or np.inf, high]),
+        )
 
 
 def flown_acceleration(vehicle: Quadrotor, trajectory: Trajectory) -> FloatArray:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _MOMENT, _SHARE = 1.5e-3, 3e-3
 """Time left over after a flight in which nothing but hovering is worth it: what
 rounding up to whole milliseconds leaves [s], or such a share of the time."""
-STRAIGHT, ROUND, SPLINE, OPTIMAL = "straight", "round", "spline", "optimal control"
+STRAIGHT, SPLINE, OPTIMAL = "straight", "spline", "optimal control"
 Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 

@@ -1,0 +1,614 @@
+"""A whole crowd apart at once: the gentlest changes of all its flights together.
+
+Every drone keeps the flight that it would fly alone, plus a change that begins and ends
+at rest. Changes cost the energy that bends them. Where drones come too near, the pair's
+distance along the direction between them must be enough; in the same way speeds,
+accelerations and the flight volume hold. That is a quadratic program for all drones,
+posed anew about each of its solutions (sequential convex programming, as Augugliaro,
+Schoellig, D'Andrea 2012). It is solved by its dual, whose unknowns are forces between
+drones, with an accelerated gradient (Beck, Teboulle 2009; restarts by O'Donoghue,
+Candès 2015): a step costs a few products of matrices, whatever the number of drones.
+
+Which way round each other drones go is decided by where the changes begin. Where the
+straight beginning leads nowhere, others are tried, each a little random.
+
+What comes out holds at samples. It is a reference that full dynamics follow, and is
+judged in continuous time only then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.deconfliction.neighbours import near_pairs
+from showc.fleet.single_drone.basis import DEGREE, LOCAL, spline_basis
+from showc.trajectory import bernstein_basis
+from showc.vehicle.metric import measure
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scipy.sparse import csr_matrix
+
+    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.vehicle import Separation
+
+
+_KNOTS, _SAMPLES = 0.3, 0.15
+"""Length of a change's intervals, and time between samples [s]: attitude takes about as
+long to change. Between samples, motion counts as straight."""
+_LAG = 0.35
+"""Time in which a drone changes its acceleration [s]: weighs jerk in the energy."""
+_MARGIN, _ENOUGH = 0.015, 0.004
+"""Share of the separation that is aimed at beyond it, and that is enough, away from
+the ends: what following a change may cost."""
+_AGAIN = 6
+"""Times that this share is added at most where a pair comes too near all the same."""
+_CALM = 0.2
+"""Share of the time at either end over which that share rises from nothing."""
+_REACH = 1.08
+"""Distance of pairs that are looked at, over what is aimed at."""
+_TRUST = 0.5
+"""Greatest move of a change from one program to the next, in separations."""
+_PROGRAMS, _STEPS = 30, 40
+"""Programs posed one after the other, and steps of the dual of each."""
+_PATIENCE = 12
+"""Programs after which a search ends that does not get better."""
+_STARTS, _MANY = 4, 200
+"""Beginnings tried for a few drones, and drones from which on there is one."""
+_WANDER = 0.6
+"""Size of a random beginning, in separations."""
+_HEAD_ON = 0.15
+"""Share of the separation below which a pair meets head-on, each on its own right."""
+_LOYAL = 0.3
+"""Any-axis: by how much another axis must part a pair better, in separations."""
+_POWERS, _SURELY = 16, 1.15
+"""Steps by which the greatest eigenvalue of a program is found, and what is added to
+it: too low a value would let forces grow without bound."""
+_CLOSE = 1e-3
+"""Lack at which a program counts as solved, as a share of the separation."""
+_ROOM = 0.02
+"""Distance from planes and the flight volume from which on they count [m]."""
+_ROUNDING = 1e-6
+"""What distances may lack by rounding [m]."""
+_FLOOR = 1e-4
+"""Least part of the greatest give of a row by which it is scaled."""
+_EXCESS = 0.25
+"""How far accelerations may lie beyond their limits in a beginning that is kept at
+once, as a share."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planes:
+    """Half-spaces ``normal . x >= offset`` for drones at instants, p of them."""
+
+    drone: IntArray
+    """Shape (p,)."""
+    instant: IntArray
+    """Shape (p,)."""
+    normal: FloatArray
+    """Shape (p, 3)."""
+    offset: FloatArray
+    """Shape (p,) [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crowd:
+    """Flights that each drone would fly alone, and how far they may be changed."""
+
+    places: FloatArray
+    """Positions at even instants, ends included, shape (n, m, 3) [m]."""
+    speeds: FloatArray
+    """Velocities there, shape (n, m, 3) [m/s]."""
+    pulls: FloatArray
+    """Accelerations there, shape (n, m, 3) [m/s²]."""
+    duration: float
+    """[s]."""
+    separation: Separation
+    give: FloatArray
+    """How readily each drone is moved, and to which side, symmetric, (n, 3, 3)."""
+    hovers: BoolArray
+    """Drones that stay where they are if others can go round them, shape (n,)."""
+    planes: Planes
+    """What the crowd is to stay behind."""
+    often: Mapping[tuple[int, int], int]
+    """How often each pair has come too near all the same: it has to part the more."""
+    limits: FloatArray
+    """Greatest size of place, velocity and acceleration on each axis, lower and upper,
+    shape (2, 3, 3)."""
+
+
+def sampled(duration: float) -> FloatArray:
+    """Instants at which a crowd is looked at, shape (m,) [s]."""
+    count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
+    return np.linspace(0.0, duration, count + 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Untangled:
+    """Changes of flights by which a crowd keeps apart, as far as samples tell."""
+
+    duration: float
+    """[s]."""
+    coefficients: FloatArray
+    """Of the changes' splines, shape (n, coefficients, 3) [m]."""
+    near: tuple[IntArray, IntArray]
+    """Pairs that come near each other."""
+    broken: int
+    """Pairs that come too near all the same."""
+    excess: FloatArray
+    """Greatest share by which each drone passes a limit of speed or acceleration."""
+
+    @property
+    def wrong(self) -> float:
+        """What is wrong with it: pairs, and limits far beyond what can be flown."""
+        return self.broken + float(np.maximum(self.excess - _EXCESS, 0.0).sum())
+
+    def aside(self, rows: IntArray, times: FloatArray) -> FloatArray:
+        """Return changes of some drones at times (t,), shape (rows, t, 3) [m]."""
+        values = _values(self.duration, self.coefficients.shape[1], times)[0]
+        return np.asarray(values @ self.coefficients[rows])
+
+
+def untangle(
+    crowd: Crowd, known: FloatArray | None = None, *, anew: bool = True
+) -> Untangled:
+    """Change flights of a crowd until all pairs keep apart, as gently as can be.
+
+    Parameters
+    ----------
+    crowd
+        What each would fly alone.
+    known
+        Changes at the crowd's instants to begin with, shape (n, m, 3) [m]: those of
+        the same crowd at another pace.
+    """
+    first = _Programs(_staying(crowd), limited=False, gently=not anew)
+    if known is not None:
+        first.change[:] = known
+    best = first.run()
+    if best.wrong and crowd.hovers.any():
+        first = _Programs(crowd, limited=False, gently=not anew)
+        best = min(best, first.run(), key=lambda one: one.wrong)
+    starts = _STARTS if anew and crowd.places.shape[0] < _MANY else 0
+    for number in range(starts):
+        if not best.wrong:
+            break
+        program = _Programs(crowd, limited=True)
+        if number == 0:
+            program.change[:], program.inner[:] = first.change, first.inner
+        else:
+            program.wander(number)
+        best = min(best, program.run(), key=lambda one: one.wrong)
+    return best
+
+
+def _staying(crowd: Crowd) -> Crowd:
+    """Return the same crowd, in which those that hover cannot move."""
+    still = crowd.hovers[:, None, None]
+    return replace(crowd, give=np.where(still, 0.0, crowd.give))
+
+
+@lru_cache(maxsize=8)
+def _energy(duration: float, count: int) -> FloatArray:
+    """Factor H of the inverse energy, H Hᵀ, of splines (count, count)."""
+    intervals = count + 8 - DEGREE
+    basis = spline_basis(intervals, duration)
+
+    def mean(part: FloatArray) -> FloatArray:
+        full = np.zeros((*part.shape[:2], intervals + DEGREE))
+        for k in range(intervals):
+            full[k, :, k : k + LOCAL] = part[k]
+        rows = full.reshape(-1, intervals + DEGREE)[:, 4:-4]
+        return np.asarray(rows.T @ rows * (duration / rows.shape[0]))
+
+    gram = mean(basis.acceleration) + _LAG**2 * mean(basis.jerk)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(gram)).T)
+
+
+def _values(duration: float, count: int, times: FloatArray) -> list[FloatArray]:
+    """Values, velocities and accelerations of splines at times, each (t, count).
+
+    They have the coefficients that leave place, speed, pull and jerk zero at the ends.
+    """
+    intervals = count + 8 - DEGREE
+    basis = spline_basis(intervals, duration)
+    place = times / duration * intervals
+    piece = np.clip(place.astype(np.int64), 0, intervals - 1)
+    found = []
+    for part in (basis.position, basis.velocity, basis.acceleration):
+        local = bernstein_basis(part.shape[1] - 1, place - piece)
+        values = np.zeros((times.size, intervals + DEGREE))
+        columns = piece[:, None] + np.arange(LOCAL)
+        values[np.arange(times.size)[:, None], columns] = np.einsum(
+            "tk,tkn->tn", local, part[piece]
+        )
+        found.append(values[:, 4:-4])
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Contacts:
+    """Pairs near each other between two samples, c of them."""
+
+    first: IntArray
+    second: IntArray
+    sample: IntArray
+    """The earlier one."""
+    share: FloatArray
+    """Where between them they are nearest."""
+    gap: FloatArray
+    """There, metric coordinates, shape (c, 3) [m]."""
+    motion: FloatArray
+    """Change of the gap from one sample to the next, shape (c, 3) [m]."""
+    distance: FloatArray
+    """[m]."""
+
+    def only(self, kept: BoolArray) -> _Contacts:
+        return _Contacts(
+            self.first[kept],
+            self.second[kept],
+            self.sample[kept],
+            self.share[kept],
+            self.gap[kept],
+            self.motion[kept],
+            self.distance[kept],
+        )
+
+
+class _Programs:
+    """Quadratic programs about one change after the other."""
+
+    def __init__(self, crowd: Crowd, *, limited: bool, gently: bool = False) -> None:
+        self.crowd, self.limited, self.gently = crowd, limited, gently
+        self.drones, self.samples = crowd.places.shape[:2]
+        duration = crowd.duration
+        intervals = int(np.clip(np.ceil(duration / _KNOTS), 10, 48))
+        count = intervals + DEGREE - 8
+        times = np.linspace(0.0, duration, self.samples)
+        factor = _energy(duration, count)
+        self.factor = factor
+        # Places, velocities and accelerations, one below the other.
+        self.reach = np.vstack(_values(duration, count, times)) @ factor
+        self.inner = np.zeros((self.drones, factor.shape[1], 3))
+        self.change = np.zeros_like(crowd.places)
+        self.scale = np.asarray(crowd.separation.metric_scale)
+        self.alone = np.concatenate([crowd.places, crowd.speeds, crowd.pulls], axis=1)
+        ends = crowd.places[:, [0, -1]]
+        self.ends = ends
+        self.moving = np.any(crowd.give != 0.0, axis=(1, 2))
+        # Forces found, by contact, and the axes that part pairs.
+        self.known = np.zeros(0, dtype=np.int64)
+        self.forces = np.zeros(0)
+        self.axes: dict[int, tuple[int, float]] = {}
+
+    def wander(self, seed: int) -> None:
+        """Begin with a random change of every drone."""
+        draw = np.random.default_rng(seed).standard_normal((self.drones, 1, 3))
+        push = np.matmul(draw, self.crowd.give)
+        bump = self.reach[: self.samples] @ self.reach[: self.samples].sum(axis=0)
+        size = np.abs(push).max() * np.abs(bump).max()
+        wanted = _WANDER * self.crowd.separation.distance
+        self.change = wanted / size * bump[:, None] * push
+
+    def run(self) -> Untangled:
+        """Pose and solve programs until all pairs keep apart, or long enough."""
+        fewest, stalled = self.drones**2, 0
+        for number in range(_PROGRAMS):
+            near = self._contacts()
+            wanted, enough = self._wanted(near)
+            left = int(np.count_nonzero(near.distance < enough))
+            stalled = 0 if left < fewest else stalled + 1
+            fewest = min(left, fewest)
+            if (not left and number) or stalled > _PATIENCE:
+                break
+            self._solve(near, wanted, trusting=number == 0)
+        near = self._contacts()
+        wrong = near.only(near.distance < self._wanted(near)[1])
+        broken = np.unique(wrong.first * self.drones + wrong.second).size
+        pairs = np.unique(near.first * self.drones + near.second)
+        return Untangled(
+            self.crowd.duration,
+            self.factor @ self.inner,
+            (pairs // self.drones, pairs % self.drones),
+            broken,
+            self._excess(),
+        )
+
+    def _excess(self) -> FloatArray:
+        flown = self.alone + self.reach @ self.inner
+        count, most = self.samples, np.zeros(self.drones)
+        for block in (1, 2):
+            part = slice(block * count, (block + 1) * count)
+            low, top = self.crowd.limits[:, block]
+            use = np.maximum(flown[:, part] / low, flown[:, part] / top)
+            before = np.maximum(self.alone[:, part] / low, self.alone[:, part] / top)
+            beyond = use - np.maximum(before, 1.0)
+            most = np.maximum(most, beyond.max(axis=(1, 2)))
+        return most
+
+    def _contacts(self) -> _Contacts:
+        """Find pairs that come near each other, and those with a force."""
+        points = (self.crowd.places + self.change) * self.scale
+        square = self.crowd.separation.shape == "any-axis"
+        norm = np.inf if square else 2.0
+        reach = _REACH * (1.0 + _MARGIN) * self.crowd.separation.distance
+        segments = self.samples - 1
+        keys = [self.known]
+        for k in range(segments):
+            middle = 0.5 * (points[:, k] + points[:, k + 1])
+            step = points[:, k + 1] - points[:, k]
+            half = 0.5 * float(np.linalg.norm(step, axis=1).max())
+            first, second = near_pairs(middle, reach + 2.0 * half, norm)
+            keys.append((first * self.drones + second) * segments + k)
+        key = np.unique(np.concatenate(keys))
+        pair, sample = key // segments, key % segments
+        first, second = pair // self.drones, pair % self.drones
+        begin = points[first, sample] - points[second, sample]
+        motion = points[first, sample + 1] - points[second, sample + 1] - begin
+        if square:
+            parts = np.linspace(0.0, 1.0, 9)
+            there = np.abs(begin[:, None] + parts[:, None] * motion[:, None])
+            share = parts[there.max(axis=2).argmin(axis=1)]
+        else:
+            size = np.einsum("ca,ca->c", motion, motion)
+            along = -np.einsum("ca,ca->c", begin, motion)
+            share = np.clip(along / np.where(size > 0.0, size, 1.0), 0.0, 1.0)
+        gap = begin + share[:, None] * motion
+        distance = np.linalg.norm(gap, axis=1, ord=norm)
+        found = _Contacts(first, second, sample, share, gap, motion, distance)
+        moves = self.moving[first] | self.moving[second]
+        return found.only(((distance < reach) & moves) | np.isin(key, self.known))
+
+    def _wanted(self, near: _Contacts) -> tuple[FloatArray, FloatArray]:
+        """Distances that are aimed at and that are enough, each (c,) [m]."""
+        least = self.crowd.separation.distance
+        ends = self.ends[near.first] - self.ends[near.second]
+        # No change can keep a pair further apart than it stands at the ends.
+        standing = measure(ends, self.crowd.separation).min(axis=1) * (1.0 - 1e-7)
+        at = (near.sample + near.share) / (self.samples - 1)
+        calm = np.clip(np.minimum(at, 1.0 - at) / _CALM, 0.0, 1.0)
+        often = self.crowd.often
+        pairs = zip(near.first.tolist(), near.second.tolist(), strict=True)
+        again = np.array([often.get(pair, 0) for pair in pairs] if often else 0.0)
+        more = _MARGIN * (1.0 + np.minimum(again, _AGAIN))
+        wanted = np.minimum(least * (1.0 + more * calm), standing)
+        enough = np.minimum(least * (1.0 + _ENOUGH * calm), standing)
+        if self.gently:
+            # Pairs that keep apart need not move.
+            before = self._before(near)
+            kept = before >= least
+            wanted = np.where(kept, np.minimum(wanted, before), wanted)
+            enough = np.where(kept, np.minimum(enough, before - _ROUNDING), enough)
+        return wanted, enough - 1e-5 * least
+
+    def _before(self, near: _Contacts) -> FloatArray:
+        """Distances there as drones fly alone, shape (c,) [m]."""
+        places = self.crowd.places
+        at, late = near.sample, near.share[:, None]
+        gap = (1.0 - late) * (places[near.first, at] - places[near.second, at])
+        gap += late * (places[near.first, at + 1] - places[near.second, at + 1])
+        return measure(gap, self.crowd.separation)
+
+    def _normals(self, near: _Contacts) -> FloatArray:
+        """Directions in which pairs are to part, (c, 3), metric coordinates."""
+        least = self.crowd.separation.distance
+        right = np.stack(
+            [near.motion[:, 1], -near.motion[:, 0], 0.0 * near.distance], axis=1
+        )
+        level = np.linalg.norm(right, axis=1, keepdims=True)
+        right = np.where(level > 1e-6, right / np.maximum(level, 1e-6), np.eye(3)[0])
+        gap = np.where((near.distance < _HEAD_ON * least)[:, None], right, near.gap)
+        if self.crowd.separation.shape != "any-axis":
+            return np.asarray(gap / np.linalg.norm(gap, axis=1, keepdims=True))
+        return self._axis_normals(near, gap)
+
+    def _axis_normals(self, near: _Contacts, gap: FloatArray) -> FloatArray:
+        """Axes along which pairs part, each pair loyal to the one it had."""
+        least = self.crowd.separation.distance
+        rows = np.arange(near.distance.size)
+        pairs = near.first * self.drones + near.second
+        held = [self.axes.get(pair, (0, 0.0)) for pair in pairs.tolist()]
+        axis = np.array([one[0] for one in held], dtype=np.int64)
+        side = np.array([one[1] for one in held])
+        liking = np.abs(gap)
+        liking[rows, axis] += _LOYAL * least * np.abs(side)
+        chosen = np.argmax(liking, axis=1)
+        found = gap[rows, chosen]
+        sign = np.where(found >= 0.0, 1.0, -1.0)
+        stays = (chosen == axis) & (side != 0.0) & (np.abs(found) < _LOYAL * least)
+        sign = np.where(stays, np.sign(side), sign)
+        normal = np.zeros((rows.size, 3))
+        normal[rows, chosen] = sign
+        # Where a pair is nearest decides.
+        for row in np.argsort(-near.distance, kind="stable").tolist():
+            self.axes[int(pairs[row])] = (int(chosen[row]), float(sign[row]))
+        return normal
+
+    def _solve(self, near: _Contacts, wanted: FloatArray, *, trusting: bool) -> None:
+        """Solve the program about the present change, as far as steps allow."""
+        pairs, bounds = self._pair_rows(near, wanted)
+        single, most = self._limit_rows()
+        rows = _Rows.joined(pairs, single)
+        wanted = np.concatenate([bounds, most])
+        scaled, size = self._scaled(rows)
+        goal = (wanted - rows.on(self.alone)) * size
+        segments = self.samples - 1
+        key = (near.first * self.drones + near.second) * segments + near.sample
+        force = np.zeros(goal.size)
+        at = np.searchsorted(self.known, key)
+        at = np.minimum(at, max(self.known.size - 1, 0))
+        if self.known.size:
+            same = self.known[at] == key
+            force[: key.size] = np.where(same, self.forces[at], 0.0)
+        force /= size
+        force, inner = self._dual(scaled, goal, size, force)
+        held = force[: key.size] > 0.0
+        order = np.argsort(key[held], kind="stable")
+        self.known = key[held][order]
+        self.forces = (force * size)[: key.size][held][order]
+        change = self.reach[: self.samples] @ inner
+        moved = np.linalg.norm(change - self.change, axis=2).max(axis=1)
+        room = _TRUST * self.crowd.separation.distance
+        step = np.minimum(1.0, room / np.maximum(moved, 1e-12))[:, None, None]
+        if trusting:
+            step = np.ones_like(step)
+        self.inner += step * (inner - self.inner)
+        self.change += step * (change - self.change)
+
+    def _pair_rows(
+        self, near: _Contacts, wanted: FloatArray
+    ) -> tuple[_Rows, FloatArray]:
+        normal = self._normals(near) * self.scale
+        late, early = near.share[:, None], 1.0 - near.share[:, None]
+        drone = np.stack([near.first, near.first, near.second, near.second], axis=1)
+        sample = np.stack([near.sample, near.sample + 1] * 2, axis=1)
+        value = np.stack(
+            [early * normal, late * normal, -early * normal, -late * normal], axis=1
+        )
+        return _Rows(drone, sample, value), wanted
+
+    def _limit_rows(self) -> tuple[_Rows, FloatArray]:
+        """Rows of limits that are passed, or nearly."""
+        count = self.samples
+        flown = self.alone + np.concatenate(
+            [self.change, (self.reach @ self.inner)[:, count:]], axis=1
+        )
+        drones, samples, axes, signs, bounds = [], [], [], [], []
+        for block in range(3 if self.limited else 1):
+            part = slice(block * count, (block + 1) * count)
+            for side, sign in ((0, 1.0), (1, -1.0)):
+                alone = sign * self.alone[:, part]
+                # What a drone uses when it flies alone it may use.
+                limit: FloatArray = np.minimum(
+                    sign * self.crowd.limits[side, block], alone
+                )
+                size = np.abs(self.crowd.limits[side, block])
+                room = 0.02 * size if block else np.full(3, _ROOM)
+                passed = (sign * flown[:, part] < limit + room) & (size < np.inf)
+                passed &= self.moving[:, None, None]
+                passed[:, [0, -1]] = False
+                drone, sample, axis = np.nonzero(passed)
+                drones.append(drone)
+                samples.append(sample + block * count)
+                axes.append(axis)
+                signs.append(np.full(drone.size, sign))
+                bounds.append(limit[drone, sample, axis])
+        row, sample = np.concatenate(drones), np.concatenate(samples)
+        value = np.concatenate(signs)[:, None] * np.eye(3)[np.concatenate(axes)]
+        bound = np.concatenate(bounds)
+        planes = self.crowd.planes
+        there = flown[planes.drone, planes.instant]
+        near = np.einsum("pa,pa->p", planes.normal, there) < planes.offset + _ROOM
+        row = np.append(row, planes.drone[near])
+        sample = np.append(sample, planes.instant[near])
+        value = np.concatenate([value, planes.normal[near]])
+        bound = np.append(bound, planes.offset[near])
+        return _Rows(row[:, None], sample[:, None], value[:, None]), bound
+
+    def _scaled(self, rows: _Rows) -> tuple[csr_matrix, FloatArray]:
+        """Rows as a sparse matrix, each scaled by what it gives; and the scales."""
+        give = np.zeros(rows.count)
+        pulled = np.einsum("rpa,rpab->rpb", rows.value, self.crowd.give[rows.drone])
+        for one in range(rows.drone.shape[1]):
+            for other in range(rows.drone.shape[1]):
+                same = rows.drone[:, one] == rows.drone[:, other]
+                reach = np.einsum(
+                    "rk,rk->r",
+                    self.reach[rows.sample[:, one]],
+                    self.reach[rows.sample[:, other]],
+                )
+                both = np.einsum("ra,ra->r", pulled[:, one], rows.value[:, other])
+                give += np.where(same, reach * both, 0.0)
+        block = rows.sample[:, 0] // self.samples
+        floor = np.ones(rows.count)
+        for number in range(3):
+            mine = block == number
+            floor[mine] = _FLOOR * give[mine].max(initial=0.0)
+        size = 1.0 / np.sqrt(np.maximum(np.maximum(give, floor), 1e-30))
+        return rows.matrix(size, self.drones, self.reach.shape[0]), size
+
+    def _moved(self, push: FloatArray) -> FloatArray:
+        """Coefficients (n, k, 3) that forces on samples (n, 3 m, 3) lead to."""
+        return np.asarray(np.matmul(self.reach.T, push) @ self.crowd.give)
+
+    def _dual(
+        self, rows: csr_matrix, goal: FloatArray, size: FloatArray, force: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Raise forces where distance lacks; return them and the coefficients."""
+        back = rows.T.tocsr()
+        shape = (self.drones, self.reach.shape[0], 3)
+
+        def moved(push: FloatArray) -> FloatArray:
+            return self._moved((back @ push).reshape(shape))
+
+        def reached(inner: FloatArray) -> FloatArray:
+            return np.asarray(rows @ (self.reach @ inner).ravel())
+
+        # Power iteration, from a vector that no symmetry of the crowd makes blind.
+        trial = np.random.default_rng(0).standard_normal(goal.size)
+        length = 1.0
+        for _ in range(_POWERS):
+            answer = reached(moved(trial))
+            length = float(np.linalg.norm(answer))
+            trial = answer / max(length, 1e-30)
+        length *= _SURELY
+        ahead, pace = force, 1.0
+        close = _CLOSE * self.crowd.separation.distance
+        for _ in range(_STEPS):
+            lack = goal - reached(moved(ahead))
+            if float((lack / size).max(initial=0.0)) < close and ahead is not force:
+                break
+            raised = np.maximum(0.0, ahead + lack / max(length, 1e-30))
+            if float((ahead - raised) @ (raised - force)) > 0.0:
+                pace = 1.0
+            faster = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * pace * pace))
+            ahead = raised + (pace - 1.0) / faster * (raised - force)
+            force, pace = raised, faster
+        return force, moved(force)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows on values of drones at samples, up to four of them in each row."""
+
+    drone: IntArray
+    """Shape (r, parts)."""
+    sample: IntArray
+    """Shape (r, parts)."""
+    value: FloatArray
+    """Shape (r, parts, 3)."""
+
+    @property
+    def count(self) -> int:
+        return int(self.drone.shape[0])
+
+    @classmethod
+    def joined(cls, pairs: _Rows, single: _Rows) -> _Rows:
+        """Put rows of limits below rows of pairs."""
+        empty = ((0, 0), (0, 3))
+        return cls(
+            np.concatenate([pairs.drone, np.pad(single.drone, empty)]),
+            np.concatenate([pairs.sample, np.pad(single.sample, empty, mode="edge")]),
+            np.concatenate([pairs.value, np.pad(single.value, (*empty, (0, 0)))]),
+        )
+
+    def on(self, values: FloatArray) -> FloatArray:
+        """Left-hand sides for values (n, 3 m, 3), shape (r,)."""
+        return np.asarray(
+            np.einsum("rpa,rpa->r", self.value, values[self.drone, self.sample])
+        )
+
+    def matrix(self, size: FloatArray, drones: int, samples: int) -> csr_matrix:
+        """Sparse matrix of the rows times ``size`` (r,), compressed by rows."""
+        from scipy.sparse import csr_matrix  # noqa: PLC0415 - for crowds alone
+
+        value = self.value * size[:, None, None]
+        column = (self.drone * samples + self.sample)[..., None] * 3 + np.arange(3)
+        head = np.arange(self.count + 1) * value[0].size if self.count else [0]
+        shape = (self.count, drones * samples * 3)
+        return csr_matrix((value.ravel(), column.ravel(), head), shape=shape)
