@@ -208,8 +208,6 @@ def side_by_side(
     parts: Sequence[Callable[[], Result]],
     jobs: int | None = None,
     done: Callable[[], None] = lambda: None,
-    *,
-    begin: Sequence[int] | None = None,
 ) -> list[Result]:
     """Call every part, in copies of this process; return what they return, in order.
 
@@ -227,9 +225,6 @@ def side_by_side(
         in this one.
     done
         Called as each part is finished.
-    begin
-        Numbers of all parts in the order in which copies are to begin them: with what
-        takes long first, no copy works alone at the end. None: as they are.
 
     Raises
     ------
@@ -241,7 +236,7 @@ def side_by_side(
         return [_counted(part, done) for part in parts]
     from concurrent.futures import BrokenExecutor  # noqa: PLC0415 - see above
 
-    futures = _in_copies(parts, begin or range(len(parts)), count, done)
+    futures = _in_copies(parts, count, done)
     results = []
     for number, part in enumerate(parts):
         future = futures.get(number)
@@ -260,7 +255,6 @@ def _counted(part: Callable[[], Result], done: Callable[[], None]) -> Result:
 
 def _in_copies(
     parts: Sequence[Callable[[], Result]],
-    begin: Sequence[int],
     count: int,
     done: Callable[[], None],
 ) -> dict[int, Future[Result]]:
@@ -275,7 +269,7 @@ def _in_copies(
     try:
         # A copy may die while work is still being given out.
         with undisturbed(), suppress(BrokenExecutor):
-            for number in begin:
+            for number in range(len(parts)):
                 futures[number] = executor.submit(_do, number)
         for future in as_completed(futures.values()):
             if not isinstance(future.exception(), BrokenExecutor):

@@ -153,23 +153,6 @@ def test_results_come_in_the_order_of_the_parts(numbers, jobs):
     assert len(told) == len(numbers)
 
 
-def test_parts_are_begun_as_asked_and_told_in_their_order(tmp_path):
-    log = tmp_path / "begun"
-
-    def work(number):
-        with log.open("a") as stream:
-            stream.write(f"{number}\n")
-        time.sleep(0.05)
-        return number
-
-    begin = [4, 2, 5, 0, 1, 3]
-    found = side_by_side([partial(work, number) for number in range(6)], 2, begin=begin)
-    assert found == list(range(6))
-    begun = [int(line) for line in log.read_text().split()]
-    assert sorted(begun) == sorted(begin)
-    assert set(begun[:2]) == set(begin[:2])
-
-
 def test_the_work_is_done_by_others():
     before = own_children()
     parts = [os.getpid] * 8

@@ -38,12 +38,6 @@ if TYPE_CHECKING:
     from showc.verify.logfile import LogFile
     from showc.verify.report import Check
 
-BEGUN = (
-    *("missions", "segments", "separation"),
-    *("choreography", "samples"),
-)
-"""Kinds of work, those with the longest parts first."""
-
 
 def prove(
     log: LogFile,
@@ -69,13 +63,13 @@ def prove(
         lights = demands.lights
     checks += check_cover(log, metadata, show, anchor)
     samples = Samples(log, show, lights, anchor.show)
-    # In the order in which damage is reported if there is more than one.
+    # The longest parts first, so that no process works alone at the end.
     work: dict[str, Sequence[Callable[[], Any]]] = {
+        "missions": parts_of_script(log, show, anchor.show) if missions else [],
         "segments": [partial(_examined, one, show.rules) for one in show.segments],
         "separation": encounter_parts(show),
         "choreography": [partial(joined_up, show)],
         "samples": samples.parts(),
-        "missions": parts_of_script(log, show, anchor.show) if missions else [],
     }
     found = _done(work, jobs, watch)
     checks += flight_checks(show, found["segments"], found["separation"])
@@ -108,13 +102,11 @@ def _done(
     work: dict[str, Sequence[Callable[[], Any]]], jobs: int | None, watch: Progress
 ) -> dict[str, list[Any]]:
     """Do all parts of the work; what they found, under the same names."""
-    named = [(name, part) for name, some in work.items() for part in some]
-    parts = [part for _, part in named]
+    parts = [part for some in work.values() for part in some]
     watch.stage(
         "physics, limits, separation, choreography, samples, missions", len(parts)
     )
-    begin = sorted(range(len(named)), key=lambda number: BEGUN.index(named[number][0]))
-    results = iter(side_by_side(parts, jobs, watch.advance, begin=begin))
+    results = iter(side_by_side(parts, jobs, watch.advance))
     return {name: list(islice(results, len(some))) for name, some in work.items()}
 
 
