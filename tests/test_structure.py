@@ -43,7 +43,7 @@ MAY_IMPORT = {
     "safety": FOUNDATION | {"vehicle", "script", "log"},
     "abort": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
-    "simulate": FOUNDATION | {"vehicle", "script", "log"},
+    "simulate": FOUNDATION | {"vehicle", "script", "log", "ocp"},
     "view": FOUNDATION | {"vehicle", "script.show", "flight", "log", "ocp", "safety"},
     "preview": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log.sampling", "view"},

@@ -32,6 +32,13 @@ import click
 )  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the runs.")
 @click.option(
+    "--controller",
+    type=click.Choice(("flatness", "predictive")),
+    default="flatness",
+    show_default=True,
+    help="By differential flatness, or model predictive: it looks 0.8 s ahead.",
+)
+@click.option(
     "--no-observer", is_flag=True, help="Fly without the disturbance observer."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
@@ -42,6 +49,7 @@ def command(
     gusts: str,
     runs: int,
     seed: int,
+    controller: str,
     no_observer: bool,
     as_json: bool,
     quiet: bool,
@@ -49,9 +57,10 @@ def command(
     """Fly a compiled show in wind, with a model of aircraft, estimator and controller.
 
     Twelve states, rotors that lag, drag, delay and an estimator that errs; a controller
-    by differential flatness with a disturbance observer; Dryden gusts with seeds. Says
-    how far drones stray from their paths and how near they come. It is a model with
-    typical figures: it compares shows and winds, and says nothing of one aircraft.
+    by differential flatness or a model predictive one, with a disturbance observer;
+    Dryden gusts with seeds. Says how far drones stray from their paths and how near
+    they come. It is a model with typical figures: it compares shows, winds and
+    controllers, and says nothing of one aircraft.
 
     \b
       showc simulate output.mcap --wind 8 --gusts moderate --runs 50
@@ -66,7 +75,8 @@ def command(
 
     logged = read_log(log)
     show = show_of(logged)
-    model = Model(replace(Gains(), observer=0.0) if no_observer else Gains())
+    gains = replace(Gains(), observer=0.0) if no_observer else Gains()
+    model = Model(gains, predictive=controller == "predictive")
     with progress(quiet=quiet or as_json) as watcher:
         found = campaign(
             logged, show, Weather(wind, gusts, runs, seed), watcher, model=model

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.processes import side_by_side
 from showc.simulate.gusts import LOWEST, Gusts, Scales
 from showc.simulate.plant import Imperfections, Plant
-from showc.simulate.tracking import Gains, Reference, Tracker
+from showc.simulate.predictive import Predictor
+from showc.simulate.tracking import Course, Gains, Tracker
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -51,6 +54,8 @@ class Model:
     """Of the controller."""
     imperfections: Imperfections = field(default_factory=Imperfections)
     """Of rotors and estimator."""
+    predictive: bool = False
+    """Whether it looks ahead, see :mod:`showc.simulate.predictive`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,25 +162,21 @@ def campaign(
     model
         Controller, rotors and estimator; None: as usual.
     """
-    flights = [logged.trajectory(drone) for drone in range(logged.drones)]
-    at = np.arange(0.0, logged.duration, STEP * CONTROL)
-    state = np.stack([flight.state(at) for flight in flights], axis=1)
-    control = np.stack([flight.control(at) for flight in flights], axis=1)
-    push = np.stack(
-        [flight.state.select([3, 4, 5]).derivative()(at) for flight in flights],
-        axis=1,
-    )
-    course = _Course(at, state, control, push)
+    course = course_of(logged)
+    at = course.times
     legs = [(one.message.name, one.start, one.duration) for one in logged.segments]
     worst, squares, closest, saturated = [], [], np.inf, 0.0
     progress.stage(f"fly {weather.runs} times", weather.runs)
-    for run in range(weather.runs):
-        flown = _Run(show, course, weather, run, model or Model()).fly()
+
+    runs = [
+        partial(fly_once, show, course, weather, run, model or Model())
+        for run in range(weather.runs)
+    ]
+    for flown in side_by_side(runs, None, progress.advance):
         worst.append(flown.errors)
         squares.append(flown.errors**2)
         closest = min(closest, flown.closest)
         saturated += flown.saturated / weather.runs
-        progress.advance()
     errors, square = np.stack(worst), np.stack(squares)
     tubes = []
     for name, start, duration in [*legs, ("whole show", 0.0, logged.duration)]:
@@ -187,22 +188,38 @@ def campaign(
     return Campaign(weather, tuple(tubes), float(closest), saturated)
 
 
+def course_of(logged: LoggedShow) -> Course:
+    """Read what the drones of a show are to do at the times of commands."""
+    flights = [logged.trajectory(drone) for drone in range(logged.drones)]
+    at = np.arange(0.0, logged.duration, STEP * CONTROL)
+    return Course(
+        at,
+        np.stack([flight.state(at) for flight in flights], axis=1),
+        np.stack([flight.control(at) for flight in flights], axis=1),
+        np.stack(
+            [flight.state.select([3, 4, 5]).derivative()(at) for flight in flights],
+            axis=1,
+        ),
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class _Course:
-    """References at the times of commands, shape (commands, drones, ...)."""
+class Flown:
+    """One flight of a course."""
 
-    times: FloatArray
-    state: FloatArray
-    control: FloatArray
-    acceleration: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Flown:
     errors: FloatArray
     """Distance from the reference, shape (commands, drones) [m]."""
     closest: float
+    """Least distance of two drones, looked at every 0.1 s [m]."""
     saturated: float
+    """Share of commands that rotors could not follow."""
+
+
+def fly_once(
+    show: Show, course: Course, weather: Weather, run: int, model: Model
+) -> Flown:
+    """Fly a course from the first hover to the last, in the gusts of ``run``."""
+    return _Run(show, course, weather, run, model).fly()
 
 
 class _Run:
@@ -211,7 +228,7 @@ class _Run:
     def __init__(
         self,
         show: Show,
-        course: _Course,
+        course: Course,
         weather: Weather,
         run: int,
         model: Model,
@@ -219,7 +236,18 @@ class _Run:
         self.course, self.off = course, model.imperfections
         area = 0.5 * sum(show.body.drag_area)
         self.plant = Plant(show.vehicle, area, self.off.rotor_lag)
-        self.tracker = Tracker(show.vehicle, model.gains, course.state[0, :, 3:6])
+        step = STEP * CONTROL
+        self.tracker = (
+            Predictor(
+                show.vehicle,
+                course,
+                self.off.delay + self.off.rotor_lag,
+                step,
+                gains=model.gains,
+            )
+            if model.predictive
+            else Tracker(show.vehicle, course, step, model.gains)
+        )
         self.random = np.random.default_rng([weather.seed, run, 1])
         bearing = self.random.uniform(0.0, 2.0 * np.pi)
         along = np.array([np.cos(bearing), np.sin(bearing), 0.0])
@@ -231,7 +259,7 @@ class _Run:
         seed = int(self.random.integers(2**31))
         self.gusts = Gusts(scales, weather.wind, STEP * CONTROL, seed)
 
-    def fly(self) -> _Flown:
+    def fly(self) -> Flown:
         """Fly from the first hover to the last."""
         course, off = self.course, self.off
         drones = course.state.shape[1]
@@ -246,25 +274,21 @@ class _Run:
             noise = sizes * self.random.standard_normal((drones, 12))
             error = fade * error + np.sqrt(1.0 - fade**2) * noise
             estimate = state + error
-            wanted = Reference(
-                course.state[number],
-                course.control[number],
-                course.acceleration[number],
-            )
-            asked, limited = self.plant.clipped(self.tracker.command(estimate, wanted))
+            wanted = course.state[number]
+            asked, limited = self.plant.clipped(self.tracker.command(estimate, number))
             clipped += float(limited.mean()) / course.times.size
             waiting.append(asked)
             command = waiting.pop(0)
             air = self.mean + self.gusts() @ self.frame
-            errors[number] = np.linalg.norm(state[:, :3] - wanted.state[:, :3], axis=1)
+            errors[number] = np.linalg.norm(state[:, :3] - wanted[:, :3], axis=1)
             if number % (LOOK // CONTROL) == 0:
                 closest = min(closest, _closest(state[:, :3]))
             # The ground brakes the wind, and holds what stands on it.
-            air *= np.clip(wanted.state[:, 2:3] / LOWEST, 0.0, 1.0)
+            air *= np.clip(wanted[:, 2:3] / LOWEST, 0.0, 1.0)
             for _ in range(CONTROL):
                 state, thrust = self.plant.after(state, thrust, command, air, STEP)
-            self.tracker.observe(estimate, thrust, STEP * CONTROL)
-        return _Flown(errors, closest, clipped)
+            self.tracker.observe(estimate, thrust)
+        return Flown(errors, closest, clipped)
 
 
 def _closest(places: FloatArray) -> float:

@@ -42,33 +42,71 @@ class Gains:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reference:
-    """What n drones are to do at one instant."""
+class Course:
+    """What n drones are to do, at the times of commands."""
 
+    times: FloatArray
+    """Shape (commands,) [s]."""
     state: FloatArray
-    """Shape (n, 12)."""
+    """Shape (commands, n, 12)."""
     control: FloatArray
-    """Shape (n, 4)."""
+    """Shape (commands, n, 4)."""
     acceleration: FloatArray
-    """Shape (n, 3) [m/s²]."""
+    """Shape (commands, n, 3) [m/s²]."""
+
+
+class Observer:
+    """Estimates what the air adds to the acceleration of n drones.
+
+    Parameters
+    ----------
+    pole
+        Both poles [1/s]; 0: nothing is estimated.
+    velocity
+        At the start, shape (n, 3) [m/s].
+    """
+
+    def __init__(self, vehicle: Quadrotor, pole: float, velocity: FloatArray) -> None:
+        self.vehicle, self.pole = vehicle, pole
+        self.disturbance = np.zeros_like(velocity)
+        """Shape (n, 3) [m/s²]."""
+        self._velocity = velocity.copy()
+
+    def learn(self, estimate: FloatArray, control: FloatArray, step: float) -> None:
+        """Take estimates (n, 12), and controls (n, 4) flown for a ``step`` [s]."""
+        if not self.pole:
+            return
+        axis = np.stack(
+            thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
+        )
+        own = control[:, :1] / self.vehicle.mass * axis
+        own[:, 2] -= self.vehicle.gravity
+        gap = estimate[:, 3:6] - self._velocity
+        self._velocity += step * (own + self.disturbance + 2.0 * self.pole * gap)
+        self.disturbance += step * self.pole**2 * gap
 
 
 class Tracker:
-    """Controls n drones along their references."""
+    """Controls n drones along their course, ``step`` [s] between two commands."""
 
-    def __init__(self, vehicle: Quadrotor, gains: Gains, velocity: FloatArray) -> None:
-        self.vehicle, self.gains = vehicle, gains
-        self._velocity = velocity.copy()
-        self._disturbance = np.zeros_like(velocity)
+    def __init__(
+        self, vehicle: Quadrotor, course: Course, step: float, gains: Gains
+    ) -> None:
+        self.vehicle, self.gains, self.course, self.step = vehicle, gains, course, step
+        self.observer = Observer(vehicle, gains.observer, course.state[0, :, 3:6])
 
-    def command(self, estimate: FloatArray, wanted: Reference) -> FloatArray:
-        """Return the controls U1..U4, (n, 4), for estimated states (n, 12)."""
+    def command(self, estimate: FloatArray, number: int) -> FloatArray:
+        """Return the controls U1..U4, (n, 4), for estimated states (n, 12).
+
+        ``number`` is that of the command, counting from 0.
+        """
         gains, vehicle = self.gains, self.vehicle
+        state, control = self.course.state[number], self.course.control[number]
         push = (
-            wanted.acceleration
-            + gains.position * (wanted.state[:, :3] - estimate[:, :3])
-            + gains.velocity * (wanted.state[:, 3:6] - estimate[:, 3:6])
-            - self._disturbance
+            self.course.acceleration[number]
+            + gains.position * (state[:, :3] - estimate[:, :3])
+            + gains.velocity * (state[:, 3:6] - estimate[:, 3:6])
+            - self.observer.disturbance
         )
         push[:, 2] += vehicle.gravity
         push[:, 2] = np.maximum(push[:, 2], 0.2 * vehicle.gravity)
@@ -76,7 +114,7 @@ class Tracker:
             thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
         )
         thrust = vehicle.mass * np.sum(push * axis, axis=1)
-        yaw = wanted.state[:, 8]
+        yaw = state[:, 8]
         unit = push / np.linalg.norm(push, axis=1)[:, None]
         roll = np.arcsin(unit[:, 0] * np.sin(yaw) - unit[:, 1] * np.cos(yaw))
         ahead = unit[:, 0] * np.cos(yaw) + unit[:, 1] * np.sin(yaw)
@@ -89,10 +127,10 @@ class Tracker:
             ],
             axis=1,
         )
-        rates = wanted.state[:, 9:12] + gains.attitude * (attitude - estimate[:, 6:9])
+        rates = state[:, 9:12] + gains.attitude * (attitude - estimate[:, 6:9])
         turning = gains.rate * (rates - estimate[:, 9:12])
         planned = angular_acceleration(
-            vehicle, _columns(wanted.state[:, 9:12]), _columns(wanted.control[:, 1:4])
+            vehicle, _columns(state[:, 9:12]), _columns(control[:, 1:4])
         )
         torques = torques_for(
             vehicle,
@@ -101,19 +139,9 @@ class Tracker:
         )
         return np.stack([thrust, *torques], axis=1)
 
-    def observe(self, estimate: FloatArray, control: FloatArray, step: float) -> None:
-        """Learn from estimates (n, 12) what the air adds, over a ``step`` [s]."""
-        pole = self.gains.observer
-        if not pole:
-            return
-        axis = np.stack(
-            thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
-        )
-        own = control[:, :1] / self.vehicle.mass * axis
-        own[:, 2] -= self.vehicle.gravity
-        gap = estimate[:, 3:6] - self._velocity
-        self._velocity += step * (own + self._disturbance + 2.0 * pole * gap)
-        self._disturbance += step * pole**2 * gap
+    def observe(self, estimate: FloatArray, control: FloatArray) -> None:
+        """Learn what the air adds from estimates (n, 12) and controls flown (n, 4)."""
+        self.observer.learn(estimate, control, self.step)
 
 
 def _columns(rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

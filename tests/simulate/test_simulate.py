@@ -14,11 +14,13 @@ from showc.simulate.campaign import (
     Model,
     Weather,
     campaign,
+    course_of,
+    fly_once,
     tube_radius,
 )
 from showc.simulate.gusts import KNOT, Gusts, Scales
 from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
-from showc.simulate.tracking import Gains
+from showc.simulate.tracking import Course, Gains
 from showc.vehicle import PRESETS
 
 VEHICLE = PRESETS["formation-625g"].vehicle
@@ -122,6 +124,55 @@ def test_wind_pushes_and_the_observer_pushes_back(flown):
     area = 0.5 * sum(PRESETS["formation-625g"].body.drag_area)
     push = 0.5 * AIR_DENSITY * area * 8.0**2 / VEHICLE.mass / Gains().position
     assert blown == pytest.approx(push, rel=0.35)
+
+
+@pytest.fixture(scope="module")
+def lonely(compiled):
+    """One drone of a show and its course over the first seconds of a swap."""
+    logged = read_log(compiled("swap"))
+    whole, begin = course_of(logged), logged.segments[2].start
+    some = (whole.times >= begin) & (whole.times < begin + 6.0)
+    course = Course(
+        whole.times[some] - begin,
+        *(part[some][:, :1] for part in (whole.state, whole.control)),
+        whole.acceleration[some][:, :1],
+    )
+    return show_of(logged), course
+
+
+def test_looking_ahead_halves_the_error_in_gusts(lonely):
+    show, course = lonely
+    weather = Weather(8.0, "moderate", 1)
+    stray = {}
+    for name, model in {
+        "flatness": Model(replace(Gains(), observer=0.0)),
+        "predictive": Model(predictive=True),
+    }.items():
+        found = fly_once(show, course, weather, 0, model)
+        # The wind is there at once; what it adds is learnt within two seconds.
+        stray[name] = float(np.sqrt(np.mean(found.errors[200:] ** 2)))
+        if name == "predictive":
+            assert found.saturated == 0.0
+    assert stray["predictive"] < 0.5 * stray["flatness"]
+
+
+def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
+    # Two metres aside and without a wind: no overshoot worth the name, no limit broken.
+    show, _ = lonely
+    hover = np.zeros((400, 1, 12))
+    start = np.repeat(hover[:1], 50, axis=0)
+    start[..., 0] = 2.0
+    state = np.concatenate([start, hover])
+    count = len(state)
+    control = np.tile(show.vehicle.hover_control(), (count, 1, 1))
+    jump = Course(0.01 * np.arange(count), state, control, np.zeros((count, 1, 3)))
+    found = fly_once(
+        show, jump, Weather(0.0, "none", 1), 0, Model(Gains(), IDEAL, predictive=True)
+    )
+    assert found.saturated == 0.0
+    # It knows of the jump beforehand and leaves early, by as much as serves both.
+    assert found.errors[:, 0].max() < 1.6
+    assert found.errors[-50:, 0].max() < 0.02
 
 
 def test_the_command_flies_the_same_again(compiled, run_showc, flown):

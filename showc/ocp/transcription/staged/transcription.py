@@ -181,9 +181,10 @@ class StagedTranscription:
         touching = np.zeros(self._equal.size, dtype=bool)
         for (kind, name), rows in self._beside.items():
             fixed, bounds = self._slots[kind, name], self._slots["bounds", name]
+            if low[fixed] != high[fixed]:
+                continue
             room = min(low[fixed] - low[bounds], high[bounds] - high[fixed])
-            scale = self._scale[rows].max(initial=0.0)
-            if low[fixed] == high[fixed] and room < self.options.inset * scale:
+            if room < self.options.inset * self._scale[rows].max(initial=0.0):
                 touching[rows] = True
         return touching
 

@@ -1,0 +1,64 @@
+"""Time of one step of the predictive controller, for one drone on one core.
+
+Run as ``python tests/benchmarks/predictive_time.py OUTPUT.mcap``. A step every 10 ms is
+to be done within 10 ms: median, 99th percentile and greatest time are printed, and the
+error that the controller leaves beside that of flatness, in the same gusts.
+"""
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from showc.log.reader import read_log
+from showc.safety.case import show_of
+from showc.simulate import predictive
+from showc.simulate.campaign import Model, Weather, course_of, fly_once
+from showc.simulate.tracking import Course, Gains
+
+WEATHER = Weather(8.0, "moderate", 1)
+
+
+def main(log: Path) -> None:
+    logged = read_log(log)
+    show, whole = show_of(logged), course_of(logged)
+    course = Course(
+        whole.times,
+        whole.state[:, :1],
+        whole.control[:, :1],
+        whole.acceleration[:, :1],
+    )
+    times = []
+    command = predictive.Predictor.command
+
+    def timed(self, *arguments):
+        begin = time.perf_counter()
+        found = command(self, *arguments)
+        times.append(1000.0 * (time.perf_counter() - begin))
+        return found
+
+    predictive.Predictor.command = timed
+    models = {
+        "flatness without observer": Model(replace(Gains(), observer=0.0)),
+        "flatness with observer": Model(),
+        "predictive": Model(predictive=True),
+    }
+    for name, model in models.items():
+        found = fly_once(show, course, WEATHER, 0, model)
+        rms = float(np.sqrt(np.mean(found.errors**2)))
+        _say(f"{name}: {rms:.3f} m RMS, {100.0 * found.saturated:.2f} % limited")
+    middle, most = np.percentile(times, [50.0, 99.0])
+    _say(
+        f"{len(times)} steps: median {middle:.1f} ms, 99th percentile {most:.1f} ms, "
+        f"greatest {max(times):.1f} ms"
+    )
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
