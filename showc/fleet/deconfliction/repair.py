@@ -318,6 +318,10 @@ class Repair:
         self, round_: int, met: Encounters, astray: Mapping[int, float]
     ) -> bool:
         """Change the flights of all drones together, and fly what comes out."""
+        if self.separation.shape == "all-axes":
+            # Pairs keep their order on every axis: there is no way round.
+            pairs = zip(met.first.tolist(), met.second.tolist(), strict=True)
+            return self._bend(list(pairs), self._often, astray)
         known = self._known() if round_ == 0 else None
         found = untangle(self._crowd(met), known, anew=round_ == 0)
         self._count("untangled", 1)
@@ -452,7 +456,7 @@ class Repair:
                 return self._settle()
             self._count("repair_rounds", 1)
             for pair in zip(found.first.tolist(), found.second.tolist(), strict=True):
-                self._often[pair] = self._often.get(pair, -1) + 1
+                self._often[pair] = self._often.get(pair, 0) + 1
             for row in astray:
                 self._lead_round(row)
             if not self._push_apart(number, found, astray):

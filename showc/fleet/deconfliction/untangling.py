@@ -374,7 +374,7 @@ class _Programs:
         calm = np.clip(np.minimum(at, 1.0 - at) / _CALM, 0.0, 1.0)
         often = self.crowd.often
         pairs = zip(near.first.tolist(), near.second.tolist(), strict=True)
-        again = np.array([often.get(pair, 0) for pair in pairs] if often else 0.0)
+        again = np.array([max(often.get(pair, 1), 1) - 1.0 for pair in pairs])
         more = _MARGIN * (1.0 + np.minimum(again, _AGAIN))
         wanted = np.minimum(least * (1.0 + more * calm), standing)
         enough = np.minimum(least * (1.0 + _ENOUGH * calm), standing)
