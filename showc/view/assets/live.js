@@ -31,7 +31,7 @@ async function refresh() {
   if (JSON.stringify(former.bounds) !== JSON.stringify(show.bounds) && player.view) view(player.view);
   choose(player.chosen);
   draw();
-  live.drawn = performance.now();
+  live.top = show.bounds[1][2];
   document.documentElement.dataset.version = live.version;
 }
 
