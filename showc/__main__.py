@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import errno
 import gc
+import io
+import os
 import signal
 import sys
 import traceback
@@ -18,7 +20,7 @@ import click
 
 from showc._version import __version__
 from showc.cli import showc
-from showc.errors import ShowError, UsageError
+from showc.errors import ShowError, UsageError, printable
 from showc.files import write_file
 
 EXIT_INTERRUPTED = 130
@@ -35,6 +37,11 @@ _OF_THE_SYSTEM = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and end the process with its exit code."""
+    _fill_streams()
+    # One thread each: processes share the cores, and where a system gives no more
+    # threads, OpenBLAS interrupts the whole process.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         # A parent that starts showc with one of them ignored means it.
@@ -44,6 +51,20 @@ def main(arguments: list[str] | None = None) -> None:
     # The process is over: a last search for cycles would free nothing anyone needs.
     gc.freeze()
     sys.exit(code)
+
+
+def _fill_streams() -> None:
+    """Open what a shell has closed (``>&-``): else a file of ours took its number.
+
+    What libraries print would then go into that file.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The lowest number that is free is this one.
+            stream = os.fdopen(os.open(os.devnull, os.O_RDWR), "r+b", buffering=0)
+            setattr(sys, name, io.TextIOWrapper(stream, write_through=True))
 
 
 def run(arguments: list[str]) -> int:
@@ -66,7 +87,9 @@ def _answer(error: Exception, arguments: list[str]) -> int:
             error.show()
             code = error.exit_code
         case ShowError():
-            _say(f"{click.style('error', fg='red', bold=True)}: {error}")
+            _say(
+                f"{click.style('error', fg='red', bold=True)}: {printable(str(error))}"
+            )
             code = error.exit_code
         case BrokenPipeError():
             sys.stderr.close()
@@ -76,6 +99,12 @@ def _answer(error: Exception, arguments: list[str]) -> int:
             _say(
                 f"error: this needs the package {_package(error)!r}, which few need: "
                 f"pip install 'showc-compiler[{extra}]', or '.[{extra}]' from a clone"
+            )
+            code = UsageError.exit_code
+        case RuntimeError() if "can't start new thread" in str(error):
+            _say(
+                "error: the system lets this user start no more threads; former files "
+                "are whole"
             )
             code = UsageError.exit_code
         case MemoryError():

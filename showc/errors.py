@@ -48,3 +48,16 @@ class SolveError(ShowError):
 
 class ExportError(ShowError):
     """A result does not fit the format it is to be written in."""
+
+
+def printable(text: str) -> str:
+    """Return a text in which no sign steers a terminal or turns its direction round.
+
+    Each such sign is replaced by one of the same width; line ends stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        sign if sign.isprintable() or sign == "\n" else "\N{REPLACEMENT CHARACTER}"
+        for sign in text
+    )

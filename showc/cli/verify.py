@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -84,9 +83,6 @@ def command(
       showc verify output.mcap --json | jq .passed
       showc verify night.skyc --separation 2.5 --tilt 25
     """
-    # One thread each: the processes share the cores already.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     if is_foreign(log):
         verification = verify_foreign(log, **rules)
     else:

@@ -231,11 +231,14 @@ class _Builder:
             self._syntax(fault)
             return None
         except yaml.reader.ReaderError as fault:
+            # An index of libyaml's, a sign of the pure reader's.
+            sign = fault.character
+            code = sign if isinstance(sign, int) else ord(str(sign)[0])
             line = text.count("\n", 0, fault.position) + 1
             column = fault.position - text.rfind("\n", 0, fault.position)
             self._say(
                 "SHW001",
-                f"a control character (code {ord(str(fault.character)[0]):#04x})",
+                f"a control character (code {code:#04x})",
                 Mark(self.path, line, column, line, column + 1),
                 help="remove it",
             )

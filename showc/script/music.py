@@ -85,6 +85,10 @@ def _cues(
     return [(cue, instant, mark) for cue, instant in found]
 
 
+LATEST = 86_400.0
+"""Latest time that a transition may ask for [s]: a day, which no battery lasts."""
+
+
 def asked_time(
     settings: Settings, key: str, music: Music | None, reader: Reader
 ) -> float | None:
@@ -102,6 +106,13 @@ def asked_time(
         reader.say(fault.code, f"`{key}`: {fault}", mark, help_text=fault.help)
         return None
     if math.isnan(time):
+        return None
+    if time > LATEST:
+        reader.say(
+            "SHW104",
+            f"`{key}` is {time:g} s, at most {LATEST:g} s after take-off are wanted",
+            mark,
+        )
         return None
     time = round(time + (music.offset if music is not None else 0.0), 3)
     if time <= 0.0:

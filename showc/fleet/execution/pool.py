@@ -173,7 +173,10 @@ class Processes:
                 deaths += 1
                 self._let_go()
                 if deaths > _DEATHS:
-                    raise
+                    raise UsageError(
+                        f"worker processes died {deaths} times, perhaps for want of "
+                        "memory; ask for fewer with --jobs"
+                    ) from None
             except BaseException:
                 for future in waiting:
                     future.cancel()

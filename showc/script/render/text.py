@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from unicodedata import east_asian_width
 
+from showc.errors import printable
 from showc.script.diagnostic import Diagnostic, Severity
 
 if TYPE_CHECKING:
@@ -71,8 +72,9 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
     where = ""
     if item.span is not None:
         where = f"{item.span.path}:{item.span.line}:{item.span.column}: "
+        where = printable(where)
     head = paint(f"{item.severity}[{item.code}]", tint)
-    out = [f"{where}{head}{paint(': ' + item.message, _BOLD)}"]
+    out = [f"{where}{head}{paint(': ' + printable(item.message), _BOLD)}"]
     spans = [(item.span, item.label, True)] if item.span is not None else []
     spans += [(label.span, label.text, False) for label in item.secondary]
     known = [entry for entry in spans if _line(entry[0], lines) is not None]
@@ -85,17 +87,19 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
         source = _line(span, lines) or ""
         text, carets = _pointer(span, source, "^" if primary else "-")
         if not primary and span.path != (item.span.path if item.span else ""):
-            out.append(f"{margin} {paint('::: ' + span.path, _BLUE)}")
+            out.append(f"{margin} {paint('::: ' + printable(span.path), _BLUE)}")
         number = str(span.line).rjust(width)
         if primary or (span.path, span.line) != here:
             out.append(f"{paint(f'{number} |', _BLUE)} {text}".rstrip())
-        mark = paint(f"{carets} {label}".rstrip(), tint if primary else _BLUE)
+        mark = paint(
+            f"{carets} {printable(label)}".rstrip(), tint if primary else _BLUE
+        )
         lead = len(mark) - len(mark.lstrip())
         out.append(f"{margin} {paint('|', _BLUE)} {' ' * lead}{mark.lstrip()}")
     remarks = [("note", note) for note in item.notes]
     remarks += [("help", item.help)] * bool(item.help)
     out += [
-        f"{margin} {paint('=', _BLUE)} {paint(kind, _BOLD)}: {text}"
+        f"{margin} {paint('=', _BLUE)} {paint(kind, _BOLD)}: {printable(text)}"
         for kind, text in remarks
     ]
     return "\n".join(out) + "\n"
@@ -118,7 +122,7 @@ def _pointer(span: Mark, source: str, sign: str) -> tuple[str, str]:
     start = min(span.column - 1, len(source))
     stop = span.end_column - 1 if span.end_line == span.line else len(source)
     stop = max(min(stop, len(source)), start)
-    shown = source.replace("\t", " ")
+    shown = printable(source.replace("\t", " "))
     if start > _WIDEST - 40:
         cut = start - 40
         shown, start, stop = "…" + shown[cut:], start - cut + 1, stop - cut + 1
