@@ -11,11 +11,13 @@ process was killed, and clears it away.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
 import stat
 import tempfile
+import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +34,11 @@ except ImportError:  # where there are no such locks, nothing is known of the ot
     fcntl = None  # type: ignore[assignment]
 
 _SUFFIX = ".showc-part"
+_LONGEST_CHANGE = 20.0
+"""Time after which a folder that another process holds is given up [s]: ten thousand
+small files are put in their place in a tenth of that."""
+_PAUSE = 0.02
+"""Time between two looks at a lock [s]."""
 _SCRATCH = re.compile(r"\.showc-[a-z0-9_]{8}")
 """Name of a folder for what is temporary: short, for sockets in it have short names."""
 _WITHOUT_WAITING = (
@@ -294,15 +301,32 @@ def scratch(place: Path | None = None) -> Iterator[Path]:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Keep other processes of showc from changing a folder meanwhile."""
+    """Keep other processes of showc from changing a folder meanwhile.
+
+    Raises
+    ------
+    OSError
+        If another process, stopped perhaps, holds it longer than any change takes.
+    """
     if fcntl is None:
         yield
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        # Some file systems have no locks: what is done there is as quick as it was.
-        with suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        end = time.monotonic() + _LONGEST_CHANGE
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > end:
+                    raise OSError(
+                        errno.EBUSY, f"another process holds {str(folder)!r} locked"
+                    ) from None
+                time.sleep(_PAUSE)
+                continue
+            except OSError:
+                pass  # without locks what is done here is as quick as it was
+            break
         yield
     finally:
         os.close(descriptor)

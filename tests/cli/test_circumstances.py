@@ -171,6 +171,17 @@ def test_scratch_folders_of_the_dead_are_cleared_and_those_of_the_living_kept(
     assert list(tmp_path.iterdir()) == [strange]
 
 
+def test_a_folder_that_another_process_keeps_is_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_LONGEST_CHANGE", 0.1)
+    with (
+        files.alone(tmp_path),
+        pytest.raises(UsageError, match=r"another process holds .* locked; former"),
+    ):
+        files.write_file(tmp_path / "it", b"new")
+    files.write_file(tmp_path / "it", b"new")
+    assert (tmp_path / "it").read_bytes() == b"new"
+
+
 def test_what_is_half_written_in_a_cache_is_cleared(tmp_path):
     for name in (
         "ab/.x.leg.abcdefgh.showc-part",

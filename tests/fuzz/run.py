@@ -28,6 +28,7 @@ CASES = {
     "missions": 300,
     "caches": 2_000,
     "messages": 20_000,
+    "shows": 2_000,
 }
 """How many cases a long campaign has."""
 

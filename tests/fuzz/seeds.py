@@ -1,5 +1,6 @@
 """Small sound inputs of every kind, from which mutations begin."""
 
+import base64
 import io
 import json
 import math
@@ -183,6 +184,112 @@ FILES = {
 }
 """What makes each file, by its name."""
 
+
+def skyc():
+    """A show of two drones: curves, lights, a fence, limits, a site and a cue."""
+    points = [
+        [0, [0, 0, 0], []],
+        [4, [0, 0, 10], [[0, 0, 0], [0, 0, 10]]],
+        [9, [6, 3, 12], []],
+        [12, [6, 3, 0], []],
+    ]
+    apart = [[time, [x + 4, y, z], []] for time, (x, y, z), _ in points]
+    flights = [
+        {
+            "name": f"d{number}",
+            "trajectory": {"version": 1, "points": rows, "takeoffTime": 1},
+            "lights": {"version": 1, "data": "DAAE/wAAAQcBDQ=="},
+            "home": rows[0][1],
+        }
+        for number, rows in enumerate((points, apart))
+    ]
+    show = {
+        "version": 1,
+        "meta": {"title": "two"},
+        "environment": {"location": {"origin": [190000000, 474000000, 1000]}},
+        "settings": {
+            "validation": {"maxAltitude": 50, "minDistance": 3, "maxVelocityXY": 8},
+            "geofence": {
+                "polygons": [
+                    {"isInclusion": True, "points": [[-9, -9], [30, -9], [30, 30]]}
+                ]
+            },
+            "cues": {"items": [{"time": 4, "name": "up"}]},
+        },
+        "swarm": {"drones": [{"type": "x", "settings": one} for one in flights]},
+    }
+    return json.dumps(show).encode()
+
+
+def vviz():
+    """Two performances with a light each."""
+    steps = [{"dx": 0.1, "dy": 0.5, "dz": 0, "dt": 0.25} for _ in range(12)]
+    light = [{"r": 9, "g": 20, "b": 255, "frames": 4} for _ in range(4)]
+    performances = [
+        {
+            "id": number,
+            "agentDescription": {"homeX": 4 * number, "agentTraversal": steps},
+            "payloadDescription": [{"type": "Light", "payloadActions": light}],
+        }
+        for number in range(2)
+    ]
+    top = {"version": "1.0", "defaultPositionRate": 4, "performances": performances}
+    return json.dumps(top).encode()
+
+
+def animated():
+    """A scene with one node that moves."""
+    body = struct.pack("<4f", *range(4)) + struct.pack("<12f", *range(12))
+    content = base64.b64encode(body).decode()
+    scene = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"name": "one"}],
+        "buffers": [
+            {"byteLength": 64, "uri": f"data:application/octet-stream;base64,{content}"}
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 16},
+            {"buffer": 0, "byteOffset": 16, "byteLength": 48},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
+        ],
+        "animations": [
+            {
+                "samplers": [{"input": 0, "output": 1}],
+                "channels": [
+                    {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+                ],
+            }
+        ],
+    }
+    return json.dumps(scene).encode()
+
+
+def table():
+    """One drone's places and colours."""
+    rows = [f"{n * 200},{n % 3},{n},{min(n, 9 - n)},255,{n},0" for n in range(10)]
+    head = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
+    return "\n".join([head, *rows]).encode()
+
+
+def poly7():
+    """One drone's polynomial pieces."""
+    head = "duration," + ",".join(f"{axis}^{n}" for axis in "xyzw" for n in range(8))
+    row = ",".join(["1", *(["0", "0.5", *["0"] * 6] * 4)])
+    return "\n".join([head, row, row.replace("0.5", "-0.5")]).encode()
+
+
+SHOWS = {
+    "show.skyc": skyc,
+    "show.vviz": vviz,
+    "show.gltf": animated,
+    "show.zip": table,
+    "table.csv": table,
+    "pieces.csv": poly7,
+}
+"""What makes each show of others, unpacked, by its name."""
 KINDS = {".csv": "csv", ".svg": "svg", ".ttf": "text"}
 KINDS |= dict.fromkeys((".obj", ".off", ".ply", ".stl", ".glb"), "mesh")
 KINDS |= dict.fromkeys((".png", ".jpg", ".gif", ".bmp", ".webp"), "image")

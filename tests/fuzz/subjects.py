@@ -11,13 +11,14 @@ import shutil
 import signal
 import sys
 import traceback
+import zipfile
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from fuzz import mutations
-from fuzz.seeds import FILES, show_with
+from fuzz.seeds import FILES, SHOWS, show_with
 from repository import ROOT
 
 from showc.__main__ import run
@@ -266,8 +267,32 @@ class Messages(Subject):
                 rest = rest[size:]
 
 
+class Shows(Subject):
+    """Mutated shows of others, packed soundly, through ``verify`` and ``import``."""
+
+    name = "shows"
+
+    def case(self, chance):
+        name = chance.choice(list(SHOWS))
+        content = mutations.data(SHOWS[name](), chance, [b"[]", b"{}", b"null", b"1e9"])
+        if name.endswith((".skyc", ".zip")) and chance.random() < 0.9:
+            stream = io.BytesIO()
+            with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+                inner = "show.json" if name.endswith(".skyc") else "d1.csv"
+                archive.writestr(inner, content)
+            content = stream.getvalue()
+        return {name: content}
+
+    def attempt(self, folder, case):
+        del folder
+        (name,) = case
+        command("verify", name)
+        command("import", name, "-o", "show.yaml")
+
+
 SUBJECTS = {
-    kind.name: kind for kind in (Scripts, Inputs, Logs, Missions, Caches, Messages)
+    kind.name: kind
+    for kind in (Scripts, Inputs, Logs, Missions, Caches, Messages, Shows)
 }
 
 

@@ -18,7 +18,14 @@ from repository import ROOT
 from showc.errors import UsageError
 from showc.pipeline.artifact import place
 
-CASES = {"scripts": 60, "inputs": 80, "logs": 6, "missions": 4, "caches": 40}
+CASES = {
+    "scripts": 60,
+    "inputs": 80,
+    "logs": 6,
+    "missions": 4,
+    "caches": 40,
+    "shows": 40,
+}
 FOUND = sorted(path for path in CORPUS.glob("*/*") if path.is_dir())
 
 
