@@ -54,8 +54,9 @@ _REACH = 1.08
 """Distance of pairs that are looked at, over what is aimed at."""
 _TRUST = 0.5
 """Greatest move of a change from one program to the next, in separations."""
-_PROGRAMS, _STEPS = 30, 40
-"""Programs posed one after the other, and steps of the dual of each."""
+_PROGRAMS, _FEWER, _STEPS = 30, 8, 40
+"""Programs posed one after the other, for few drones and for many, and steps of the
+dual of each."""
 _PATIENCE = 12
 """Programs after which a search ends that does not get better."""
 _STARTS, _MANY = 4, 200
@@ -273,11 +274,14 @@ class _Programs:
         factor = _energy(duration, count)
         self.factor = factor
         # Places, velocities and accelerations, one below the other.
-        self.reach = np.vstack(_values(duration, count, times)) @ factor
+        self.whole = np.vstack(_values(duration, count, times)) @ factor
         self.inner = np.zeros((self.drones, factor.shape[1], 3))
         self.change = np.zeros_like(crowd.places)
         self.scale = np.asarray(crowd.separation.metric_scale)
-        self.alone = np.concatenate([crowd.places, crowd.speeds, crowd.pulls], axis=1)
+        self.used = np.concatenate([crowd.places, crowd.speeds, crowd.pulls], axis=1)
+        # Of these, what programs look at.
+        seen = 3 * self.samples if limited else self.samples
+        self.reach, self.alone = self.whole[:seen], self.used[:, :seen]
         ends = crowd.places[:, [0, -1]]
         self.ends = ends
         self.moving = np.any(crowd.give != 0.0, axis=(1, 2))
@@ -298,7 +302,8 @@ class _Programs:
     def run(self) -> Untangled:
         """Pose and solve programs until all pairs keep apart, or long enough."""
         fewest, stalled = self.drones**2, 0
-        for number in range(_PROGRAMS):
+        programs = _PROGRAMS if self.drones < _MANY else _FEWER
+        for number in range(programs):
             near = self._contacts()
             wanted, enough = self._wanted(near)
             left = int(np.count_nonzero(near.distance < enough))
@@ -320,13 +325,13 @@ class _Programs:
         )
 
     def _excess(self) -> FloatArray:
-        flown = self.alone + self.reach @ self.inner
+        flown = self.used + self.whole @ self.inner
         count, most = self.samples, np.zeros(self.drones)
         for block in (1, 2):
             part = slice(block * count, (block + 1) * count)
             low, top = self.crowd.limits[:, block]
             use = np.maximum(flown[:, part] / low, flown[:, part] / top)
-            before = np.maximum(self.alone[:, part] / low, self.alone[:, part] / top)
+            before = np.maximum(self.used[:, part] / low, self.used[:, part] / top)
             beyond = use - np.maximum(before, 1.0)
             most = np.maximum(most, beyond.max(axis=(1, 2)))
         return most
