@@ -148,7 +148,7 @@ class _Walk:
 
     def _crc(self, record: Record, what: str, covered: memoryview) -> None:
         """Check the CRC with which a record ends."""
-        crc = int.from_bytes(self.view[record.stop - 4 : record.stop], "little")
+        crc = fields(self.view, record)[-1]
         if not crc:
             self.log.warnings.append((record.position, f"no CRC covers {what}"))
         elif zlib.crc32(covered) != crc:

@@ -361,7 +361,7 @@ class Samples:
         ):
             expected, frames = wanted.pop(time, []), list[bytes]()
             for message in messages:
-                if message.channel == self.topics[TRANSFORMS]:
+                if message.channel == self.topics.get(TRANSFORMS):
                     frames.append(message.data)
                 elif (points := self._points(message, POINT)) is not None:
                     drones = range(self.show.drones)

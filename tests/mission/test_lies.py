@@ -10,10 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mission.flights import START, shift_flight
-from mission.planted import Case
+from mission.planted import Case, OtherManifest
 
 from showc.errors import ShowError
 from showc.script.show import MissionOptions
+from showc.verify.missions import mission_parts
 from showc.verify.missions.folder import check_parameters
 from showc.verify.missions.language import read_mission
 from showc.verify.missions.plan import check_plan
@@ -336,6 +337,16 @@ def test_a_manifest_that_says_something_else_is_caught(case, change):
         return manifest
 
     assert case.caught(manifest=edited)
+
+
+def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
+    manifest = json.loads(case.manifest)
+    manifest["missions"]["prediction"]["clock_lag"] = 0.0
+    log = OtherManifest(case.log, json.dumps(manifest).encode())
+    _, flight, _ = mission_parts(log, case.show, case.terms)
+    found = {check.code: check for check in flight()}["VRF414"]
+    assert (found.verdict, found.value) == ("fail", None)
+    assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
 
 
 def test_a_name_cannot_bring_escapes_to_a_terminal(case):

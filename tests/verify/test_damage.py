@@ -219,6 +219,15 @@ def test_a_crc_left_out_is_a_warning(opcode, offset, log_path, tmp_path):
     assert warned[0].where.offset == find(data, opcode)[0]
 
 
+def test_bytes_behind_the_fields_of_a_record_are_damage(whole, tmp_path):
+    start, end = find(whole, 0x0F)
+    longer = HEAD.pack(0x0F, 12) + bytes(8) + whole[end - 4 : end]
+    path = tmp_path / "output.mcap"
+    path.write_bytes(whole[:start] + longer + whole[end:])
+    with pytest.raises(DamagedLogError, match="more than its fields"):
+        verify_log(path, missions=False)
+
+
 def test_a_bomb_is_not_unpacked(whole, tmp_path):
     start, _ = find(whole, 0x06)
     position = start + HEAD.size + 16

@@ -56,6 +56,12 @@ def test_what_the_script_accepts_stays_visible():
     assert render_text(found).splitlines()[0] == found.verdict
 
 
+def test_a_failure_without_a_figure_is_named_with_what_it_notes():
+    note = "prediction.clock_lag is 0.0, not 0.17"
+    bad = Check("VRF414", "missions", "as claimed", "fail", notes=(note,))
+    assert f"VRF414: as claimed: {note})" in verification(GOOD, bad).verdict
+
+
 def test_a_failure_is_named_with_its_figure():
     bad = Check("VRF411", "missions", "apart", "fail", 0.19, 0.97, "m")
     found = verification(GOOD, bad).verdict

@@ -90,4 +90,5 @@ def unlike(
         numbers = {type(found), type(wanted)} <= {int, float}
         near = numbers and same(found, wanted, rounding)
         if not near and (type(found) is not type(wanted) or found != wanted):
-            yield f"{path} is {str(found)[:40]!r}, not {wanted!r}"
+            said = str(found)[:40]
+            yield f"{path} is {said if numbers else repr(said)}, not {wanted!r}"
