@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from showc.light.keyframes import Lit, keyframes_of, placed
+from showc.light.keyframes import Lit, keyframes_of
 from showc.light.program import LightProgram, LightSpan
 from showc.log import showc_pb2 as pb
 from showc.script.show import chapters
@@ -220,8 +220,8 @@ class _Walk:
         self._on_time(segment, transitions)
         hold = max(one.hold for one in transitions)
         effect = first.effect or formation.effect
-        own = segment.message.places
-        self.lighting = placed(self.show, transitions, segment.goals, own)
+        # By the places of the goals: those that the log claims may be any.
+        self.lighting = [Lit(one.lights, *there) for one, *there in self.placed]
         take = self._moving if any(one.motion for one in transitions) else self._hold
         take(name, hold, effect, grows=grows)
         self.lighting = ()
