@@ -306,7 +306,7 @@ class _Programs:
         for number in range(programs):
             near = self._contacts()
             wanted, enough = self._wanted(near)
-            left = int(np.count_nonzero(near.distance < enough))
+            left = int(np.count_nonzero(near.distance < enough)) + self._outside()
             stalled = 0 if left < fewest else stalled + 1
             fewest = min(left, fewest)
             if (not left and number) or stalled > _PATIENCE:
@@ -323,6 +323,13 @@ class _Programs:
             broken,
             self._excess(),
         )
+
+    def _outside(self) -> int:
+        """Count places beyond the flight volume, or on the wrong side of a plane."""
+        rows, bounds = self._limit_rows()
+        places = rows.sample[:, 0] < self.samples
+        flown = self.alone + self.reach @ self.inner
+        return int(np.count_nonzero((rows.on(flown) < bounds - _ROOM) & places))
 
     def _excess(self) -> FloatArray:
         flown = self.used + self.whole @ self.inner

@@ -1,0 +1,71 @@
+"""Whole crowds changed at once: apart at samples, within limits, on any symmetry."""
+
+import numpy as np
+import pytest
+
+from showc.fleet.deconfliction.untangling import Crowd, Planes, sampled, untangle
+from showc.vehicle import Separation
+from showc.vehicle.metric import measure
+
+DURATION = 6.0
+FAR = np.array([np.full((3, 3), -1e3), np.full((3, 3), 1e3)])
+NONE = np.zeros(0, dtype=np.int64)
+NO_PLANES = Planes(NONE, NONE, np.zeros((0, 3)), np.zeros(0))
+
+
+def crowd_of(start, goal, separation, planes=NO_PLANES):
+    times = sampled(DURATION)
+    share = times / DURATION
+    along = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    way = (goal - start)[:, None]
+    places = start[:, None] + along[None, :, None] * way
+    speeds = np.gradient(places, times, axis=1)
+    give = np.repeat(np.eye(3)[None], len(start), axis=0)
+    hovers = np.linalg.norm(goal - start, axis=1) < 1e-9
+    pulls = np.gradient(speeds, times, axis=1)
+    return Crowd(
+        places, speeds, pulls, DURATION, separation, give, hovers, planes, {}, FAR
+    )
+
+
+def flown(crowd, found):
+    times = sampled(DURATION)
+    return crowd.places + found.aside(np.arange(len(crowd.places)), times)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "any-axis"])
+def test_a_ring_of_drones_that_swap_is_parted(shape):
+    angle = 2.0 * np.pi * np.arange(8) / 8 + 0.1
+    start = 6.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    separation = Separation(1.0, shape)
+    crowd = crowd_of(start, -start, separation)
+    found = untangle(crowd)
+    assert found.broken == 0
+    places = flown(crowd, found)
+    first, second = np.triu_indices(8, 1)
+    assert measure(places[first] - places[second], separation).min() >= 1.0
+    np.testing.assert_allclose(places[:, [0, -1]], crowd.places[:, [0, -1]], atol=1e-9)
+
+
+def test_a_line_that_swaps_about_one_that_hovers_leaves_it_in_place():
+    start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    crowd = crowd_of(start, start * [-1.0, 1.0, 1.0], Separation(1.0))
+    found = untangle(crowd)
+    assert found.broken == 0
+    assert np.abs(found.coefficients[2]).max() == 0.0
+    assert np.abs(found.coefficients).max() < 3.0
+
+
+def test_planes_hold_a_drone_that_makes_way():
+    start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.0, 0.0]])
+    count = sampled(DURATION).size
+    planes = Planes(
+        np.zeros(count, dtype=np.int64),
+        np.arange(count),
+        np.repeat([[0.0, 1.0, 0.0]], count, axis=0),
+        np.full(count, -0.2),
+    )
+    crowd = crowd_of(start, start[::-1], Separation(1.0), planes)
+    found = untangle(crowd)
+    assert found.broken == 0
+    assert flown(crowd, found)[0, :, 1].min() > -0.23
