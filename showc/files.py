@@ -291,10 +291,13 @@ def scratch(place: Path | None = None) -> Iterator[Path]:
     held = _held(made)
     # Only now has it a name that others clear: they see the lock.
     folder = made.rename(made.with_name(f".{made.name}"))
+    owner = os.getpid()
     try:
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        # A copy of this process that lets go of all it has leaves the folder alone.
+        if os.getpid() == owner:
+            shutil.rmtree(folder, ignore_errors=True)
         if held is not None:
             os.close(held)
 

@@ -171,6 +171,19 @@ def test_scratch_folders_of_the_dead_are_cleared_and_those_of_the_living_kept(
     assert list(tmp_path.iterdir()) == [strange]
 
 
+def test_a_copy_of_a_process_leaves_its_scratch_folder_alone(tmp_path):
+    context = scratch(tmp_path)
+    folder = context.__enter__()
+    copy = os.fork()
+    if copy == 0:
+        del context
+        os._exit(0)
+    os.waitpid(copy, 0)
+    assert folder.exists()
+    context.__exit__(None, None, None)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_another_process_keeps_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "_LONGEST_CHANGE", 0.1)
     with (
