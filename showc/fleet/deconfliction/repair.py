@@ -326,7 +326,7 @@ class Repair:
         found = untangle(self._crowd(met), known, anew=round_ == 0)
         self._count("untangled", 1)
         if round_ == 0 and found.wrong > _TANGLED * len(self.flown):
-            # Too little time for so many: no flight of theirs is worth a solve.
+            # The time is too short for this crowd: no flight of it is worth a solve.
             self.tangled = True
             return False
         least = _LEAST * self.separation.distance
