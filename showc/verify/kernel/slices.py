@@ -88,10 +88,10 @@ class Tracks:
     @property
     def speed(self) -> float:
         """No drone flies faster [m/s]: hulls of coefficients over times."""
-        steps = np.diff(self.position, axis=1) * (self.position.shape[1] - 1)
+        steps = np.diff(self.position, axis=1)
         width = np.where(self.ends > self.starts, self.ends - self.starts, np.inf)
-        squares = np.sum(steps**2, axis=2).max(axis=1, initial=0.0)
-        return float(np.max(np.sqrt(squares) / width))
+        squares = np.einsum("njk,njk->nj", steps, steps).max(axis=1, initial=0.0)
+        return float(np.max(np.sqrt(squares) / width) * steps.shape[1])
 
     @cached_property
     def _keys(self) -> FloatArray:
