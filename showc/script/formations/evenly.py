@@ -103,20 +103,22 @@ def farthest_points(candidates: FloatArray, count: int) -> tuple[IntArray, IntAr
     owner = np.zeros(rows.shape, dtype=np.int64)
     # Of each box, the candidate that is furthest from what is chosen.
     most, furthest = np.full(len(rows), np.inf), rows[:, 0].copy()
+    order = np.arange(len(rows))
     for index in range(count):
         if index:
             # Of several the first: boxes lie in no order of their candidates.
             chosen[index] = furthest[most == most.max()].min()
         last = candidates[chosen[index]][:, None]
         gap = np.maximum(np.maximum(low - last, last - high), 0.0)
-        near = np.flatnonzero((gap * gap).sum(axis=0) < most)
-        square = ((points[:, near] - last[:, :, None]) ** 2).sum(axis=0)
-        former = distance[near]
+        near = ((gap * gap).sum(axis=0) < most).nonzero()[0]
+        step = points[:, near] - last[:, :, None]
+        step *= step
+        square, former = step.sum(axis=0), distance[near]
         owner[near] = np.where(square < former, index, owner[near])
         distance[near] = square = np.minimum(square, former)
-        at = square.argmax(axis=1)[:, None]
-        most[near] = np.take_along_axis(square, at, axis=1)[:, 0]
-        furthest[near] = np.take_along_axis(rows[near], at, axis=1)[:, 0]
+        at = square.argmax(axis=1)
+        most[near] = square[order[: near.size], at]
+        furthest[near] = rows[near, at]
     nearest = np.empty(len(candidates), dtype=np.int64)
     nearest[rows] = owner
     return chosen, nearest
