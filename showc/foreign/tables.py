@@ -35,7 +35,6 @@ DEGREE = 7
 COLUMNS = 1 + 4 * (DEGREE + 1)
 """Numbers on a line of a poly7 file."""
 
-_HEADS = ("time [msec]", "time_msec")
 _POLY7 = "duration"
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fuzz.accidents import PAIR
 from repository import ROOT
 
 from showc import files
@@ -17,16 +18,6 @@ from showc.fleet.execution import pool
 from showc.script import read_show
 from showc.script.render import render
 
-PAIR = """showc: 1
-name: Pair
-drones: 2
-pads: {type: grid, step: 4}
-launch: {altitude: 3}
-landing: {altitude: 3}
-formations:
-  it: {type: line, spacing: 4, centre: [0, 3, 5]}
-transitions: [it]
-"""
 SHOWC = [sys.executable, "-m", "showc"]
 SETPRIV = shutil.which("setpriv")
 STRANGER = [

@@ -6,61 +6,23 @@ that a hang or a flood is a failure and not the end of the tests.
 
 import base64
 import json
-import os
-import resource
 import struct
-import subprocess
-import sys
 import zipfile
 
 import numpy as np
 import pytest
-from repository import ROOT
+from confined import run_confined
 
 from showc.errors import DamagedFileError
 from showc.foreign.show import MOST_CONTROLS, Course, Courses
 
-SECONDS = 20
-"""Processor time that a verification is killed after [s]: a hang anywhere."""
-MEMORY = 300_000_000
-"""Resident memory that it may take [bytes]."""
-
-PROBE = """
-import json, sys
-from memory import peak
-from showc.__main__ import run
-code = run(["verify", "--json", "--output", "found.json", sys.argv[1]])
-print(json.dumps({"exit": code, "memory": peak()}))
-"""
 POLY7 = "duration," + ",".join(f"{axis}^{n}" for axis in "xyzw" for n in range(8))
 
 
 def verified(folder, name):
     """Verify a show; its failed checks by code."""
-
-    def limited():
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-
-    done = subprocess.run(
-        [sys.executable, "-c", PROBE, name],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=limited,
-        timeout=300,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONPATH": str(ROOT / "tests"),
-        },
-    )
-    assert "Traceback" not in done.stderr
-    assert done.returncode == 0, done.stderr[-2000:]
-    ended = json.loads(done.stdout.strip().splitlines()[-1])
-    assert ended["exit"] == 1
-    assert ended["memory"] < MEMORY
+    code, _ = run_confined(folder, "verify", "--json", "--output", "found.json", name)
+    assert code == 1
     checks = json.loads((folder / "found.json").read_text())["checks"]
     return {check["code"] for check in checks if check["verdict"] == "fail"}
 

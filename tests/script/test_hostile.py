@@ -6,60 +6,20 @@ command does, so that a hang or a flood is a failure and not the end of the test
 
 import json
 import os
-import resource
 import struct
-import subprocess
-import sys
 import zlib
 from pathlib import Path
 
 import pytest
-from repository import ROOT
+from confined import run_confined
 
 from showc.script import load_show
-
-SECONDS = 20
-"""Processor time that a check is killed after [s]: a hang, whatever the machine."""
-MEMORY = 300_000_000
-"""Resident memory that a check may take [bytes]."""
-
-PROBE = """
-import json, sys
-from memory import peak
-from showc.__main__ import run
-code = run(["check", "--json", *sys.argv[1:]])
-print(json.dumps({"exit": code, "memory": peak()}))
-"""
 
 
 def checked(folder, *arguments):
     """Check a script; its findings, its exit code and what was printed."""
-
-    def limited():
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-
-    done = subprocess.run(
-        [sys.executable, "-c", PROBE, *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=limited,
-        timeout=300,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONPATH": str(ROOT / "tests"),
-        },
-    )
-    assert "Traceback" not in done.stderr
-    assert done.returncode == 0, done.stderr[-2000:] + done.stdout[-500:]
-    assert not (Path(folder) / "showc-crash.txt").exists()
-    *report, last = done.stdout.strip().splitlines()
-    ended = json.loads(last)
-    assert ended["memory"] < MEMORY
-    return json.loads("\n".join(report))["diagnostics"], ended["exit"], done.stdout
+    code, said = run_confined(folder, "check", "--json", *arguments)
+    return json.loads(said)["diagnostics"], code, said
 
 
 def codes(found):
