@@ -87,7 +87,7 @@ class UtcTime(click.ParamType[datetime]):
 )
 @click.option(
     "--cluster",
-    metavar="tcp://HOST:PORT",
+    metavar="tls://HOST:PORT",
     help="Solve on the workers of this Dask scheduler instead.",
 )
 @click.option(

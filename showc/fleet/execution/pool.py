@@ -257,7 +257,7 @@ def _started(jobs: int) -> ProcessPoolExecutor:
 class Cluster:
     """Works on a Dask cluster; needs the ``distributed`` package."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, patience: str = "20s") -> None:
         try:
             from distributed import Client  # noqa: PLC0415 - optional dependency
         except ImportError as error:
@@ -266,11 +266,19 @@ class Cluster:
                 "pip install 'showc-compiler[cluster]'"
             ) from error
         try:
-            self._client = Client(address, timeout="20s", set_as_default=False)
+            self._client = Client(address, timeout=patience, set_as_default=False)
         except (OSError, ValueError) as error:
             raise UsageError(
                 f"no Dask scheduler answers at {address!r} ({error}); "
-                "wanted an address such as tcp://host:8786"
+                "wanted an address such as tls://host:8786"
+            ) from error
+        except (TypeError, RuntimeError) as error:
+            # What Dask raises for an address of TLS without a certificate, and for
+            # one without TLS where its configuration requires encryption.
+            raise UsageError(
+                f"Dask's configuration does not fit {address!r} ({error}); TLS wants "
+                "the certificate of an authority, and a certificate and key of our "
+                "own: see security.md"
             ) from error
 
     def prepare(self) -> None:
