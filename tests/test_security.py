@@ -5,10 +5,12 @@ import subprocess
 import sys
 import tomllib
 
+import click
 import pytest
 import yaml
 from repository import ROOT
 
+from showc.cli import showc
 from showc.script import document, files, gallery, kinds, load
 from showc.script.formations import csv_file, image, mesh, svg
 
@@ -42,6 +44,13 @@ SAID = (
 @pytest.mark.parametrize("said", SAID)
 def test_the_page_has_the_limits_of_the_code(said):
     assert said in " ".join(PAGE.split())
+
+
+def test_every_command_says_what_it_reads_and_writes():
+    table = PAGE.split("## What each command reads")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (`.*?) \|", table, flags=re.MULTILINE)
+    said = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+    assert sorted(said) == sorted(showc.list_commands(click.Context(showc)))
 
 
 def test_every_dependency_is_explained():
