@@ -32,6 +32,8 @@ Way = Literal["on the ground", "down in place", "home", "back along the plan"]
 
 _GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""
+_SAME = 9
+"""Decimals to which places are the same: rounding, not flight [m]."""
 BACKWARDS = 0.5
 """Greatest rate at which the plan is flown backwards."""
 
@@ -113,18 +115,22 @@ def abort_table(
     velocity = [state.select([3, 4, 5]) for state in states]
     found = stops(velocity, authority_within(show), step)
     planner = _Planner(show)
-    legs: list[tuple[Leg, ...]] = []
-    ways: list[Way] = []
+    planned: list[tuple[Way, tuple[Leg, ...]]] = []
+    # A fleet that holds stands where it stood the moment before: one plan serves both.
+    known: dict[bytes, int] = {}
+    which = []
     for rest in found.rests.tolist():
         places = np.array([state(rest)[:3] for state in states])
-        way, needed = planner.ways(places)
-        ways.append(way)
-        legs.append(needed)
-    flights = _solved(show, legs, options, progress)
+        key = np.round(places, _SAME).tobytes()
+        if key not in known:
+            known[key] = len(planned)
+            planned.append(planner.ways(places))
+        which.append(known[key])
+    flights = _solved(show, [legs for _, legs in planned], options, progress)
     rows = []
-    for index, flown in enumerate(flights):
+    for index, plan in enumerate(which):
         rest = float(found.rests[index])
-        way = ways[index]
+        way, flown = planned[plan][0], flights[plan]
         closest = None
         if flown is None:
             way, duration = "back along the plan", _back(show, logged, rest)
