@@ -44,7 +44,9 @@ MAY_IMPORT = {
     "abort": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "simulate": FOUNDATION | {"vehicle", "script", "log", "ocp"},
-    "view": FOUNDATION | {"vehicle", "script.show", "flight", "log", "ocp", "safety"},
+    "view": FOUNDATION
+    | {"vehicle", "script.show", "flight", "log", "ocp", "safety"}
+    | {"simulate.results"},
     "preview": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log.sampling", "view"},
     "pipeline": FOUNDATION

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import click
 
-LARGEST = 16_000_000
-"""Size from which a table is refused [bytes]."""
-
-
-def table_of(log: Path) -> Path:
-    """Return where the table of a log lies unless a user says otherwise."""
-    return log.with_name(f"{log.stem}-abort.json")
+from showc.cli.beside import ABORT, place_of, read_beside, write_beside
 
 
 def rows_of(log: Path) -> list[dict[str, Any]]:
     """Return the rows that were planned for a log; none if there is no table of it."""
-    from showc.files import UnreadableFileError, read_file
-
-    try:
-        content = json.loads(read_file(table_of(log), LARGEST))
-        if content["sha256"] == sha256(log.read_bytes()).hexdigest():
-            return [_row(row) for row in content["rows"]]
-    except (UnreadableFileError, ValueError, KeyError, TypeError):
-        pass
-    return []
+    return read_beside(
+        log, ABORT, lambda content: [_row(row) for row in content["rows"]], []
+    )
 
 
 def longest_of(rows: list[dict[str, Any]]) -> float | None:
@@ -81,7 +67,6 @@ def command(
     """
     from showc.abort import abort_table
     from showc.cli.console import progress
-    from showc.files import write_file
     from showc.fleet.options import SolveOptions
     from showc.log.reader import read_log
     from showc.safety.case import show_of
@@ -92,13 +77,8 @@ def command(
         table = abort_table(
             logged, show_of(logged), every, SolveOptions(jobs=jobs), watcher
         )
-    place = output or table_of(log)
-    content = {
-        "log": log.name,
-        "sha256": sha256(log.read_bytes()).hexdigest(),
-        "rows": table.to_json(),
-    }
-    write_file(place, (json.dumps(content, indent=1) + "\n").encode())
+    place = output or place_of(log, ABORT)
+    write_beside(log, place, {"rows": table.to_json()})
     for row in table.rows:
         click.echo(
             f"at {clock(row.time)}: stands in {row.stop:.2f} s, {row.way} in "

@@ -40,12 +40,13 @@ def command(
     """
     from showc.cli.abort import longest_of, rows_of
     from showc.cli.console import progress
+    from showc.cli.simulate import wind_of
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
     from showc.safety.case import safety_case
     from showc.verify import verify_log
-    from showc.view import render_leg, render_report
+    from showc.view import Beside, render_leg, render_report
 
     logged = read_log(log)
     if leg is not None:
@@ -67,7 +68,8 @@ def command(
     page = output or log.with_name(f"{log.stem}-report.html")
     aborts = rows_of(log)
     case = safety_case(logged, abort=longest_of(aborts))
-    content = render_report(logged, verification.to_json(), case, aborts)
+    beside = Beside(aborts, wind_of(log))
+    content = render_report(logged, verification.to_json(), case, beside)
     write_file(page, content.encode())
     click.echo(verification.to_json()["verdict"])
     click.echo(f"wrote {page}; open it in a browser")

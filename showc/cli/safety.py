@@ -63,12 +63,13 @@ def command(
       showc safety output.mcap --wind 8 --rotation 7
     """
     from showc.cli.abort import longest_of, rows_of
+    from showc.cli.simulate import wind_of
     from showc.export.pictures import kml_file
     from showc.export.solved import solved_show
     from showc.files import write_file
     from showc.log.reader import read_log
     from showc.safety.case import safety_case, show_of
-    from showc.view import render_safety
+    from showc.view import Beside, render_safety
 
     logged = read_log(log)
     show = show_of(logged)
@@ -83,7 +84,7 @@ def command(
     aborts = rows_of(log)
     case = safety_case(logged, show, longest_of(aborts))
     page = output or log.with_name(f"{log.stem}-safety.html")
-    write_file(page, render_safety(logged, case, aborts).encode())
+    write_file(page, render_safety(logged, case, Beside(aborts, wind_of(log))).encode())
     write_file(page.with_suffix(".kml"), kml_file(solved_show(logged), case))
     if as_json:
         click.echo(json.dumps(case.to_json(), indent=1))

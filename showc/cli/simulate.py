@@ -4,8 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from showc.cli.beside import WIND, place_of, read_beside, write_beside
+
+if TYPE_CHECKING:
+    from showc.simulate.results import Campaign
+
+
+def wind_of(log: Path) -> Campaign | None:
+    """Return what was simulated of a log; None if nothing was."""
+    from showc.simulate.results import Campaign
+
+    return read_beside(log, WIND, Campaign.from_json, None)
 
 
 @click.command(name="simulate")
@@ -41,6 +54,13 @@ import click
 @click.option(
     "--no-observer", is_flag=True, help="Fly without the disturbance observer."
 )
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="RESULTS.json",
+    help="Where to put the results.  [default: OUTPUT-wind.json]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
 def command(
@@ -51,6 +71,7 @@ def command(
     seed: int,
     controller: str,
     no_observer: bool,
+    output: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -62,6 +83,9 @@ def command(
     they come. It is a model with typical figures: it compares shows, winds and
     controllers, and says nothing of one aircraft.
 
+    The results go into a file beside the log, which showc report prints, and from
+    which a script can take the tube (separation: tracking: measured).
+
     \b
       showc simulate output.mcap --wind 8 --gusts moderate --runs 50
     """
@@ -70,7 +94,8 @@ def command(
     from showc.cli.console import progress
     from showc.log.reader import read_log
     from showc.safety.case import show_of
-    from showc.simulate.campaign import Model, Weather, campaign
+    from showc.simulate.campaign import Model, campaign
+    from showc.simulate.results import Weather
     from showc.simulate.tracking import Gains
 
     logged = read_log(log)
@@ -81,8 +106,11 @@ def command(
         found = campaign(
             logged, show, Weather(wind, gusts, runs, seed), watcher, model=model
         )
+    results = found.to_json()
+    place = output or place_of(log, WIND)
+    write_beside(log, place, results)
     if as_json:
-        click.echo(json.dumps(found.to_json(), indent=1))
+        click.echo(json.dumps(results, indent=1))
         return 0
     for tube in found.tubes:
         click.echo(
@@ -90,9 +118,11 @@ def command(
             f"within {tube.radius:.2f} m (confidence 95 %)"
         )
     if show.drones > 1:
+        asked = show.separation.distance - 2.0 * show.tracking
         click.echo(
-            f"nearest two drones: {found.closest:.2f} m, the separation is "
-            f"{show.separation.distance:.2f} m"
+            f"nearest two drones: {found.whole.closest:.2f} m, {asked:.2f} m are asked "
+            "for"
         )
-    click.echo(f"rotors at their limits: {100.0 * found.saturated:.2f} % of commands")
+    saturated = 100.0 * found.whole.saturated
+    click.echo(f"rotors at their limits: {saturated:.2f} % of commands; wrote {place}")
     return 0

@@ -16,6 +16,7 @@ from showc.script.aircraft import (
     limits_of,
     vehicle_of,
 )
+from showc.script.apart import separation_of, tracking_of
 from showc.script.colours import linear_light
 from showc.script.diagnostic import Label
 from showc.script.fleet import fleet_size, groups_of, needed_counts
@@ -72,17 +73,6 @@ class Sketch:
     parking: str | None
 
 
-def separation_of(settings: Settings) -> Separation:
-    """Return the separation a section asks for."""
-    shape = settings.text("shape")
-    stretch = settings.number("vertical_stretch")
-    match shape:
-        case "ellipsoid" | "any-axis" | "all-axes":
-            return Separation(settings.number("distance"), shape, stretch)
-        case _:
-            return Separation(settings.number("distance"), "sphere", stretch)
-
-
 def _assignment(settings: Settings) -> Assignment:
     return "fixed" if settings.text("assignment") == "fixed" else "optimal"
 
@@ -98,6 +88,7 @@ class Builder:
         if "formations" in settings:
             self.table = dict(settings.section("formations").values)
         self.music: Music | None = None
+        self.tracking = 0.0
         self.pads = self._ground("pads", "pads")
         self.parking = self._ground("parking", "parking")
 
@@ -142,7 +133,9 @@ class Builder:
         settings = self.settings
         separation = None
         if not _broken(settings, "separation"):
-            separation = separation_of(settings.section("separation"))
+            section = settings.section("separation")
+            self.tracking = tracking_of(section, self.files, self.reader)
+            separation = separation_of(section, self.tracking)
         site = None
         if not _broken(settings, "site"):
             site = site_of(settings.section("site"), self.reader)
@@ -388,6 +381,7 @@ class Builder:
             battery=battery_of(settings.section("vehicle"), vehicle),
             limits=limits if envelope is None else envelope.within(limits),
             separation=sketch.separation,
+            tracking=self.tracking,
             yaw="free" if yaw.text("mode") == "free" else "held",
             heading=yaw.number("heading"),
             drones=sketch.drones,

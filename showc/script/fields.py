@@ -61,6 +61,23 @@ SEPARATION = Section(
             "Stretch of the ellipsoid along z.",
             default=1.0,
         ),
+        Field(
+            "tracking",
+            Either(
+                (Choice(("measured",)), Quantity("m", minimum=0.0, maximum=20.0)),
+            ),
+            "How far each drone may stray from its path. Paths keep twice that more "
+            "than `distance`, so that drones that stray still keep `distance`. "
+            "`measured`: the tube that `results` has for the whole show.",
+            default=0,
+            examples=(0.3, "measured"),
+        ),
+        Field(
+            "results",
+            File((".json",)),
+            "What `showc simulate` wrote, for `tracking: measured`.",
+            default="wind.json",
+        ),
     ),
     short="distance",
 )

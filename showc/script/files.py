@@ -17,6 +17,7 @@ MOST_BYTES = {
     ".csv": 4 * _MEGABYTE,
     ".tsv": 4 * _MEGABYTE,
     ".txt": 4 * _MEGABYTE,
+    ".json": _MEGABYTE,
     ".svg": 2 * _MEGABYTE,
     ".png": 32 * _MEGABYTE,
     ".jpg": 32 * _MEGABYTE,

@@ -127,6 +127,8 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
             tight = crowded(formation.points, distance, separation)
             if tight > 2:
                 notes += (f"{tight} places are closer to another than the separation",)
+            if distance > section.number("distance"):
+                notes += ("`distance` and twice `tracking` make the separation",)
             yield Diagnostic(
                 "SHW201",
                 Severity.ERROR,

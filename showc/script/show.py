@@ -446,6 +446,8 @@ class Show:
     """Its last part."""
     mission: MissionOptions
     """For the mission files."""
+    tracking: float = 0.0
+    """How far each drone may stray from its path; ``separation`` holds it twice [m]."""
     exports: tuple[Export, ...] = ()
     """Other formats."""
     log_rate: float = 20.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from showc.processes import side_by_side
 from showc.simulate.gusts import LOWEST, Gusts, Scales
 from showc.simulate.plant import Imperfections, Plant
 from showc.simulate.predictive import Predictor
+from showc.simulate.results import CONFIDENCE, WANTED, WHOLE, Campaign, Tube
 from showc.simulate.tracking import Course, Gains, Tracker
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
     from showc.progress import Progress
     from showc.script.show import Show
+    from showc.simulate.results import Weather
 
 STEP = 0.005
 """Step of the integration, classical Runge-Kutta [s]."""
@@ -26,24 +28,6 @@ CONTROL = 2
 """Steps between two commands: 100 Hz."""
 LOOK = 20
 """Steps between two looks at the distances of drones: 0.1 s."""
-CONFIDENCE = 0.95
-"""With which a tube is said to hold."""
-WANTED = 0.999
-"""Share of flights that a tube is to hold."""
-
-
-@dataclass(frozen=True, slots=True)
-class Weather:
-    """Wind and gusts of a campaign."""
-
-    wind: float
-    """Mean wind, of a direction drawn for each run [m/s]."""
-    gusts: str
-    """``none``, ``light``, ``moderate`` or ``severe``."""
-    runs: int
-    """How often the show is flown."""
-    seed: int = 0
-    """Of the first run; the others follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,59 +40,6 @@ class Model:
     """Of rotors and estimator."""
     predictive: bool = False
     """Whether it looks ahead, see :mod:`showc.simulate.predictive`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tube:
-    """How far drones stray over a part of the show."""
-
-    name: str
-    """Of the leg."""
-    start: float
-    """Show time [s]."""
-    greatest: float
-    """Greatest error of any drone in any run [m]."""
-    radius: float
-    """Radius that holds the share of flights [m]."""
-    share: float
-    """Share of flights that the radius holds, with the confidence of 95 %."""
-    rms: float
-    """Root of the mean squared error [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Campaign:
-    """What a campaign found; of the model, not of an aircraft."""
-
-    weather: Weather
-    tubes: tuple[Tube, ...]
-    """By leg; the last is the whole show."""
-    closest: float
-    """Least distance of two drones in any run, looked at every 0.1 s [m]."""
-    saturated: float
-    """Share of all commands that rotors could not follow."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the campaign as JSON-able data."""
-        return {
-            "wind": self.weather.wind,
-            "gusts": self.weather.gusts,
-            "runs": self.weather.runs,
-            "seed": self.weather.seed,
-            "closest": round(self.closest, 4),
-            "saturated": round(self.saturated, 6),
-            "legs": [
-                {
-                    "name": tube.name,
-                    "start": round(tube.start, 3),
-                    "greatest": round(tube.greatest, 4),
-                    "radius": round(tube.radius, 4),
-                    "share": round(tube.share, 5),
-                    "rms": round(tube.rms, 4),
-                }
-                for tube in self.tubes
-            ],
-        }
 
 
 def tube_radius(errors: FloatArray) -> tuple[float, float]:
@@ -162,30 +93,39 @@ def campaign(
     model
         Controller, rotors and estimator; None: as usual.
     """
+    model = model or Model()
     course = course_of(logged)
-    at = course.times
     legs = [(one.message.name, one.start, one.duration) for one in logged.segments]
-    worst, squares, closest, saturated = [], [], np.inf, 0.0
     progress.stage(f"fly {weather.runs} times", weather.runs)
-
     runs = [
-        partial(fly_once, show, course, weather, run, model or Model())
+        partial(fly_once, show, course, weather, run, model)
         for run in range(weather.runs)
     ]
-    for flown in side_by_side(runs, None, progress.advance):
-        worst.append(flown.errors)
-        squares.append(flown.errors**2)
-        closest = min(closest, flown.closest)
-        saturated += flown.saturated / weather.runs
-    errors, square = np.stack(worst), np.stack(squares)
+    flown = list(side_by_side(runs, None, progress.advance))
+    errors = np.stack([one.errors for one in flown])
+    closest = np.min([one.closest for one in flown], axis=0)
+    saturated = np.mean([one.saturated for one in flown], axis=0)
     tubes = []
-    for name, start, duration in [*legs, ("whole show", 0.0, logged.duration)]:
-        met = (at >= start) & (at <= start + duration)
+    for name, start, duration in [*legs, (WHOLE, 0.0, logged.duration)]:
+        met = (course.times >= start) & (course.times <= start + duration)
         each = errors[:, met].max(axis=1).ravel()
-        radius, share = tube_radius(each)
-        rms = float(np.sqrt(square[:, met].mean()))
-        tubes.append(Tube(name, start, float(each.max()), radius, share, rms))
-    return Campaign(weather, tuple(tubes), float(closest), saturated)
+        tubes.append(
+            Tube(
+                name,
+                start,
+                float(each.max()),
+                *tube_radius(each),
+                float(np.sqrt(np.mean(errors[:, met] ** 2))),
+                float(closest[met].min()),
+                float(saturated[met].mean()),
+            )
+        )
+    return Campaign(
+        weather,
+        tuple(tubes),
+        "predictive" if model.predictive else "flatness",
+        observer=model.gains.observer > 0.0,
+    )
 
 
 def course_of(logged: LoggedShow) -> Course:
@@ -209,10 +149,10 @@ class Flown:
 
     errors: FloatArray
     """Distance from the reference, shape (commands, drones) [m]."""
-    closest: float
-    """Least distance of two drones, looked at every 0.1 s [m]."""
-    saturated: float
-    """Share of commands that rotors could not follow."""
+    closest: FloatArray
+    """Least distance of two drones, (commands,) [m]; infinite where nothing looked."""
+    saturated: FloatArray
+    """Share of drones whose rotors could not follow, shape (commands,)."""
 
 
 def fly_once(
@@ -269,20 +209,21 @@ class _Run:
         error = sizes * self.random.standard_normal((drones, 12))
         waiting = [course.control[0]] * max(1, round(off.delay / (STEP * CONTROL)))
         errors = np.empty(course.state.shape[:2])
-        closest, clipped = np.inf, 0.0
+        closest = np.full(course.times.size, np.inf)
+        clipped = np.empty(course.times.size)
         for number in range(course.times.size):
             noise = sizes * self.random.standard_normal((drones, 12))
             error = fade * error + np.sqrt(1.0 - fade**2) * noise
             estimate = state + error
             wanted = course.state[number]
             asked, limited = self.plant.clipped(self.tracker.command(estimate, number))
-            clipped += float(limited.mean()) / course.times.size
+            clipped[number] = limited.mean()
             waiting.append(asked)
             command = waiting.pop(0)
             air = self.mean + self.gusts() @ self.frame
             errors[number] = np.linalg.norm(state[:, :3] - wanted[:, :3], axis=1)
             if number % (LOOK // CONTROL) == 0:
-                closest = min(closest, _closest(state[:, :3]))
+                closest[number] = _closest(state[:, :3])
             # The ground brakes the wind, and holds what stands on it.
             air *= np.clip(wanted[:, 2:3] / LOWEST, 0.0, 1.0)
             for _ in range(CONTROL):

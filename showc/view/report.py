@@ -16,11 +16,12 @@ from showc.view.safety import safety_section
 from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from showc.flight import Encounter
     from showc.log.reader import LoggedShow
     from showc.safety.case import SafetyCase
+    from showc.view.safety import Beside
 
 SHAPES = {
     pb.Separation.SPHERE: "sphere",
@@ -46,7 +47,7 @@ def render_report(
     logged: LoggedShow,
     verification: Mapping[str, Any] | None,
     case: SafetyCase | None = None,
-    aborts: Sequence[Mapping[str, Any]] = (),
+    beside: Beside | None = None,
 ) -> str:
     """Return the report as one printable HTML page.
 
@@ -59,15 +60,15 @@ def render_report(
         verified, and has no margins.
     case
         The safety case of the show; None: the report has none.
-    aborts
-        Rows of the abort table; empty: none was planned.
+    beside
+        What lies beside the log; None: nothing.
     """
     digests = digest(logged)
     body = [
         _head(logged, verification),
         _figures(logged, digests),
         _site(logged),
-        "" if case is None else safety_section(logged, case, aborts),
+        "" if case is None else safety_section(logged, case, beside),
         pictures_section(logged),
         _moves(logged, digests),
         _checks(verification),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import isinf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.safety.ground import area
+from showc.simulate.results import CONFIDENCE
 from showc.view.document import clock, document, row, small, table, text
 from showc.view.plot import Curve, line_plot
 from showc.view.sitemap import (
@@ -26,14 +29,25 @@ if TYPE_CHECKING:
     from showc.safety.case import Distance, Finding, SafetyCase
     from showc.safety.failure import Failures
     from showc.safety.stop import Stops
+    from showc.simulate.results import Campaign
 
 
 COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
 """Of the volumes, from the innermost."""
 
 
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What was worked out of a log and lies beside it."""
+
+    aborts: Sequence[Mapping[str, Any]] = ()
+    """Rows of the abort table; empty: none was planned."""
+    wind: Campaign | None = None
+    """Simulated flights in wind; None: none were."""
+
+
 def render_safety(
-    logged: LoggedShow, case: SafetyCase, aborts: Sequence[Mapping[str, Any]] = ()
+    logged: LoggedShow, case: SafetyCase, beside: Beside | None = None
 ) -> str:
     """Return the safety case as a printable HTML page of its own."""
     kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
@@ -45,13 +59,13 @@ def render_safety(
         f"{site.latitude:.6f}°, {site.longitude:.6f}°, {site.altitude:.1f} m · "
         f'heading {site.heading:.1f}°</p></div><div class="verdict {kind}">{word}'
         f"<small>findings: {len(case.findings)}</small></div></header>"
-        f"{safety_section(logged, case, aborts)}"
+        f"{safety_section(logged, case, beside)}"
     )
     return document(f"{case.show.name} – safety case", body)
 
 
 def safety_section(
-    logged: LoggedShow, case: SafetyCase, aborts: Sequence[Mapping[str, Any]] = ()
+    logged: LoggedShow, case: SafetyCase, beside: Beside | None = None
 ) -> str:
     """Return the safety case as a section of a report.
 
@@ -61,16 +75,18 @@ def safety_section(
         The show.
     case
         Its case.
-    aborts
-        Rows of its abort table; empty: none was planned.
+    beside
+        What lies beside the log; None: nothing.
     """
+    beside = beside or Beside()
     risk = case.show.site.risk
     return (
         "<h2>Safety of the site<small>volumes and distances hold at every instant"
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
-        f"{_failures(case.failures)}{_stops(case.stops)}{_aborts(aborts)}{_energy(case)}"
+        f"{_failures(case.failures)}{_stops(case.stops)}"
+        f"{_aborts(beside.aborts)}{_wind(case, beside.wind)}{_energy(case)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -209,6 +225,51 @@ def _aborts(rows: Sequence[Mapping[str, Any]]) -> str:
         "Smallest separation [m]",
     ]  # fmt: skip
     return "<h3>Abort table</h3>" + table(heads, lines, words=words)
+
+
+def _wind(case: SafetyCase, flown: Campaign | None) -> str:
+    """Return how far drones strayed in simulated wind, leg by leg."""
+    if flown is None:
+        return "<p>Not flown in simulated wind: <code>showc simulate</code> does.</p>"
+    show, weather = case.show, flown.weather
+    wanted = show.separation.distance - 2.0 * show.tracking
+    lines = []
+    for tube in flown.tubes:
+        near = "" if isinf(tube.closest) else f"{tube.closest:.2f}"
+        if tube.closest < wanted:
+            near = f'<span class="fail">{near}</span>'
+        lines.append(
+            row(
+                [
+                    text(tube.name) + small(f"from {clock(tube.start)}"),
+                    f"{tube.rms:.2f}",
+                    f"{tube.radius:.2f}",
+                    f"{100.0 * tube.share:.1f}",
+                    near,
+                    f"{100.0 * tube.saturated:.2f}",
+                ],
+                words=frozenset({0}),
+            )
+        )
+    heads = [
+        "Leg", "Error, RMS [m]", "Tube [m]", "holds of flights [%]",
+        "Nearest two drones [m]", "Rotors at limits [%]",
+    ]  # fmt: skip
+    watched = "with" if flown.observer else "without"
+    planned = (
+        f"; paths keep {show.separation.distance:g} m, for each drone may stray by "
+        f"{show.tracking:g} m"
+        if show.tracking
+        else ""
+    )
+    return (
+        "<h3>Wind</h3><p>A simulation with typical figures, not of one aircraft: "
+        f"{weather.runs} flights in a wind of {weather.wind:g} m/s with "
+        f"{text(weather.gusts)} gusts (Dryden), {text(flown.controller)} controller "
+        f"{watched} disturbance observer. Tubes hold their share of flights of single "
+        f"drones with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones keep "
+        f"{wanted:g} m{planned}.</p>" + table(heads, lines, words=frozenset({0}))
+    )
 
 
 def _energy(case: SafetyCase) -> str:

@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from showc.cli.beside import WIND, place_of, write_beside
+from showc.cli.simulate import wind_of
 from showc.log.reader import read_log
 from showc.progress import Silent
-from showc.safety.case import show_of
+from showc.safety.case import safety_case, show_of
+from showc.script import load_show
 from showc.simulate.campaign import (
-    WANTED,
     Model,
-    Weather,
     campaign,
     course_of,
     fly_once,
@@ -20,8 +21,10 @@ from showc.simulate.campaign import (
 )
 from showc.simulate.gusts import KNOT, Gusts, Scales
 from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
+from showc.simulate.results import WANTED, Campaign, Weather
 from showc.simulate.tracking import Course, Gains
 from showc.vehicle import PRESETS
+from showc.view import Beside, render_safety
 
 VEHICLE = PRESETS["formation-625g"].vehicle
 IDEAL = Imperfections(position=0.0, velocity=0.0, attitude=0.0, rate=0.0)
@@ -152,7 +155,7 @@ def test_looking_ahead_halves_the_error_in_gusts(lonely):
         # The wind is there at once; what it adds is learnt within two seconds.
         stray[name] = float(np.sqrt(np.mean(found.errors[200:] ** 2)))
         if name == "predictive":
-            assert found.saturated == 0.0
+            assert not found.saturated.any()
     assert stray["predictive"] < 0.5 * stray["flatness"]
 
 
@@ -169,18 +172,92 @@ def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
     found = fly_once(
         show, jump, Weather(0.0, "none", 1), 0, Model(Gains(), IDEAL, predictive=True)
     )
-    assert found.saturated == 0.0
+    assert not found.saturated.any()
     # It knows of the jump beforehand and leaves early, by as much as serves both.
     assert found.errors[:, 0].max() < 1.6
     assert found.errors[-50:, 0].max() < 0.02
 
 
-def test_the_command_flies_the_same_again(compiled, run_showc, flown):
+def test_the_command_flies_the_same_again(compiled, run_showc, flown, tmp_path):
+    place = tmp_path / "wind.json"
     run = run_showc(
-        "simulate", compiled("swap"), "--wind", "8", "--runs", "1", "--json"
-    )
+        "simulate", compiled("swap"), "--wind", "8", "--runs", "1", "--json",
+        "-o", place,
+    )  # fmt: skip
     assert run.code == 0, run.err
-    assert json.loads(run.out) == flown(8.0, Model()).to_json()
+    found = flown(8.0, Model())
+    assert json.loads(run.out) == found.to_json()
+    content = json.loads(place.read_text(encoding="utf-8"))
+    assert Campaign.from_json(content).to_json() == found.to_json()
+
+
+def test_legs_say_how_near_drones_came_and_whether_rotors_could(flown):
+    found = flown(8.0, Model())
+    legs, whole = found.tubes[:-1], found.whole
+    assert min(leg.closest for leg in legs) == pytest.approx(whole.closest)
+    assert max(leg.greatest for leg in legs) == pytest.approx(whole.greatest)
+    swap = next(leg for leg in legs if leg.name == "The swap")
+    assert 0.0 < swap.closest < min(leg.closest for leg in legs if leg is not swap)
+    assert 0.0 <= whole.saturated <= max(leg.saturated for leg in legs)
+
+
+def test_the_report_prints_the_tubes_of_this_log_alone(flown, compiled, tmp_path):
+    log = tmp_path / "swap.mcap"
+    log.write_bytes(compiled("swap").read_bytes())
+    found = flown(8.0, Model())
+    write_beside(log, place_of(log, WIND), found.to_json())
+    assert wind_of(log).to_json() == found.to_json()
+    logged = read_log(log)
+    case = safety_case(logged)
+    page = render_safety(logged, case, Beside(wind=wind_of(log)))
+    assert f"{found.whole.radius:.2f}" in page
+    assert "8 m/s" in page
+    with log.open("ab") as stream:
+        stream.write(b"another")
+    assert wind_of(log) is None
+
+
+SCRIPT = """
+showc: 1
+drones: 2
+limits: {speed: 4}
+mission: {wanted: false}
+separation: {distance: 2, tracking: measured}
+formations:
+  row: {type: line, length: 8, centre: [0, 0, 12]}
+  back: {type: points, points: [[4, 0, 12], [-4, 0, 12]]}
+transitions:
+  - {to: row, assignment: fixed}
+  - {to: back, assignment: fixed}
+"""
+
+
+def test_a_measured_tube_is_kept_by_the_paths_and_proved(tmp_path, run_showc):
+    tube = {"name": "whole show", "radius": 0.35, "share": WANTED}
+    (tmp_path / "wind.json").write_text(json.dumps({"legs": [tube]}), encoding="utf-8")
+    script = tmp_path / "pair.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    log = tmp_path / "pair.mcap"
+    run = run_showc("compile", script, "-o", log, "-q", cwd=tmp_path)
+    assert run.code == 0, run.err
+    found = json.loads(run_showc("verify", log, "--json", "-q").out)
+    assert found["verdict"].startswith("PROVED")
+    logged = read_log(log)
+    assert logged.rules.separation.distance == pytest.approx(2.7)
+    assert show_of(logged).tracking == 0.35
+    # The paths meet in the middle: they give way by what both may stray.
+    gaps = np.linalg.norm(np.diff(logged.positions, axis=1), axis=-1)
+    assert 2.7 - 1e-6 <= gaps.min() < 2.9
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[1]", '{"legs": []}', '{"legs": [{"radius": -1, "share": 1}]}']
+)
+def test_what_holds_no_tube_is_refused(content, tmp_path):
+    (tmp_path / "wind.json").write_text(content, encoding="utf-8")
+    script = tmp_path / "pair.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    assert [one.code for one in load_show(script).errors] == ["SHW122"]
 
 
 def test_a_tube_holds_its_share_with_its_confidence():

@@ -185,4 +185,13 @@ CODES = (
         "Add `music: {bpm: 120}`, or give the time in seconds.",
         "transitions:\n  - {to: ring, at: bar 12}",
     ),
+    Code(
+        "SHW122",
+        "no sure tube",
+        "`tracking: measured` takes how far drones stray from a file that `showc "
+        "simulate` writes; this one holds no such tube, or flew too seldom to be sure.",
+        "Simulate the show with more `--runs`, or give `tracking` in metres.",
+        "separation: {distance: 1.5, tracking: measured, results: show.yaml}",
+        instead="separation: {distance: 1.5, tracking: 0.3}",
+    ),
 )
