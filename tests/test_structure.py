@@ -45,7 +45,7 @@ MAY_IMPORT = {
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "simulate": FOUNDATION | {"vehicle", "script", "log", "ocp"},
     "view": FOUNDATION
-    | {"vehicle", "script.show", "flight", "log", "ocp", "safety"}
+    | {"vehicle", "script.show", "flight", "log", "ocp", "safety", "foreign"}
     | {"simulate.results"},
     "preview": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log.sampling", "view"},

@@ -1,4 +1,4 @@
-"""``showc verify`` for shows of others, and for exports of showc's own."""
+"""Shows of others, and exports of showc's own, on the command line."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from showc.foreign.verdict import Questions
     from showc.verify.report import Verification
+    from showc.view.foreign import Judged
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
 
@@ -49,30 +50,46 @@ def is_foreign(path: Path) -> bool:
     return path.is_dir() or path.suffix.lower() in SUFFIXES
 
 
-def verify_foreign(
-    path: Path,
-    *,
-    separation: float | None,
-    max_height: float | None,
-    max_speed: float | None,
-    max_climb: float | None,
-    tilt: float,
-) -> Verification:
+def verify_foreign(path: Path, **rules: Any) -> Verification:  # noqa: ANN401 - options
     """Judge a show of another format."""
     from showc.foreign.folder import is_export, verify_export
     from showc.foreign.verdict import verify_foreign as judged
 
     if is_export(path):
         return verify_export(path)
-    asked = (separation, max_height, max_speed, max_climb)
-    return judged(path, _questions(*asked, tilt))
+    return judged(path, _questions(**rules))
+
+
+def judge_foreign(path: Path, **rules: Any) -> Judged:  # noqa: ANN401 - options
+    """Read and judge a show of another format, to draw it.
+
+    Raises
+    ------
+    UsageError
+        If there is no such show.
+    DamagedFileError
+        If it cannot be read, so there is nothing to draw.
+    """
+    from showc.foreign.folder import is_export, read_manifest, verify_export
+    from showc.foreign.reading import read_show
+    from showc.foreign.verdict import judge, rules_for
+    from showc.view.foreign import Judged
+
+    show = read_show(path)
+    if is_export(path):
+        asked = [read_manifest(path).asked]
+        return Judged(show, verify_export(path).to_json(), asked)
+    questions = _questions(**rules)
+    verification = judge(show, questions).to_json()
+    return Judged(show, verification, rules_for(show, questions))
 
 
 def _questions(
+    *,
     separation: float | None,
-    height: float | None,
-    speed: float | None,
-    climb: float | None,
+    max_height: float | None,
+    max_speed: float | None,
+    max_climb: float | None,
     tilt: float,
 ) -> Questions:
     from showc.foreign.facts import Asked
@@ -81,9 +98,10 @@ def _questions(
     from showc.log.showc_pb2 import Separation
 
     agility = Agility(radians(tilt), THRUST_MIN, THRUST_MAX)
-    if separation is height is speed is climb is None:
+    if separation is max_height is max_speed is max_climb is None:
         return Questions(None, agility)
     kept = None
     if separation is not None:
         kept = Separation(distance=separation, vertical_stretch=1.0)
-    return Questions(Asked("asked", kept, height, speed, climb, climb), agility)
+    asked = Asked("asked", kept, max_height, max_speed, max_climb, max_climb)
+    return Questions(asked, agility)

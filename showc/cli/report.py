@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
+from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+
 
 @click.command(name="report")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
+@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
 @click.option(
     "-o",
     "--output",
@@ -25,8 +26,14 @@ import click
 )
 @click.option("--drone", type=click.IntRange(min=1), default=1, help="Drone for --leg.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
+@foreign_options
 def command(
-    log: Path, output: Path | None, leg: int | None, drone: int, quiet: bool
+    log: Path,
+    output: Path | None,
+    leg: int | None,
+    drone: int,
+    quiet: bool,
+    **rules: Any,  # noqa: ANN401 - options of shows of others
 ) -> int:
     """Make the page on which a show is signed off.
 
@@ -34,7 +41,11 @@ def command(
     transitions (time, bound, gap, smallest separation, greatest speed and tilt),
     margins, safety case, mission prediction, hashes. Prints well.
 
+    Of a show of others (see showc view) it says what is proved of the file, whether it
+    can be flown, what the firmware makes of it, and what is not known.
+
     \b
+      showc report night.skyc                    writes night-report.html
       showc report output.mcap                   writes output-report.html
       showc report output.mcap --leg 2 --drone 5    one drone's solution, as plots
     """
@@ -48,6 +59,11 @@ def command(
     from showc.verify import verify_log
     from showc.view import Beside, render_leg, render_report
 
+    page = output or log.with_name(f"{log.stem}-report.html")
+    if is_foreign(log):
+        if leg is not None:
+            raise UsageError(f"{log}: --leg is for showc's own logs; leave it out")
+        return _report_foreign(log, page, rules)
     logged = read_log(log)
     if leg is not None:
         if leg >= len(logged.segments):
@@ -65,7 +81,6 @@ def command(
         return 0
     with progress(quiet=quiet) as watcher:
         verification = verify_log(log, progress=watcher)
-    page = output or log.with_name(f"{log.stem}-report.html")
     aborts = rows_of(log)
     case = safety_case(logged, abort=longest_of(aborts))
     beside = Beside(aborts, wind_of(log))
@@ -74,3 +89,22 @@ def command(
     click.echo(verification.to_json()["verdict"])
     click.echo(f"wrote {page}; open it in a browser")
     return verification.exit_code
+
+
+def _report_foreign(log: Path, page: Path, rules: dict[str, Any]) -> int:
+    """Write the report of a show of others; return what showc verify would."""
+    from hashlib import file_digest
+
+    from showc.files import write_file
+    from showc.view.foreign import render_foreign_report
+
+    judged = judge_foreign(log, **rules)
+    hashes = {}
+    for file in sorted(log.iterdir()) if log.is_dir() else [log]:
+        if file.is_file():
+            with file.open("rb") as stream:
+                hashes[file.name] = file_digest(stream, "sha256").hexdigest()
+    write_file(page, render_foreign_report(judged, hashes).encode())
+    click.echo(judged.verification["verdict"])
+    click.echo(f"wrote {page}; open it in a browser")
+    return int(judged.verification["exit_code"])

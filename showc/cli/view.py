@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
+from typing import Any
 
 import click
 
+from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+
 
 @click.command(name="view")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
+@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
 @click.option(
     "-o",
     "--output",
@@ -28,8 +29,14 @@ import click
     is_flag=True,
     help="Put the recording that the script names into the page.",
 )
+@foreign_options
 def command(
-    log: Path, output: Path | None, show: bool, no_verify: bool, music: bool
+    log: Path,
+    output: Path | None,
+    show: bool,
+    no_verify: bool,
+    music: bool,
+    **rules: Any,  # noqa: ANN401 - options of shows of others
 ) -> int:
     """Make a page that plays the show in any browser.
 
@@ -39,9 +46,44 @@ def command(
     missions' predicted flights, and the verdict of showc verify, which is run first.
     Music plays in step: a file chosen in the page, or with --music the script's.
 
+    Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
+    a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export wrote.
+    What such a file does not say, the page names as not known.
+
     \b
       showc view output.mcap          writes output.html
+      showc view night.skyc           writes night.html
     """
+    page = output or log.with_suffix(".html")
+    if is_foreign(log):
+        verdict: str | None = _draw_foreign(log, page, no_verify or music, rules)
+    else:
+        verdict = _draw(log, page, no_verify, music)
+    if verdict is not None:
+        click.echo(verdict)
+    click.echo(f"wrote {page}; open it in a browser")
+    if show:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: dict[str, Any]) -> str:
+    """Write the page of a show of others; return the verdict."""
+    from showc.errors import UsageError
+    from showc.files import write_file
+    from showc.view.foreign import render_foreign
+
+    if misplaced:
+        raise UsageError(
+            f"{log}: --no-verify and --music are for showc's own logs; leave them out"
+        )
+    judged = judge_foreign(log, **rules)
+    write_file(page, render_foreign(judged).encode())
+    return str(judged.verification["verdict"])
+
+
+def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
+    """Write the page of a log; return the verdict."""
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
@@ -52,7 +94,6 @@ def command(
 
     logged = read_log(log)
     verdict = None if no_verify else verify_log(log, jobs=None).to_json()
-    page = output or log.with_suffix(".html")
     script = read_show(logged.script, attached=logged.attachments).show
     soundtrack = Soundtrack.of(None if script is None else script.music)
     recording = b""
@@ -65,9 +106,4 @@ def command(
             )
         recording = logged.attachments[name]
     write_file(page, render_page(logged, verdict, soundtrack, recording).encode())
-    if verdict is not None:
-        click.echo(verdict["verdict"])
-    click.echo(f"wrote {page}; open it in a browser")
-    if show:
-        webbrowser.open(page.resolve().as_uri())
-    return 0
+    return None if verdict is None else str(verdict["verdict"])

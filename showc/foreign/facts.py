@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from showc.foreign.show import FencePolygon, ForeignShow
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.slices import Tracks
+    from showc.verify.report import Verdict
 
 
 GROUP = "what the file says"
@@ -46,6 +47,9 @@ SPEED_RESOLUTION, LENGTH_RESOLUTION = 1e-4, 1e-4
 CONTINUOUS = 1e-3
 """Distance between the end of a piece and the start of the next that is rounding of
 the file's numbers [m]."""
+
+NO_LIMIT = "no limit is known: the file has none, and none was asked for"
+"""Said of what was measured and could not be judged."""
 
 _NARROW = 0.5
 """Least separation with which pairs are sought [m]."""
@@ -80,6 +84,21 @@ class Asked:
     """Lower and upper corner that positions stay between [m]."""
     fence: tuple[FencePolygon, ...] = field(default=())
     """Areas to stay in, or out of."""
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is asked at all."""
+        return bool(self.fence) or any(
+            one is not None
+            for one in (
+                self.separation,
+                self.altitude,
+                self.speed_xy,
+                self.speed_up,
+                self.speed_down,
+                self.volume,
+            )
+        )
 
 
 def own_rules(show: ForeignShow) -> Asked:
@@ -287,7 +306,8 @@ def _separations(
         limit = asked.separation.distance
         pairs = closest_pairs(tracks, found)
         first = pairs[0]
-        notes = [named(show, first)]
+        notes = [named(show, first), *([] if asked.source else [NO_LIMIT])]
+        verdict: Verdict = "pass" if found.lower >= limit - ROUNDING else "fail"
         if len(pairs) > 1:
             notes.append(f"{len(pairs) - 1} more pairs are as near at that instant")
         checks.append(
@@ -295,7 +315,7 @@ def _separations(
                 "VRF504",
                 GROUP,
                 name,
-                "pass" if found.lower >= limit - ROUNDING else "fail",
+                verdict if asked.source else "skipped",
                 found.upper,
                 limit if asked.source else None,
                 "m",
@@ -375,9 +395,10 @@ def _limited(
         code,
         GROUP,
         name,
-        "fail" if bad else "pass",
+        "skipped" if limit is None else "fail" if bad else "pass",
         found.lower,
         limit,
         unit,
         Place(drone=found.drone + 1, time=found.time),
+        (NO_LIMIT,) if limit is None else (),
     )

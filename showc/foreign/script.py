@@ -39,6 +39,9 @@ ON_GROUND = 1.0
 SAME = 0.1
 """Distance within which two pictures are the same [m]."""
 
+GROUND = "on the ground"
+"""Name of what the fleet shows before and after the flight."""
+
 MARGIN = 10.0
 """Space left around the flights [m]: solved transitions take other ways."""
 
@@ -91,40 +94,65 @@ def holds(tracks: Tracks) -> list[tuple[float, float]]:
     return found
 
 
-def pictures(show: ForeignShow, instants: Sequence[float] = ()) -> list[Picture]:
-    """Return the holds of a show in the air, and what is there at ``instants`` [s]."""
-    tracks = show.tracks
+def held(show: ForeignShow, spans: Sequence[tuple[float, float]]) -> list[Picture]:
+    """Return what the fleet shows in each of some times, in order.
+
+    A picture that is shown again at once has the name that it had; on the ground the
+    name is ``on the ground``.
+    """
+    tracks, spans = show.tracks, sorted(spans)
     ground = tracks.position[tracks.first[:-1], 0]
-    spans = [*holds(tracks), *((time, time) for time in instants)]
+    middles = np.array([0.5 * (begin + end) for begin, end in spans])
+    colours = colours_at(show, middles)
     found: list[Picture] = []
-    for begin, end in sorted(spans):
-        places = place_at(tracks, 0.5 * (begin + end))
+    last: Picture | None = None
+    count = 0
+    for row, (begin, end) in enumerate(spans):
+        places = place_at(tracks, float(middles[row]))
         off = np.sqrt(((places - ground) ** 2).sum(axis=1)).max()
         low = float((places[:, 2] - ground[:, 2]).max())
         if off <= SAME or low <= ON_GROUND:
-            continue
-        last = found[-1] if found else None
-        if last is not None and np.abs(last.places - places).max() <= SAME:
-            continue
-        name = f"hold-{len(found) + 1}"
-        colours = _colours(show, 0.5 * (begin + end))
-        found.append(Picture(name, begin, end, places, colours))
+            name = GROUND
+        elif last is not None and np.abs(last.places - places).max() <= SAME:
+            name = last.name
+        else:
+            count += 1
+            name = f"hold-{count}"
+        light = None if colours is None else colours[row]
+        found.append(Picture(name, begin, end, places, light))
+        last = last if name == GROUND else found[-1]
     return found
 
 
-def _colours(show: ForeignShow, time: float) -> ByteArray | None:
+def pictures(show: ForeignShow, instants: Sequence[float] = ()) -> list[Picture]:
+    """Return the holds of a show in the air, and what is there at ``instants`` [s]."""
+    found: dict[str, Picture] = {}
+    for one in held(show, [*holds(show.tracks), *((at, at) for at in instants)]):
+        if one.name != GROUND:
+            found.setdefault(one.name, one)
+    return list(found.values())
+
+
+def colours_at(show: ForeignShow, times: FloatArray) -> ByteArray | None:
+    """Screen colours of all drones, shape (times, drones, 3); None: none are known.
+
+    A drone without a light program among others with one is dark.
+
+    Raises
+    ------
+    DamagedFileError
+        If a light program is none.
+    """
     if not any(light is not None for light in show.lights):
         return None
-    result = np.zeros((show.drones, 3))
+    result = np.zeros((times.size, show.drones, 3), dtype=np.uint8)
     for drone, light in enumerate(show.lights):
-        if light is None:
-            result[drone] = 255.0
-            continue
         track = light
         if isinstance(track, bytes):
             track = read_lights(track, show.names[drone], show.duration)
-        result[drone] = track.at(np.array([time]))[0]
-    return srgb_bytes(result / 255.0)
+        if track is not None:
+            result[:, drone] = srgb_bytes(track.at(times) / 255.0)
+    return result
 
 
 def import_show(

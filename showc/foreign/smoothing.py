@@ -174,20 +174,26 @@ def demand_of(tracks: Tracks, width: float) -> Demand:
     """Return what flights ask of an aircraft, smoothed over ``width`` [s]."""
     found: list[Demand] = []
     for first, part in portions(tracks):
-        box = width / BOXES
-        quiet = repeated(widened(part, width), average, box, BOXES - 2)
-        found.append(_demand(repeated(quiet, rise, box, 2), first))
+        found.append(_demand(acceleration(part, width), first))
     return _greatest_demand(found)
 
 
-def _demand(acceleration: Tracks, first: int) -> Demand:
+def acceleration(tracks: Tracks, width: float) -> Tracks:
+    """Return the acceleration of flights smoothed over ``width`` [s]; 0: as is."""
+    if width == 0.0:
+        return derivative(derivative(tracks))
+    box = width / BOXES
+    quiet = repeated(widened(tracks, width), average, box, BOXES - 2)
+    return repeated(quiet, rise, box, 2)
+
+
+def _demand(change: Tracks, first: int) -> Demand:
     """Return what accelerations ask; ``first`` is the number of their first drone."""
     force = replace(
-        acceleration,
-        position=acceleration.position / GRAVITY + np.array([0.0, 0.0, 1.0]),
+        change, position=change.position / GRAVITY + np.array([0.0, 0.0, 1.0])
     )
     found = (
-        greatest(force, _tilt, _ANGLE),
+        greatest(force, tilt_of, _ANGLE),
         greatest(force, length((0, 1, 2)), _THRUST),
         greatest(force, lambda value: -value[..., 2], _THRUST),
     )
@@ -202,7 +208,7 @@ def _greatest_demand(found: list[Demand]) -> Demand:
     )
 
 
-def _tilt(force: FloatArray) -> FloatArray:
+def tilt_of(force: FloatArray) -> FloatArray:
     """Angle between a force and the vertical [rad]; half a turn where it is down.
 
     Cones of less than a right angle are convex, so the angle is quasi-convex there.
@@ -285,10 +291,7 @@ def smooth_enough(tracks: Tracks) -> bool:
 
 def _unsmoothed(tracks: Tracks) -> Demand:
     """Return what flights without corners ask of an aircraft as they are."""
-    found = [
-        _demand(derivative(derivative(part)), first) for first, part in portions(tracks)
-    ]
-    return _greatest_demand(found)
+    return demand_of(tracks, 0.0)
 
 
 def _hardest(tracks: Tracks) -> Tracks:

@@ -66,24 +66,33 @@ def verify_foreign(path: Path, questions: Questions | None = None) -> Verificati
     UsageError
         If there is no such file, or its format is not known.
     """
-    questions = questions or Questions()
     try:
         show = read_show(path)
     except DamagedFileError as error:
         return damaged(path, error)
-    rules = [own_rules(show)]
-    if questions.asked is not None:
-        rules.append(questions.asked)
+    return judge(show, questions or Questions())
+
+
+def judge(show: ForeignShow, questions: Questions) -> Verification:
+    """Judge a show that was read."""
+    rules = rules_for(show, questions)
     facts = what_it_says(show, rules)
     checks = [
         *facts.checks,
         *_flyable(show, facts, rules, questions.agility),
         *what_it_becomes(show, questions.firmware),
     ]
-    trusted = " and ".join(f"{one.source} rules" for one in rules)
+    trusted = " and ".join(f"{one.source} rules" for one in rules if one.any)
+    trusted = trusted or "no rules: the file has none, and none were asked for"
     return Verification(
-        str(path), show.title, show.drones, show.duration, trusted, tuple(checks)
+        show.path, show.title, show.drones, show.duration, trusted, tuple(checks)
     )
+
+
+def rules_for(show: ForeignShow, questions: Questions) -> list[Asked]:
+    """Return the file's own rules, and those that are asked for."""
+    asked = [] if questions.asked is None else [questions.asked]
+    return [own_rules(show), *asked]
 
 
 def damaged(path: Path, error: DamagedFileError) -> Verification:

@@ -24,7 +24,7 @@ from showc.log.sampling import FleetSampler
 from showc.plan.assignment import assign, nearest_on_lines
 from showc.plan.build import build_itinerary
 from showc.vehicle.metric import scaled
-from showc.view.page import box_of
+from showc.view.overview import box_of
 from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal, Soundtrack
 
 if TYPE_CHECKING:
@@ -249,6 +249,7 @@ def scene_of(draft: Draft, memory: Memory) -> Scene:
         chapters=tuple(_chapters(draft)),
         ground=Ground(
             fence=np.asarray(fence),
+            floor=site.volume_min[2],
             ceiling=site.volume_max[2],
             pads=show.formations[show.pads].points[: show.drones],
             heading=site.heading,

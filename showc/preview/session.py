@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from threading import Condition
@@ -25,6 +25,7 @@ from showc.fleet.execution.cache import Cache, leg_key
 from showc.preview.draft import Draft, Memory, held_formation, lay_out, scene_of
 from showc.script import load_show
 from showc.script.files import MOST_BYTES
+from showc.view.findings import Finding
 
 if TYPE_CHECKING:
     from showc.fleet.options import SolveOptions
@@ -44,22 +45,6 @@ _LOOKS = 16
 """Of these, how many pass before the cache is looked at again while solving."""
 _THUMB_DRONES = 1000
 """Places of a formation that its small picture shows."""
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One finding as the page lists it."""
-
-    code: str
-    severity: str
-    message: str
-    help: str
-    line: int
-    """Of the script, from 1; 0: no particular one."""
-    time: float | None
-    """Show time at which it can be seen [s]."""
-    drones: tuple[int, ...]
-    """Which drones it is about, counting from 0."""
 
 
 class Session:

@@ -43,7 +43,7 @@ _SIGNS: dict[Verdict, tuple[str, str]] = {
 _MISSIONS = "VRF4"
 """What codes of checks of missions begin with; all others are of the trajectories."""
 
-_NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413"}
+_NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413", "VRF504"}
 """Checks whose value is a distance that drones keep: their figure stands for all."""
 
 
@@ -342,11 +342,15 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
         open_ = next(check for check in checks if check.verdict == "accepted")
         why = "; ".join(open_.notes)
         return f"NOT PROVED, which the script accepts ({open_.code}: {why})"
-    near = [c for c in checks if c.code in _NEAREST and c.value is not None]
-    if not near:
-        return "proved"
-    worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
-    return f"proved (nearest{_figure(worst)})"
+    parts = []
+    near = [c for c in checks if c.code in _NEAREST and c.limit is not None]
+    if near:
+        worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
+        parts.append(f"nearest{_figure(worst)}")
+    free = [c.name for c in checks if c.verdict == "skipped" and c.value is not None]
+    if free:
+        parts.append(f"no limit known for {', '.join(free)}")
+    return f"proved ({'; '.join(parts)})" if parts else "proved"
 
 
 def _figure(check: Check) -> str:

@@ -129,27 +129,32 @@ def _closest(logged: LoggedShow, segment: LoggedSegment) -> Encounter | None:
 
 def _closest_sampled(logged: LoggedShow, segment: LoggedSegment) -> Encounter | None:
     """Nearest pair at some of the samples; None where the metric is no distance."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415  # only pictures need it
-
-    separation = logged.rules.separation
-    if separation.shape == pb.Separation.ALL_AXES or segment.drones.size < 2:
-        return None
-    order = np.inf if separation.shape == pb.Separation.ANY_AXIS else 2
-    scale = metric_scale(separation)
     end = segment.start + segment.duration
     first, last = np.searchsorted(logged.times, [segment.start - 1e-9, end + 1e-9])
     stride = max(1, round(logged.rules.log_rate / SEARCH_RATE))
     steps = range(first, last, stride) if segment.kind != "hold" else [first]
     best = None
     for step in steps:
-        place = logged.positions[step, segment.drones] * scale
-        distance, index = cKDTree(place).query(place, k=2, p=order)
-        nearest = int(distance[:, 1].argmin())
-        if best is None or distance[nearest, 1] < best.distance:
-            # Of two drones in one place, the tree may name either first.
-            pair = {int(i) for i in index[nearest]} | {nearest}
-            a, b = sorted(segment.drones[sorted(pair)[:2]].tolist())
-            best = Encounter(
-                a, b, float(logged.times[step]), float(distance[nearest, 1])
-            )
+        place = logged.positions[step, segment.drones]
+        one = nearest_at(place, float(logged.times[step]), logged.rules.separation)
+        if one is not None and (best is None or one.distance < best.distance):
+            a, b = segment.drones[[one.drone_a, one.drone_b]].tolist()
+            best = Encounter(a, b, one.time, one.distance)
     return best
+
+
+def nearest_at(
+    place: FloatArray, time: float, separation: pb.Separation
+) -> Encounter | None:
+    """Nearest pair of places (n, 3) [m]; None where the metric is no distance."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415  # only pictures need it
+
+    if separation.shape == pb.Separation.ALL_AXES or len(place) < 2:
+        return None
+    order = np.inf if separation.shape == pb.Separation.ANY_AXIS else 2
+    scaled = place * metric_scale(separation)
+    distance, index = cKDTree(scaled).query(scaled, k=2, p=order)
+    nearest = int(distance[:, 1].argmin())
+    # Of two drones in one place, the tree may name either first.
+    a, b = sorted({int(i) for i in index[nearest]} | {nearest})[:2]
+    return Encounter(a, b, time, float(distance[nearest, 1]))

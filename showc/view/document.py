@@ -36,6 +36,36 @@ def clock(seconds: float) -> str:
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"
 
 
+def figure(value: float | None, unit: str) -> str:
+    """Return a quantity of a check with as many digits as a reader wants."""
+    if value is None:
+        return ""
+    if value == int(value) and abs(value) < 1e15:
+        shown = f"{int(value):,}"
+    elif 1e-3 <= abs(value) < 1e6:
+        shown = f"{value:.4g}" if abs(value) < 1000.0 else f"{value:,.0f}"
+    else:
+        shown = f"{value:.1e}"
+    return f"{shown} {unit}".strip()
+
+
+def place(where: Mapping[str, Any]) -> str:
+    """Return where in the show a check found something."""
+    parts = []
+    if "pair" in where:
+        parts.append(f"drones {where['pair'][0]} and {where['pair'][1]}")
+    elif "drone" in where:
+        parts.append(f"drone {where['drone']}")
+    if "segment" in where:
+        parts.append(str(where["segment"]))
+    if "time" in where:
+        parts.append(clock(where["time"]))
+    if "file" in where:
+        # The folder is the verifier's own; the name says enough.
+        parts.append(str(where["file"]).rsplit("/", 1)[-1])
+    return ", ".join(parts)
+
+
 def table(
     heads: Sequence[str],
     rows: Sequence[str],

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.view.digest import metric_scale
+from showc.view.digest import nearest_at
 from showc.view.scene import Band
 
 if TYPE_CHECKING:
@@ -104,19 +104,16 @@ def _apart(
     logged: LoggedShow, times: FloatArray, meetings: Iterable[Meeting]
 ) -> Band | None:
     """Distance of the nearest pair; None where the metric is no distance."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415  # only pictures need it
-
     separation = logged.rules.separation
     if separation.shape == pb.Separation.ALL_AXES or logged.drones < 2:
         return None
-    order = np.inf if separation.shape == pb.Separation.ANY_AXIS else 2
-    scale = metric_scale(separation)
     many = max(2, min(times.size, DENSE * 1000 // logged.drones))
     chosen = np.linspace(0, times.size - 1, many).astype(int)
     apart = np.empty(many)
     for number, row in enumerate(np.searchsorted(logged.times, times[chosen])):
-        place = logged.positions[row] * scale
-        apart[number] = cKDTree(place).query(place, k=2, p=order)[0][:, 1].min()
+        near = nearest_at(logged.positions[row], times[chosen[number]], separation)
+        assert near is not None  # noqa: S101 - there are pairs, and a distance
+        apart[number] = near.distance
     for one in meetings:
         row = int(np.abs(times[chosen] - one.time).argmin())
         apart[row] = min(apart[row], one.distance)

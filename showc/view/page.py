@@ -9,21 +9,24 @@ import base64
 import html
 import json
 import zlib
+from dataclasses import replace
 from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.view.digest import digest, metric_scale, speeds, tightest, tilt_angles
+from showc.view.digest import digest, speeds, tightest, tilt_angles
 from showc.view.document import badge
+from showc.view.findings import findings_of
 from showc.view.fleet import bands_of, predicted_places
-from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal
+from showc.view.overview import ground_of
+from showc.view.scene import Chapter, Meeting, Scene, Signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import IntArray
     from showc.log.reader import LoggedShow
     from showc.view.digest import Digest
     from showc.view.scene import Soundtrack
@@ -35,6 +38,7 @@ SCRIPTS = (
     "stage.js",
     "timeline.js",
     "plots.js",
+    "findings.js",
     "sound.js",
     "player.js",
 )
@@ -63,7 +67,16 @@ def render_page(
     may carry ``?t=41&play=0&drone=7&view=top&client=1`` (show time, whether it plays,
     chosen drone, camera, without engineering).
     """
-    scene = scene_of(logged, soundtrack)
+    scene = replace(scene_of(logged, soundtrack), findings=findings_of(verification))
+    return render_whole(scene, verification, recording)
+
+
+def render_whole(
+    scene: Scene,
+    verification: Mapping[str, Any] | None = None,
+    recording: bytes = b"",
+) -> str:
+    """Return the page of a scene that carries everything itself."""
     return render_scene(
         scene.name,
         scene.header(),
@@ -98,7 +111,7 @@ def render_scene(
     recording
         A sound file in base 64; empty: none.
     more
-        Name of a further file of code and one of HTML among the assets.
+        Name of a further file of code among the assets.
     nonce
         What the server's policy lets scripts and styles pass by.
     """
@@ -112,7 +125,6 @@ def render_scene(
         nonce=marked,
         style=style,
         script="\n".join((folder / name).read_text("utf-8") for name in names),
-        more=(folder / f"{more}.html").read_text("utf-8") if more else "",
         # A "<" inside a script element could end it or hide what follows.
         header=json.dumps(header, separators=(",", ":")).replace("<", "\\u003c"),
         data=data,
@@ -140,7 +152,7 @@ def scene_of(logged: LoggedShow, soundtrack: Soundtrack | None = None) -> Scene:
         positions=logged.positions[frames],
         colours=np.stack([samples[name] for name in ("red", "green", "blue")], axis=-1),
         chapters=tuple(_chapter(one) for one in digests),
-        ground=_ground(logged),
+        ground=ground_of(logged),
         encounters=encounters,
         signals=_signals(logged, _steps(logged, signal_stride)),
         signal_step=signal_stride / rate,
@@ -221,32 +233,3 @@ def _encounters(digests: tuple[Digest, ...]) -> tuple[Meeting, ...]:
         Meeting(one.drone_a, one.drone_b, one.time, one.distance, one is nearest)
         for one in found
     )
-
-
-def _ground(logged: LoggedShow) -> Ground:
-    """Ground, fence, pads and heading of the site."""
-    site, rules = logged.rules.site, logged.rules
-    fence = np.reshape(site.fence, (-1, 2))
-    if fence.size == 0:
-        low, high = site.volume_min, site.volume_max
-        fence = box_of((low.x, low.y), (high.x, high.y))
-    pads = next(f for f in rules.formations if f.name == _pads_name(logged))
-    return Ground(
-        fence=fence,
-        ceiling=site.volume_max.z,
-        pads=np.reshape(pads.points, (-1, 3)),
-        heading=site.heading,
-        separation=rules.separation.distance,
-        metric=metric_scale(rules.separation),
-    )
-
-
-def box_of(low: tuple[float, ...], high: tuple[float, ...]) -> FloatArray:
-    """Corners of the rectangle between two points, shape (4, 2) [m]."""
-    (a, b), (c, d) = low[:2], high[:2]
-    return np.array([[a, b], [c, b], [c, d], [a, d]])
-
-
-def _pads_name(logged: LoggedShow) -> str:
-    """Name of the formation on the ground: the one that the launch leaves."""
-    return str(logged.segments[0].message.from_formation)

@@ -10,7 +10,7 @@ from showc.view.document import clock, text
 
 if TYPE_CHECKING:
     from showc.arrays import ByteArray, FloatArray
-    from showc.log.reader import LoggedSegment, LoggedShow
+    from showc.view.overview import Overview
 
 WIDTH, HEIGHT, ROOM = 170.0, 110.0, 9.0
 """Of a drawing, and the room around what it shows."""
@@ -22,27 +22,15 @@ _FLAT = 0.3
 """Height over depth below which a formation is shown from above."""
 
 
-def pictures_section(logged: LoggedShow) -> str:
+def pictures_section(overview: Overview) -> str:
     """HTML of all formations that are held, in the order of their first hold."""
-    held: dict[str, LoggedSegment] = {}
-    for segment in logged.segments:
-        message = segment.message
-        moving = segment.kind == "motion"
-        name = message.from_formation if moving else message.to_formation
-        if segment.kind in {"hold", "motion"} and not name.startswith("above "):
-            held.setdefault(name, segment)
+    held = overview.pictures
     figures = []
-    for name, segment in list(held.items())[:MOST]:
-        middle = segment.start + (0.0 if segment.kind == "motion" else 0.5) * min(
-            segment.duration, 1.0
-        )
-        row = min(int(np.searchsorted(logged.times, middle)), logged.times.size - 1)
-        step = max(1, -(-logged.drones // DOTS))
-        samples = logged.samples[row, ::step]
-        colours = np.stack([samples[one] for one in ("red", "green", "blue")], axis=-1)
+    for one in held[:MOST]:
+        step = max(1, -(-len(one.places) // DOTS))
         figures.append(
-            f"<figure>{_drawing(logged.positions[row, ::step], colours)}"
-            f"<figcaption>{text(name)}, {clock(segment.start)}</figcaption></figure>"
+            f"<figure>{_drawing(one.places[::step], one.colours[::step])}"
+            f"<figcaption>{text(one.name)}, {clock(one.start)}</figcaption></figure>"
         )
     if not figures:
         return ""

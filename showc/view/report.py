@@ -9,18 +9,30 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.view.digest import Digest, digest, tightest
-from showc.view.document import badge, clock, document, row, small, table, text
+from showc.view.document import (
+    badge,
+    clock,
+    document,
+    figure,
+    place,
+    row,
+    small,
+    table,
+    text,
+)
 from showc.view.forecast import forecast_section
+from showc.view.overview import overview_of
 from showc.view.pictures import pictures_section
 from showc.view.safety import safety_section
-from showc.view.sitemap import fence_of, map_from_above, map_from_the_side
+from showc.view.sitemap import map_from_above, map_from_the_side
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from showc.flight import Encounter
     from showc.log.reader import LoggedShow
     from showc.safety.case import SafetyCase
+    from showc.view.overview import Overview
     from showc.view.safety import Beside
 
 SHAPES = {
@@ -33,6 +45,10 @@ MOST_FILES = 80
 """Mission files that are listed one by one; a great fleet's would fill a book."""
 TOLERANCE = 1e-6
 """Separation that the verifier lets pass below the rule [m]."""
+SIGNATURE = (
+    '<div class="sign"><div>Signed off by</div><div>Place</div><div>Date</div></div>'
+)
+"""Where a person signs."""
 WORDS = {
     "pass": "ok",
     "fail": "FAILED",
@@ -64,19 +80,17 @@ def render_report(
         What lies beside the log; None: nothing.
     """
     digests = digest(logged)
+    overview = overview_of(logged)
     body = [
         _head(logged, verification),
         _figures(logged, digests),
-        _site(logged),
+        site_section(overview),
         "" if case is None else safety_section(logged, case, beside),
-        pictures_section(logged),
+        pictures_section(overview),
         _moves(logged, digests),
-        _checks(verification),
+        checks_section(verification),
         forecast_section(logged.manifest),
-        (
-            '<div class="sign"><div>Signed off by</div><div>Place</div>'
-            "<div>Date</div></div>"
-        ),
+        SIGNATURE,
         _origin(logged),
     ]
     return document(f"{logged.rules.name} – report", "\n".join(body))
@@ -111,6 +125,11 @@ def _figures(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
             "fail" if _too_near(nearest, rule) else "",
         ),
     ]
+    return figures_section(shown)
+
+
+def figures_section(shown: Sequence[tuple[str, str, str]]) -> str:
+    """HTML of the greatest figures: value, what it is, class of the value."""
     inner = "".join(
         f'<div><b class="{kind}">{text(value)}</b><span>{text(name)}</span></div>'
         for value, name, kind in shown
@@ -128,17 +147,21 @@ def _too_near(closest: Encounter | None, rule: float) -> bool:
     return closest is not None and closest.distance < rule - TOLERANCE
 
 
-def _site(logged: LoggedShow) -> str:
-    corners = len(fence_of(logged))
-    site = logged.rules.site
-    lowest, highest = site.volume_min.z, site.volume_max.z
+def site_section(overview: Overview) -> str:
+    """HTML of the two drawings of the site."""
+    ground = overview.ground
+    corners = len(ground.fence)
+    fence = f"Orange: fence of {corners} corners." if corners else "No fence is known."
+    volume = f"Highest drone at {overview.highest:.1f} m; no ceiling is known."
+    if ground.ceiling is not None:
+        below = "up" if ground.floor is None else f"from {ground.floor:.1f} m"
+        volume = f"Flight volume {below} to {ground.ceiling:.1f} m."
     return (
         "<h2>Site</h2><div class='maps'>"
-        f"<figure>{map_from_above(logged)}<figcaption>From above. Orange: fence of "
-        f"{corners} corners. Squares: pads. Dots: places of the pictures in their "
-        "colours. Cross: origin.</figcaption></figure>"
-        f"<figure>{map_from_the_side(logged)}<figcaption>From the front. Flight "
-        f"volume from {lowest:.1f} m to {highest:.1f} m."
+        f"<figure>{map_from_above(overview)}<figcaption>From above. {fence} Squares: "
+        "pads. Dots: places of the pictures in their colours. Cross: "
+        "origin.</figcaption></figure>"
+        f"<figure>{map_from_the_side(overview)}<figcaption>From the front. {volume}"
         "</figcaption></figure></div>"
     )
 
@@ -244,7 +267,8 @@ def _move(one: Digest, number: int, nearest: Encounter | None, rule: float) -> s
     )
 
 
-def _checks(verification: Mapping[str, Any] | None) -> str:
+def checks_section(verification: Mapping[str, Any] | None) -> str:
+    """HTML table of what was proved, with margins and places."""
     if verification is None:
         return (
             "<h2>Margins</h2><p>Nothing was verified. Run <code>showc verify</code> "
@@ -270,9 +294,9 @@ def _checks(verification: Mapping[str, Any] | None) -> str:
                         f"{WORDS.get(verdict, text(verdict))}</span>"
                     ),
                     text(f"{check['code']} {check['name']}") + notes,
-                    _quantity(check["value"], check["unit"]),
-                    _quantity(check["limit"], check["unit"]),
-                    text(_place(check["where"])),
+                    text(figure(check["value"], check["unit"])),
+                    text(figure(check["limit"], check["unit"])),
+                    text(place(check["where"])),
                 ],
                 words=words,
             )
@@ -282,34 +306,6 @@ def _checks(verification: Mapping[str, Any] | None) -> str:
         "<h2>Margins and proofs<small>by showc verify; "
         f"{text(verification['anchor'])}</small></h2>{shown}"
     )
-
-
-def _quantity(value: float | None, unit: str) -> str:
-    if value is None:
-        return ""
-    if value == int(value) and abs(value) < 1e15:
-        shown = f"{int(value):,}"
-    elif 1e-3 <= abs(value) < 1e6:
-        shown = f"{value:.4g}" if abs(value) < 1000.0 else f"{value:,.0f}"
-    else:
-        shown = f"{value:.1e}"
-    return text(f"{shown} {unit}".strip())
-
-
-def _place(where: Mapping[str, Any]) -> str:
-    parts = []
-    if "pair" in where:
-        parts.append(f"drones {where['pair'][0]} and {where['pair'][1]}")
-    elif "drone" in where:
-        parts.append(f"drone {where['drone']}")
-    if "segment" in where:
-        parts.append(str(where["segment"]))
-    if "time" in where:
-        parts.append(clock(where["time"]))
-    if "file" in where:
-        # The folder is the verifier's own; the name says enough.
-        parts.append(str(where["file"]).rsplit("/", 1)[-1])
-    return ", ".join(parts)
 
 
 def _origin(logged: LoggedShow) -> str:

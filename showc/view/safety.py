@@ -11,6 +11,7 @@ import numpy as np
 from showc.safety.ground import area
 from showc.simulate.results import CONFIDENCE
 from showc.view.document import clock, document, row, small, table, text
+from showc.view.overview import overview_of
 from showc.view.plot import Curve, line_plot
 from showc.view.sitemap import (
     Frame,
@@ -360,7 +361,7 @@ def volumes_from_above(logged: LoggedShow, case: SafetyCase) -> str:
             f'<path d="{path(frame(case.fence), close=True)}" fill="none" '
             'stroke="#e0701b" stroke-width="2" stroke-dasharray="7 4"/>'
         ),
-        ways(logged, [0, 1], frame),
+        ways(overview_of(logged).positions, [0, 1], frame),
     ]
     for building in site.buildings:
         parts.append(_shape(frame, building.corners, "#555555", 0.5))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import ByteArray, FloatArray, IntArray
     from showc.script.show import Music
+    from showc.view.findings import Finding
 
 STEPS = 65_000
 """Steps over the bounding box along each axis; fits 16 bits."""
@@ -72,17 +73,19 @@ class Meeting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """What stands still."""
+    """What stands still; None where it is not known."""
 
     fence: FloatArray
-    """Corners, shape (n, 2) [m]."""
-    ceiling: float
+    """Corners, shape (n, 2) [m]; none: no fence is known."""
+    floor: float | None
+    """Least height of the flight volume [m]."""
+    ceiling: float | None
     """[m]."""
     pads: FloatArray
     """Shape (n, 3) [m]."""
-    heading: float
+    heading: float | None
     """Compass bearing of +y [deg]."""
-    separation: float
+    separation: float | None
     """[m]."""
     metric: FloatArray
     """Factors on (x, y, z) that make the separation's shape a sphere, (3,)."""
@@ -175,12 +178,17 @@ class Scene:
     """Where the missions' flights are, every ``predicted_step``, as ``positions``."""
     predicted_step: float = 0.0
     """[s]."""
+    findings: tuple[Finding, ...] = ()
+    """What verification says, listed and marked."""
+    unknown: tuple[str, ...] = ()
+    """What a show of others does not say, in words."""
+    names: tuple[str, ...] = ()
+    """Of the drones; none: they are numbered."""
 
     def header(self) -> dict[str, Any]:
         """Return what is not numbers of each drone."""
         low, scale = self._box()
         high = self.positions.max(axis=(0, 1))
-        fence = self.ground.fence
         count = self.signals[0].values.shape[0] if self.signals else 0
         return {
             "name": self.name,
@@ -198,8 +206,8 @@ class Scene:
             "meshes": [list(mesh) for mesh in self.meshes],
             "segments": [asdict(one) for one in self.chapters],
             "encounters": [asdict(one) for one in self.encounters],
-            "fence": fence.tolist(),
-            "ground": [fence.min(axis=0).tolist(), fence.max(axis=0).tolist()],
+            "fence": self.ground.fence.tolist(),
+            "ground": [corner.tolist() for corner in self._extent()],
             "ceiling": self.ground.ceiling,
             "pads": self.ground.pads.tolist(),
             "heading": self.ground.heading,
@@ -209,7 +217,17 @@ class Scene:
             "soundtrack": None if self.soundtrack is None else asdict(self.soundtrack),
             "predictedFrames": 0 if self.predicted is None else len(self.predicted),
             "predictedStep": self.predicted_step,
+            "findings": [asdict(one) for one in self.findings],
+            "unknown": list(self.unknown),
+            "names": list(self.names),
         }
+
+    def _extent(self) -> tuple[FloatArray, FloatArray]:
+        """Corners of the fence; of the flights where there is none, (2,) each [m]."""
+        corners = self.ground.fence
+        if not corners.size:
+            corners = self.positions[..., :2].reshape(-1, 2)
+        return corners.min(axis=0), corners.max(axis=0)
 
     def payload(self) -> bytes:
         """Return the numbers of each drone, as the page's ``data.js`` reads them."""

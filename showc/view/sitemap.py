@@ -12,7 +12,7 @@ from showc.view.document import text
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.log.reader import LoggedShow
+    from showc.view.overview import Overview
 
 
 WIDTH, HEIGHT, MARGIN = 440.0, 340.0, 34.0
@@ -71,23 +71,11 @@ def svg(parts: list[str], label: str, frame: Frame) -> str:
     )
 
 
-def fence_of(logged: LoggedShow) -> FloatArray:
-    """Corners (n, 2) [m] of the fence; the volume's walls where there is none."""
-    site = logged.rules.site
-    if site.fence:
-        return np.reshape(np.array(site.fence), (-1, 2))
-    a, b = site.volume_min, site.volume_max
-    return np.array([[a.x, a.y], [b.x, a.y], [b.x, b.y], [a.x, b.y]])
-
-
-def ways(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
-    """Thin lines along the ways of some drones."""
-    chosen = np.unique(np.linspace(0, logged.drones - 1, PATHS).astype(int))
-    stride = max(1, round(logged.rules.log_rate / 2.5))
-    lines = [
-        path(_thinned(frame(logged.positions[::stride, drone][:, axes])))
-        for drone in chosen
-    ]
+def ways(positions: FloatArray, axes: list[int], frame: Frame) -> str:
+    """Thin lines along the ways of some drones; positions (steps, drones, 3) [m]."""
+    drones = positions.shape[1]
+    chosen = np.unique(np.linspace(0, drones - 1, PATHS).astype(int))
+    lines = [path(_thinned(frame(positions[:, one][:, axes]))) for one in chosen]
     return (
         f'<path d="{"".join(lines)}" fill="none" stroke="#8fa3c8" '
         'stroke-width="0.6" stroke-opacity="0.55"/>'
@@ -105,22 +93,15 @@ def _thinned(points: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
-def _pictures(logged: LoggedShow, axes: list[int], frame: Frame) -> str:
-    """Dots at the places of every picture, in the colour shown on arrival."""
-    found = [s for s in logged.segments if s.kind == "transition"]
-    total = max(1, sum(segment.drones.size for segment in found))
+def _pictures(overview: Overview, axes: list[int], frame: Frame) -> str:
+    """Dots at the places of every picture, in its colours."""
+    total = max(1, sum(len(one.places) for one in overview.pictures))
     stride = max(1, -(-total // DOTS))
     dots = []
-    for segment in found:
-        end = segment.start + segment.duration
-        step = min(int(np.searchsorted(logged.times, end)), logged.times.size - 1)
-        samples = logged.samples[step, segment.drones][::stride]
-        goals = np.reshape(np.array(segment.message.goals), (-1, 3))[::stride]
-        for (x, y), sample in zip(frame(goals[:, axes]), samples, strict=True):
-            colour = "#{:02x}{:02x}{:02x}".format(
-                *(int(sample[name]) for name in ("red", "green", "blue"))
-            )
-            shown = "#9aa3b5" if colour == "#000000" else colour
+    for one in overview.pictures:
+        places, colours = frame(one.places[::stride][:, axes]), one.colours[::stride]
+        for (x, y), light in zip(places, colours.tolist(), strict=True):
+            shown = "#{:02x}{:02x}{:02x}".format(*light) if any(light) else "#9aa3b5"
             dots.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.9" fill="{shown}"/>')
     return f'<g stroke="#161b26" stroke-width="0.35">{"".join(dots)}</g>'
 
@@ -151,60 +132,78 @@ def north_arrow(heading: float, frame: Frame) -> str:
     )
 
 
-def map_from_above(logged: LoggedShow) -> str:
-    """Fence, pads, pictures and ways from above, with scale and north."""
-    fence = fence_of(logged)
-    frame = Frame.around(fence)
-    pads = logged.positions[0][:, :2]
+def map_from_above(overview: Overview) -> str:
+    """Fence, pads, pictures and ways from above, with scale and north if known."""
+    ground = overview.ground
+    frame = Frame.around(_level(overview))
     marks = "".join(
         f'<rect x="{x - 1.5:.1f}" y="{y - 1.5:.1f}" width="3" height="3"/>'
-        for x, y in frame(pads)
+        for x, y in frame(overview.positions[0][:, :2])
     )
     origin = frame(np.zeros((1, 2)))[0]
+    fence = ""
+    if ground.fence.size:
+        fence = (
+            f'<path d="{path(frame(ground.fence), close=True)}" fill="#fff" '
+            'stroke="#e0701b" stroke-width="1.6" stroke-dasharray="6 3"/>'
+        )
+    north = "" if ground.heading is None else north_arrow(ground.heading, frame)
     return svg(
         [
-            (
-                f'<path d="{path(frame(fence), close=True)}" fill="#fff" '
-                'stroke="#e0701b" stroke-width="1.6" stroke-dasharray="6 3"/>'
-            ),
-            ways(logged, [0, 1], frame),
+            fence,
+            ways(overview.positions, [0, 1], frame),
             f'<g fill="none" stroke="#5b6578" stroke-width="0.7">{marks}</g>',
-            _pictures(logged, [0, 1], frame),
+            _pictures(overview, [0, 1], frame),
             (
                 f'<path d="M{origin[0] - 5:.1f},{origin[1]:.1f}h10m-5,-5v10" '
                 'stroke="#161b26" stroke-width="1.1"/>'
             ),
             scale_bar(frame),
-            north_arrow(float(logged.rules.site.heading), frame),
+            north,
         ],
         "Site from above",
         frame,
     )
 
 
-def map_from_the_side(logged: LoggedShow) -> str:
+def _level(overview: Overview) -> FloatArray:
+    """Corners of the fence; of the flights where none is known, (n, 2) [m]."""
+    fence = overview.ground.fence
+    return fence if fence.size else overview.positions[..., :2].reshape(-1, 2)
+
+
+def map_from_the_side(overview: Overview) -> str:
     """Draw what the audience sees: ground, ceiling, pictures and ways, x and height."""
-    site = logged.rules.site
-    fence = fence_of(logged)
-    left, right = float(fence[:, 0].min()), float(fence[:, 0].max())
-    top = float(site.volume_max.z)
-    low = min(float(logged.positions[..., 2].min()), 0.0)
+    ground, highest = overview.ground, overview.highest
+    across = _level(overview)[:, 0]
+    left, right = float(across.min()), float(across.max())
+    top = highest if ground.ceiling is None else ground.ceiling
+    low = min(overview.lowest, 0.0)
     frame = Frame.around(np.array([[left, low], [right, top]]))
     walls = frame(np.array([[left, low], [right, top]]))
     (x0, y0), (x1, y1) = walls
-    highest = float(logged.positions[..., 2].max())
     level = frame(np.array([[left, highest]]))[0, 1]
-    ground = frame(np.array([[left, 0.0]]))[0, 1]
+    earth = frame(np.array([[left, 0.0]]))[0, 1]
+    volume, ceiling = "", ""
+    if ground.fence.size and ground.ceiling is not None:
+        volume = (
+            f'<rect x="{x0:.1f}" y="{y1:.1f}" width="{x1 - x0:.1f}" '
+            f'height="{y0 - y1:.1f}" fill="#fff" stroke="#e0701b" '
+            'stroke-width="1.6" stroke-dasharray="6 3"/>'
+        )
+    if ground.ceiling is not None:
+        ceiling = (
+            f'<path d="M{x0:.1f},{y1:.1f}H{x1:.1f}" stroke="#e0701b" '
+            'stroke-width="1.6" stroke-dasharray="6 3"/>'
+            f'<text x="{x0 + 5:.1f}" y="{y1 - 5:.1f}" style="fill:#a85210">'
+            f"ceiling {top:.1f} m</text>"
+        )
     return svg(
         [
-            (
-                f'<rect x="{x0:.1f}" y="{y1:.1f}" width="{x1 - x0:.1f}" '
-                f'height="{y0 - y1:.1f}" fill="#fff" stroke="#e0701b" '
-                'stroke-width="1.6" stroke-dasharray="6 3"/>'
-            ),
-            f'<path d="M0,{ground:.1f}H{WIDTH:.0f}" stroke="#5b6578"/>',
-            ways(logged, [0, 2], frame),
-            _pictures(logged, [0, 2], frame),
+            volume,
+            f'<path d="M0,{earth:.1f}H{WIDTH:.0f}" stroke="#5b6578"/>',
+            ways(overview.positions, [0, 2], frame),
+            _pictures(overview, [0, 2], frame),
             (
                 f'<path d="M{x0:.1f},{level:.1f}H{x1:.1f}" stroke="#2459c4" '
                 'stroke-width="0.8" stroke-dasharray="2 3"/>'
@@ -213,10 +212,7 @@ def map_from_the_side(logged: LoggedShow) -> str:
                 f'<text x="{x1 - 4:.1f}" y="{level - 4:.1f}" text-anchor="end" '
                 f'style="fill:#2459c4">highest {highest:.1f} m</text>'
             ),
-            (
-                f'<text x="{x0 + 5:.1f}" y="{y1 - 5:.1f}" style="fill:#a85210">'
-                f"ceiling {top:.1f} m</text>"
-            ),
+            ceiling,
             scale_bar(frame),
         ],
         "Site from the audience",

@@ -53,7 +53,8 @@ def test_pictures_are_the_holds_in_the_air():
     assert (first.begin, first.end) == (6.0, 9.0)
     assert first.places == pytest.approx(np.array([[0, 0, 12], [5, 0, 12]]))
     assert second.places[:, 1] == pytest.approx([2.0, 12.0])
-    assert first.colours.tolist() == [[255, 0, 0], [255, 255, 255]]
+    # A drone without a program is dark.
+    assert first.colours.tolist() == [[255, 0, 0], [0, 0, 0]]
 
 
 def test_instants_that_are_asked_for_become_pictures_too():

@@ -150,5 +150,5 @@ function clockText(seconds, digits = 1) {
 }
 
 function droneName(drone) {
-  return `Drone ${String(drone + 1).padStart(4, "0")}`;
+  return show.names?.[drone] || `Drone ${String(drone + 1).padStart(4, "0")}`;
 }

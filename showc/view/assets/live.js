@@ -1,6 +1,6 @@
 // A page that follows a script: it fetches what the server has drawn, again on news.
 
-const live = { findings: [] };
+const live = {};
 
 // The length of the header, the header, the numbers; all zero while nothing was drawn.
 async function fetchShow() {
@@ -12,7 +12,7 @@ async function fetchShow() {
       const about = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
       describeScript(about);
       if (about.scene) {
-        show = about.scene;
+        show = { ...about.scene, findings: about.findings };
         readNumbers(new Uint8Array(bytes, 4 + length));
         return;
       }
@@ -36,7 +36,6 @@ async function refresh() {
 }
 
 function describeScript(about) {
-  live.findings = about.findings;
   $("#desk-title").textContent = about.script;
   const { stale, solving, solved, legs } = about.status;
   const words = [];
@@ -47,32 +46,8 @@ function describeScript(about) {
   words.push(count ? `${count} ${count === 1 ? "finding" : "findings"}` : "no findings");
   $("#desk-status").textContent = words.join(" · ");
   $("#desk-status").classList.toggle("stale", stale);
-  $("#findings").replaceChildren(...about.findings.map(findingRow));
+  listFindings(about.findings);
   $("#pictures").replaceChildren(...about.pictures.map(pictureButton));
-}
-
-function findingRow(finding) {
-  const row = document.createElement("li");
-  row.className = finding.severity;
-  const button = document.createElement("button");
-  const head = document.createElement("b");
-  head.textContent = [finding.line ? `line ${finding.line}` : "", finding.code].filter(Boolean).join(" · ");
-  const text = document.createElement("span");
-  text.textContent = finding.message;
-  button.append(head, text);
-  if (finding.help) {
-    const help = document.createElement("em");
-    help.textContent = finding.help;
-    button.append(help);
-  }
-  button.disabled = finding.time === null;
-  button.onclick = () => {
-    play(false);
-    seek(finding.time);
-    if (finding.drones.length) choose(finding.drones[0]);
-  };
-  row.append(button);
-  return row;
 }
 
 // A formation from the front, or from above if it lies flat.
@@ -110,27 +85,9 @@ function pictureButton(picture) {
   return button;
 }
 
-// Rings around the drones of findings while they can be seen.
-function findingMarks(onPage) {
-  const marks = [];
-  for (const finding of live.findings) {
-    if (finding.time === null || Math.abs(finding.time - player.time) > 0.75) continue;
-    for (const drone of finding.drones.slice(0, 20)) {
-      const place = drone < show.drones && onPage(placeAt(drone, player.time));
-      if (place) marks.push([place, finding.severity]);
-    }
-  }
-  return marks;
-}
-
-function foldDesk(shut) {
-  $("#desk").classList.toggle("shut", shut);
-  $(".desk-head").setAttribute("aria-expanded", String(!shut));
-}
-
 document.documentElement.classList.add("live");
+$("#desk").hidden = false;
 foldDesk(innerWidth <= 720);
-$(".desk-head").onclick = () => foldDesk(!$("#desk").classList.contains("shut"));
 const news = new EventSource("/news");
 news.onmessage = async (event) => {
   live.version = event.data;

@@ -123,7 +123,7 @@ function drawMarks(matrix) {
     $("#pair-line").style.stroke = wrong ? "" : "#ffb454";
     $("#pair-label").classList.toggle("danger", wrong);
   }
-  const found = window.findingMarks ? findingMarks(onPage) : [];
+  const found = findingMarks(onPage);
   $("#finding-rings").replaceChildren(...found.map(([[x, y], kind]) => {
     const circle = $("#ring").cloneNode();
     circle.removeAttribute("style");
@@ -134,7 +134,7 @@ function drawMarks(matrix) {
   $("#marks").style.display = ring || shown || found.length ? "" : "none";
   moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
     shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
-  const tip = display.client ? null : onPage(northArrow()[0]);
+  const tip = display.client || show.heading === null ? null : onPage(northArrow()[0]);
   moveTag($("#north"), tip && tip[1] < height - 160 && [tip[0] - 10, tip[1] - 20]);
 }
 
@@ -303,6 +303,7 @@ function listen() {
     action(event);
   });
   addEventListener("resize", () => { timeline.draw(); wake(); });
+  $(".desk-head").onclick = () => foldDesk(!$("#desk").classList.contains("shut"));
   $("#play").onclick = () => play(!player.playing);
   $("#previous").onclick = () => chapterStep(-1);
   $("#next").onclick = () => chapterStep(1);
@@ -339,7 +340,8 @@ function describe() {
     $("#tightest").hidden = false;
     $("#tightest").textContent = `◆ tightest ${tightest.distance.toFixed(2)} m at ${clockText(tightest.time)}`;
   }
-  $("#legend").textContent = "Chapters · light of the fleet · closest pair of each move (◆ tightest) · mesh intervals of the solution · time and cues";
+  const mesh = show.meshes.length > 1 ? " · mesh intervals of the solution" : "";
+  $("#legend").textContent = `Chapters · light of the fleet · closest pair of each move (◆ tightest)${mesh} · time, cues and findings (▲)`;
   $("#menu [data-toggle=missions]").hidden = !show.predictedFrames;
   $("#menu [data-toggle=fleet]").hidden = !show.bands.length;
   $("#tightest").classList.toggle("plain", Boolean(tightest) && tightest.distance >= show.separation);
@@ -373,6 +375,7 @@ async function start() {
     timeline = new Timeline($("#timeline"), seek);
     panel = new Panel($("#panel"), seek);
     describe();
+    if (!document.documentElement.classList.contains("live")) describeFindings();
     listen();
     timeline.draw();
     obeyAddress();

@@ -40,7 +40,7 @@ class Panel {
       for (const value of distances) most = Math.max(most, value);
       plots.push({
         name: "Nearest drone", unit: "m", digits: 2, range: Math.max(1.1 * most, 2 * show.separation),
-        limits: [show.separation], least: true, ...grid, at: (k) => distances[k],
+        limits: show.separation === null ? [] : [show.separation], least: true, ...grid, at: (k) => distances[k],
       });
     }
     return plots;

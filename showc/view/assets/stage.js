@@ -308,11 +308,13 @@ function groundLines() {
   show.fence.forEach(([x, y], k) => {
     const [nx, ny] = show.fence[(k + 1) % show.fence.length];
     line([x, y, 0], [nx, ny, 0], [...orange, 0.55]);
-    line([x, y, show.ceiling], [nx, ny, show.ceiling], [...orange, 0.1]);
-    line([x, y, 0], [x, y, show.ceiling], [...orange, 0.3], [...orange, 0.08]);
+    if (show.ceiling !== null) line([x, y, show.ceiling], [nx, ny, show.ceiling], [...orange, 0.1]);
+    line([x, y, 0], [x, y, show.ceiling ?? show.bounds[1][2]], [...orange, 0.3], [...orange, 0.08]);
   });
-  const [tip, root] = northArrow();
-  line(root, tip, [1, 0.4, 0.4, 0.7]);
+  if (show.heading !== null) {
+    const [tip, root] = northArrow();
+    line(root, tip, [1, 0.4, 0.4, 0.7]);
+  }
   return { places, tints };
 }
 

@@ -2,6 +2,7 @@
 // with cues, and the music's waveform.
 
 const FULL = { names: [0, 17], light: [20, 22], distance: [46, 14], mesh: [63, 11], ruler: [77, 24], wave: [103, 22] };
+const MESHLESS = { ...FULL, ruler: [63, 24], wave: [89, 22] };
 const PLAIN = { names: [0, 17], light: [20, 22], ruler: [45, 24], wave: [71, 22] };
 
 class Timeline {
@@ -34,10 +35,13 @@ class Timeline {
   showTip(time) {
     const segment = show.segments[segmentAt(time)];
     const cue = show.soundtrack?.cues.find((one) => Math.abs(this.x(one.time) - this.x(time)) < 4);
+    const finding = markedFindings().find((one) => Math.abs(this.x(one.time) - this.x(time)) < 5);
     const near = !display.client && show.encounters.find((e) => Math.abs(this.x(e.time) - this.x(time)) < 5);
     this.tip.textContent = near
       ? `${clockText(near.time)} · ${near.distance.toFixed(2)} m between ${near.a + 1} and ${near.b + 1}`
-      : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : segment.name}`;
+      : finding
+        ? `${clockText(finding.time)} · ${finding.code}: ${finding.message}`
+        : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : segment.name}`;
     this.tip.hidden = false;
     const half = this.tip.offsetWidth / 2;
     const left = Math.min(Math.max(this.x(time) - half, 0), this.width - 2 * half);
@@ -54,7 +58,7 @@ class Timeline {
     this.drone = drone;
     this.element.setAttribute("aria-valuemax", show.duration);
     const density = window.devicePixelRatio || 1;
-    this.rows = display.client ? PLAIN : FULL;
+    this.rows = display.client ? PLAIN : show.meshes.length > 1 ? FULL : MESHLESS;
     const [last, tall] = sound.peaks ? this.rows.wave : this.rows.ruler;
     this.element.style.height = `${last + tall}px`;
     const foot = this.element.closest("footer").offsetHeight;
@@ -69,8 +73,23 @@ class Timeline {
     this.drawRuler(c);
     if (sound.peaks) this.drawWave(c);
     if (display.client) return;
-    this.drawMesh(c);
+    if (this.rows.mesh) this.drawMesh(c);
     this.drawDistances(c);
+    this.drawFindings(c);
+  }
+
+  // A triangle on the ruler wherever something was found.
+  drawFindings(c) {
+    const [top, height] = this.rows.ruler;
+    for (const finding of markedFindings()) {
+      const x = this.x(finding.time);
+      c.fillStyle = finding.severity === "error" ? "#ff6b7a" : "#ffb454";
+      c.beginPath();
+      c.moveTo(x, top + height - 9);
+      c.lineTo(x + 5, top + height);
+      c.lineTo(x - 5, top + height);
+      c.fill();
+    }
   }
 
   // Ticks at round times, bars where there is room, and cues with their names.
