@@ -57,4 +57,6 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,cluster]'
+	# A simulator to compare with, without what its other parts need (one of them is GPL).
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'rotorpy>=3,<4'
 	@touch $@ $(VENV)/.installed

@@ -216,7 +216,7 @@ class _Run:
             error = fade * error + np.sqrt(1.0 - fade**2) * noise
             estimate = state + error
             wanted = course.state[number]
-            asked, limited = self.plant.clipped(self.tracker.command(estimate, number))
+            asked, limited = self.plant.allotted(self.tracker.command(estimate, number))
             clipped[number] = limited.mean()
             waiting.append(asked)
             command = waiting.pop(0)

@@ -1,4 +1,13 @@
-"""The aircraft in the air: twelve states, lagging rotors, drag, wind."""
+"""The aircraft in the air: twelve states, lagging rotors, drag, wind.
+
+The plan takes the rates of the Euler angles as the body rates; an aircraft does not.
+Here they follow from each other as those of a rigid body do (Stevens, Lewis and Johnson
+2016, Aircraft Control and Simulation, 1.4-4):
+
+    phi' = p + (q sin phi + r cos phi) tan theta,
+    theta' = q cos phi - r sin phi,
+    psi' = (q sin phi + r cos phi) / cos theta.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +24,8 @@ if TYPE_CHECKING:
 
 AIR_DENSITY = 1.225
 """Of the standard atmosphere at sea level [kg/m³]."""
+_ROUNDING = 1e-9
+"""Share of a rotor's greatest thrust that a command may be off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +61,32 @@ class Plant:
     lag: float
     """Time constant of the rotors' thrust [s]."""
 
-    def clipped(self, control: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Limit controls (n, 4) to what rotors can do, and say which were, (n,)."""
-        fractions = control @ self.vehicle.rotor_fractions().T
-        kept = np.clip(fractions, 0.0, 1.0)
+    def allotted(self, control: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Limit controls (n, 4) to what rotors can do, and say which were, (n,).
+
+        As mixers of autopilots do: yaw gives way first, then the thrust, and only what
+        is beyond the range of a rotor is taken off roll and pitch.
+        """
+        share = self.vehicle.rotor_fractions()
+        lift, turn = control[:, :1] * share[:, 0], control[:, 1:3] @ share[:, 1:3].T
+        spin = control[:, 3:] * share[:, 3]
+        asked = lift + turn + spin
+        # At most the whole range between the least and the greatest turning rotor.
+        turn = turn / np.maximum(np.ptp(turn, axis=1, keepdims=True), 1.0)
+        lift = np.clip(
+            lift,
+            -turn.min(axis=1, keepdims=True),
+            1.0 - turn.max(axis=1, keepdims=True),
+        )
+        given = lift + turn
+        # Where adding the spin ends: at full speed, or at none.
+        room = np.where(spin > 0.0, 1.0 - given, given)
+        size = np.maximum(np.abs(spin), 1e-12)
+        given += np.clip((room / size).min(axis=1), 0.0, 1.0)[:, None] * spin
+        given = np.clip(given, 0.0, 1.0)
+        limited = (np.abs(given - asked) > _ROUNDING).any(axis=1)
         most = self.vehicle.rotor_speed_max**2
-        allocated = kept @ (self.vehicle.allocation() * most).T
-        return allocated, np.asarray(np.any(kept != fractions, axis=1))
+        return given @ (self.vehicle.allocation() * most).T, limited
 
     def after(
         self,
@@ -92,6 +122,12 @@ class Plant:
         self, state: FloatArray, control: FloatArray, wind: FloatArray
     ) -> FloatArray:
         found = state_derivative(self.vehicle, state, control)
+        roll, pitch = state[:, 6], state[:, 7]
+        p, q, r = state[:, 9:12].T
+        turning = q * np.sin(roll) + r * np.cos(roll)
+        found[:, 6] = p + turning * np.tan(pitch)
+        found[:, 7] = q * np.cos(roll) - r * np.sin(roll)
+        found[:, 8] = turning / np.cos(pitch)
         through = state[:, 3:6] - wind
         speed = np.linalg.norm(through, axis=1)[:, None]
         factor = 0.5 * AIR_DENSITY * self.drag_area / self.vehicle.mass

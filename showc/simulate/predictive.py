@@ -115,6 +115,7 @@ class Predictor:
             thrust, *turning = self._solved(drone, state, signals[:, drone])
             found[drone, 0] = thrust
             found[drone, 1:] = self._torques(drone, state, turning, number)
+            found[drone, 3] = self._left(found[drone])
         self._sent = [*self._sent[1:], found]
         return found
 
@@ -181,10 +182,15 @@ class Predictor:
         rate = wanted[11] + self.gains.attitude * gap
         yaw = self.gains.rate * (rate - state[11])
         rates = (state[9], state[10], state[11])
-        torques = torques_for(self.vehicle, rates, (*turning, yaw))
-        # No more than is left of the rotors for it.
-        most = SPARE / float(np.abs(self.vehicle.rotor_fractions()[:, 3]).max())
-        return np.array([*torques[:2], np.clip(torques[2], -most, most)])
+        return np.array(torques_for(self.vehicle, rates, (*turning, yaw)))
+
+    def _left(self, control: FloatArray) -> float:
+        """Return the yaw torque of a control (4,), as far as rotors have it left."""
+        share = self.vehicle.rotor_fractions()
+        others = share[:, :3] @ control[:3]
+        room = max(0.0, float(np.minimum(others, 1.0 - others).min()))
+        most = room / float(np.abs(share[:, 3]).max())
+        return float(np.clip(control[3], -most, most))
 
 
 def program(vehicle: Quadrotor, horizon: Horizon) -> StagedTranscription:

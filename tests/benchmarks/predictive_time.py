@@ -15,7 +15,8 @@ import numpy as np
 from showc.log.reader import read_log
 from showc.safety.case import show_of
 from showc.simulate import predictive
-from showc.simulate.campaign import Model, Weather, course_of, fly_once
+from showc.simulate.campaign import Model, course_of, fly_once
+from showc.simulate.results import Weather
 from showc.simulate.tracking import Course, Gains
 
 WEATHER = Weather(8.0, "moderate", 1)
@@ -48,7 +49,7 @@ def main(log: Path) -> None:
     for name, model in models.items():
         found = fly_once(show, course, WEATHER, 0, model)
         rms = float(np.sqrt(np.mean(found.errors**2)))
-        _say(f"{name}: {rms:.3f} m RMS, {100.0 * found.saturated:.2f} % limited")
+        _say(f"{name}: {rms:.3f} m RMS, {100.0 * found.saturated.mean():.2f} % limited")
     middle, most = np.percentile(times, [50.0, 99.0])
     _say(
         f"{len(times)} steps: median {middle:.1f} ms, 99th percentile {most:.1f} ms, "

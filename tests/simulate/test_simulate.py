@@ -5,6 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given as drawn
+from hypothesis import settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from showc.cli.beside import WIND, place_of, write_beside
 from showc.cli.simulate import wind_of
@@ -106,10 +110,81 @@ def test_rotors_follow_with_their_lag():
 def test_rotors_give_no_more_than_they_can():
     plant = Plant(VEHICLE, 0.03, 0.05)
     asked = np.array([[100.0, 0.0, 0.0, 0.0], VEHICLE.hover_control()])
-    given, limited = plant.clipped(asked)
+    given, limited = plant.allotted(asked)
     assert given[0, 0] == pytest.approx(VEHICLE.thrust_max)
     assert limited.tolist() == [True, False]
     assert given[1] == pytest.approx(asked[1])
+
+
+@settings(max_examples=60)
+@drawn(st.integers(0, 10_000))
+def test_yaw_gives_way_before_thrust_and_thrust_before_roll_and_pitch(seed):
+    plant = Plant(VEHICLE, 0.03, 0.05)
+    most = np.array([VEHICLE.thrust_max, *VEHICLE.torque_max])
+    asked = np.random.default_rng(seed).uniform([0, -1, -1, -1], 1, (40, 4)) * most
+    given, limited = plant.allotted(asked)
+    fractions = given @ VEHICLE.rotor_fractions().T
+    assert (fractions > -1e-9).all() and (fractions < 1.0 + 1e-9).all()
+    kept = np.isclose(given, asked, rtol=0.0, atol=1e-6 * most)
+    assert (limited == ~kept.all(axis=1)).all()
+    # Thrust is lost where it would not fit without any yaw.
+    level = asked[:, :3] @ VEHICLE.rotor_fractions()[:, :3].T
+    assert (kept[:, 0] | (level < 0.0).any(axis=1) | (level > 1.0).any(axis=1)).all()
+    turning = np.ptp(asked[:, 1:3] @ VEHICLE.rotor_fractions()[:, 1:3].T, axis=1)
+    assert (kept[:, 1:3].all(axis=1) | (turning > 1.0)).all()
+
+
+def test_the_plant_flies_as_rotorpy_does():
+    # An independent simulator: quaternions, quadratic drag, its own integration.
+    multirotor = pytest.importorskip("rotorpy.vehicles.multirotor")
+    area, arm = 0.03, VEHICLE.arm_length
+    drag = 0.5 * AIR_DENSITY * area
+    rng = np.random.default_rng(5)
+    # Rotors where our allocation has them: behind, right, ahead, left.
+    places = [(-arm, 0.0), (0.0, -arm), (arm, 0.0), (0.0, arm)]
+    ix, iy, iz = VEHICLE.inertia
+    other = multirotor.Multirotor(
+        {
+            "mass": VEHICLE.mass, "Ixx": ix, "Iyy": iy, "Izz": iz,
+            "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0,
+            "c_Dx": drag, "c_Dy": drag, "c_Dz": drag,
+            "num_rotors": 4, "rotor_directions": np.array([1, -1, 1, -1]),
+            "rotor_pos": {k: np.array([*at, 0.0]) for k, at in enumerate(places)},
+            "rotor_speed_min": 0.0, "rotor_speed_max": VEHICLE.rotor_speed_max,
+            "k_eta": VEHICLE.thrust_coefficient, "k_m": VEHICLE.torque_coefficient,
+            "tau_m": 0.03,
+        },
+        integrator_kwargs={"rtol": 1e-9, "atol": 1e-9},
+    )  # fmt: skip
+    other.weight = np.array([0.0, 0.0, -VEHICLE.hover_thrust])
+    plant = Plant(VEHICLE, area, 0.03)
+    wind = np.array([5.0, -4.0, 1.0])
+    state = np.zeros((1, 12))
+    state[0, 3:12] = rng.uniform(-1.0, 1.0, 9) * [3, 3, 3, 0.5, 0.5, 1.5, 2, 2, 2]
+    now = {
+        "x": state[0, :3], "v": state[0, 3:6], "w": state[0, 9:12], "wind": wind,
+        "q": Rotation.from_euler("ZYX", state[0, 8:5:-1]).as_quat(),
+        "rotor_speeds": np.zeros(4),
+    }  # fmt: skip
+    for _ in range(40):
+        # Torques that damp what turns, and some noise: a flight through large angles.
+        torque = -0.02 * state[0, 9:12] + rng.normal(0.0, 0.02, 3)
+        asked = np.array([[VEHICLE.hover_thrust * rng.uniform(0.8, 1.3), *torque]])
+        control, _ = plant.allotted(asked)
+        speeds = VEHICLE.rotor_speed_max * np.sqrt(
+            np.clip(control[0] @ VEHICLE.rotor_fractions().T, 0.0, 1.0)
+        )
+        now = other.step(
+            now | {"rotor_speeds": speeds}, {"cmd_motor_speeds": speeds}, 0.05
+        )
+        for _ in range(10):
+            state, _ = plant.after(state, control, control, wind[None], 0.005)
+    turned = Rotation.from_euler("ZYX", state[0, 8:5:-1])
+    assert np.abs(state[0, 6:8]).max() > 0.1
+    assert state[0, :3] == pytest.approx(now["x"], abs=1e-4)
+    assert state[0, 3:6] == pytest.approx(now["v"], abs=1e-4)
+    assert state[0, 9:12] == pytest.approx(now["w"], abs=1e-4)
+    assert (turned.inv() * Rotation.from_quat(now["q"])).magnitude() < 1e-4
 
 
 def test_in_calm_air_drones_stay_near_their_paths(flown):
