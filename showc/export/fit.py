@@ -138,8 +138,8 @@ def fit_fleet(
     show
         What was solved.
     lead
-        How long the fleet stands before the show begins [s], whole milliseconds; at
-        least one piece.
+        How long the fleet stands before the show begins [s], whole milliseconds. With
+        less than a piece, no joint is put at the take-off height.
     tolerance
         Greatest distance of the fit from the solved flight at any instant [m].
 
@@ -165,11 +165,12 @@ def fit_fleet(
 
 
 def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
-    # The odd rest of the time lies before the launch, so some there must be.
-    lead = max(lead, step)
     crossing = _crossing(exact)
+    if lead < step:
+        # The odd rest of the time lies before the launch, and there is no room for it.
+        crossing = np.full_like(crossing, np.inf)
     at_crossing = np.rint(1000.0 * np.where(np.isfinite(crossing), crossing, 0.0))
-    begin = lead - (lead - (lead + at_crossing.astype(np.int64))) % step
+    begin = lead - -at_crossing.astype(np.int64) % step
     pieces = int(np.ceil((lead + 1000.0 * exact.end - begin.min()) / step))
     nodes = (begin[:, None] + step * np.arange(pieces + 1) - lead) / 1000.0
     place, velocity = states(exact, nodes)

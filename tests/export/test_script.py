@@ -23,7 +23,7 @@ formations:
   high: {type: line, count: 2, spacing: 4 m, centre: [0, 0, 14]}
 transitions:
   - {to: high, hold: 1 s}
-exports: [kml, {to: skyb, separation: 1.5 m, lead: 12 s}]
+exports: [kml, crazyflie, {to: skyb, separation: 1.5 m, lead: 12 s}]
 """
 
 
@@ -43,7 +43,8 @@ def compiled(tmp_path_factory):
 def test_wishes_are_read(tmp_path):
     path = tmp_path / "show.yaml"
     path.write_text(SCRIPT)
-    kml, skyb = load_show(path).show.exports
+    kml, crazyflie, skyb = load_show(path).show.exports
+    assert (crazyflie.to, crazyflie.lead) == ("crazyflie", None)
     assert (kml.to, kml.separation, kml.lead, kml.tolerance) == (
         "kml",
         None,
@@ -65,7 +66,7 @@ def test_compile_writes_and_proves_what_a_script_asks_for(compiled):
 @pytest.fixture
 def beside(compiled, tmp_path):
     """A copy of the log and its exports, to be spoilt."""
-    for name in ("show.mcap", "show-skyb", "show-kml"):
+    for name in ("show.mcap", "show-skyb", "show-kml", "show-crazyflie"):
         source = compiled.with_name(name)
         copy = shutil.copy if source.is_file() else shutil.copytree
         copy(source, tmp_path / name)
@@ -79,7 +80,8 @@ def failed(log):
 def test_verify_of_a_log_proves_the_exports_beside_it(beside):
     checks = verify_beside(beside)
     assert failed(beside) == set()
-    assert {check.group for check in checks} == {"export kml", "export skyb"}
+    groups = {check.group for check in checks}
+    assert groups == {"export kml", "export crazyflie", "export skyb"}
     off = next(check for check in checks if check.code == "VRF584")
     assert 0.0 < off.value <= off.limit == 0.01
     run = CliRunner().invoke(verify, [str(beside), "-q"], standalone_mode=False)
