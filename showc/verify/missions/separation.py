@@ -10,17 +10,20 @@ also at least the distance at the middle, less half the piece times the greatest
 at which the ends of the parts approach each other. A pair and a time are polynomials of
 degrees 0 and 1, so :func:`showc.verify.kernel.bernstein.least` halves pieces of time
 until none can hold anything nearer than what was found, by more than the resolution.
+Before that, slices of time in which drones fly a few metres leave few pairs to halve:
+:class:`showc.verify.kernel.slices.Slice` finds those whose parts are near.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
-from showc.verify.kernel.slices import measures
+from showc.verify.kernel.slices import Slice, measures
 from showc.verify.missions.law import SETTLING
 
 if TYPE_CHECKING:
@@ -36,11 +39,14 @@ if TYPE_CHECKING:
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""
 
-PIECES = 8
-"""Pieces of a stretch of time at first."""
-
 TOGETHER = 20_000
 """Pairs that are looked at together: few enough for the memory."""
+
+_FURTHEST = 4.0
+"""How far drones fly in a slice, in separations: more slices take longer to cut, fewer
+leave more pairs to be halved."""
+_SLICES = 100
+"""Slices of a stretch at most: a leg to the other end of the world ends this, too."""
 
 
 class OverlappingLegsError(Exception):
@@ -64,6 +70,22 @@ class Nearest:
     """In the separation's metric, at most the resolution above the least [m]."""
 
 
+class Covered(NamedTuple):
+    """What some drones cover of their legs, in the measure's space."""
+
+    rear: FloatArray
+    """Rearmost places, shape (m, axes)."""
+    front: FloatArray
+    """Foremost places, shape (m, axes)."""
+    slow: FloatArray
+    """Least velocities of covering it, shape (m, axes)."""
+    fast: FloatArray
+    """Greatest velocities of covering it, shape (m, axes)."""
+    settles: BoolArray
+    """Whether each settles before the middle of the time, when its part becomes
+    shorter, shape (m,)."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
     """One leg of every drone, or rest, during a stretch of time."""
@@ -83,36 +105,26 @@ class Stretch:
     flights: Profiles
     """The table of all legs."""
 
-    def parts(
-        self, drone: IntArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Rearmost and foremost places (m, axes) of drones from low to high [s]."""
-        leg = self.leg[drone]
-        late, early = self._law_times(drone, low, high)
-        rear, _ = self.flights.fraction(leg, late)
-        front, _ = self.flights.fraction(leg, early)
-        front *= np.where(self._moving(leg, late), self.flights.excess[leg], 1.0)
-        begin, along = self.begin[drone], self.along[drone]
-        return begin + rear[:, None] * along, begin + front[:, None] * along
-
-    def rates(
-        self, drone: IntArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Least and greatest rates (m,) [1/s] of covering their legs from low to high.
-
-        And whether each settles before the middle, where its part becomes shorter.
-        """
-        leg = self.leg[drone]
+    def covered(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
+        """Return what ``drone`` (m,) covers from ``low`` to ``high`` (m,) [s]."""
+        flights, leg = self.flights, self.leg[drone]
         late, early = self._law_times(drone, low, high)
         middle, _ = self._law_times(drone, 0.5 * (low + high), high)
-        slow = np.minimum(*(self.flights.fraction(leg, at)[1] for at in (late, early)))
-        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-        greatest = np.clip(0.5 * self.flights.duration[leg], late, early)
         moving = self._moving(leg, late)
-        excess = np.where(moving, self.flights.excess[leg], 1.0)
-        fast = excess * self.flights.fraction(leg, greatest)[1]
-        # The law's time runs slower than the clock at first, by up to 35 %.
-        return 0.65 * slow, fast, moving & ~self._moving(leg, middle)
+        excess = np.where(moving, flights.excess[leg], 1.0)
+        rear, begins = flights.fraction(leg, late)
+        front, ends = flights.fraction(leg, early)
+        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
+        greatest = np.clip(0.5 * flights.duration[leg], late, early)
+        begin, along = self.begin[drone], self.along[drone]
+        return Covered(
+            begin + rear[:, None] * along,
+            begin + (excess * front)[:, None] * along,
+            # The law's time runs slower than the clock at first, by up to 35 %.
+            0.65 * np.minimum(begins, ends)[:, None] * along,
+            (excess * flights.fraction(leg, greatest)[1])[:, None] * along,
+            moving & ~self._moving(leg, middle),
+        )
 
     def _moving(self, leg: IntArray, late: FloatArray) -> BoolArray:
         return np.asarray(late < self.flights.duration[leg] + SETTLING)
@@ -175,18 +187,10 @@ def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest | None:
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    best, everyone = _Best(), np.arange(fleet.drones)
+    best = _Best()
     for measure in measures(wanted):
         for stretch in stretches(fleet, measure):
-            span = np.full((2, fleet.drones), [[stretch.first], [stretch.last]])
-            rear, front = stretch.parts(everyone, *span)
-            moving = np.any(rear != front, axis=1)
-            search = _Search(stretch, measure, best)
-            # Neighbours of some sort: a start that makes pruning work.
-            order = np.lexsort(rear.T)
-            search.over(order[:-1], order[1:], moving)
-            for one, other in _near(rear, front, measure, best):
-                search.over(one, other, moving)
+            _Search(stretch, measure, best).run(_FURTHEST * wanted.distance)
     return best.found
 
 
@@ -236,58 +240,96 @@ class _Search:
     def __init__(self, stretch: Stretch, measure: Measure, best: _Best) -> None:
         self.stretch, self.measure, self.best = stretch, measure, best
 
-    def over(self, one: IntArray, other: IntArray, moving: BoolArray) -> None:
-        """Look at pairs (n,) of which a drone moves."""
-        pairs = np.column_stack([one, other])[moving[one] | moving[other]]
-        if not len(pairs):
-            return
-        times = np.linspace(self.stretch.first, self.stretch.last, PIECES + 1)
-        number, piece = np.divmod(np.arange(len(pairs) * PIECES), PIECES)
-        work = np.stack(
-            [np.column_stack([number, times[piece + end]]) for end in (0, 1)], axis=1
-        )
+    def run(self, furthest: float) -> None:
+        """Look at all pairs in slices, in which drones fly ``furthest`` [m] or less."""
+        pairs: list[IntArray] = []
+        times: list[FloatArray] = []
+        count = 0
+        instants = self._instants(furthest)
+        for low, high in pairwise(instants):
+            near = self._candidates(low, high)
+            pairs.append(near)
+            times.append(np.tile([low, high], (len(near), 1)))
+            count += len(near)
+            if count > TOGETHER or (count and high == instants[-1]):
+                self._decide(np.concatenate(pairs), np.concatenate(times))
+                pairs, times, count = [], [], 0
+
+    def _instants(self, furthest: float) -> list[float]:
+        """Instants between which slices lie [s]; few drones have few pairs to sort."""
+        stretch = self.stretch
+        leg, span = stretch.leg, stretch.last - stretch.first
+        length = np.where(stretch.flights.length > 0.0, stretch.flights.length, np.inf)
+        rate = stretch.flights.speed[leg] / length[leg]
+        speed = float((rate * self.measure(stretch.along)).max())
+        most = min(leg.size, _SLICES)
+        count = int(np.clip(np.ceil(span * speed / furthest), 1, most))
+        return [float(t) for t in np.linspace(stretch.first, stretch.last, count + 1)]
+
+    def _candidates(self, low: float, high: float) -> IntArray:
+        """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
+        everyone = np.arange(self.stretch.leg.size)
+        times = np.full(everyone.size, low), np.full(everyone.size, high)
+        rear, front, *_ = self.stretch.covered(everyone, *times)
+        length = self.measure(front - rear)
+        moving = length > 0.0
+        if self.best.found is None and moving.any():
+            # Neighbours of some sort: a start that makes pruning work.
+            order = np.lexsort(rear.T)
+            start = np.column_stack([order[:-1], order[1:]])
+            start = start[np.any(moving[start], axis=1)]
+            gap = self._gap(start, np.full(len(start), high))
+            self.best.take(start[np.argmin(gap)], high, float(gap.min()))
+        part = Slice(rear, front, 0.5 * length, length)
+        pairs = part.near(self.measure, self.best.distance) if moving.any() else None
+        if pairs is None:
+            return np.empty((0, 2), dtype=np.int64)
+        pairs = pairs[np.any(moving[pairs], axis=1)]
+        one, other = ((rear[drone], front[drone]) for drone in pairs.T)
+        near = part_distance(one, other, self.measure) < self.best.distance
+        return np.asarray(pairs[near])
+
+    def _decide(self, pairs: IntArray, times: FloatArray) -> None:
+        """Enclose the distances of pairs (n, 2) over times (n, 2) [s]."""
+        number = np.repeat(np.arange(len(pairs)), 2).reshape(-1, 2)
+        work = np.stack([number, times], axis=2)
         limit = self.best.distance
 
         def reached(some: FloatArray) -> FloatArray:
-            return self._gap(pairs[some[:, 0].astype(np.int64)], some[:, 1], some[:, 1])
+            return self._gap(pairs[some[:, 0].astype(np.int64)], some[:, 1])
 
         def bounded(some: FloatArray) -> FloatArray:
             chosen, (low, high) = pairs[some[:, 0, 0].astype(np.int64)], some[:, :, 1].T
-            bound = self._gap(chosen, low, high)
-            # What is further apart throughout needs no nearer look.
-            near = np.flatnonzero(bound < limit)
-            sharp = self._sharp(chosen[near], low[near], high[near])
-            bound[near] = np.maximum(bound[near], sharp)
-            return bound
+            return self._bound(chosen, low, high)
 
         found = least(work, bounded, reached, RESOLUTION, limit)
-        begin, end = work[found.row, :, 1]
+        begin, end = times[found.row]
         time = float(begin + found.fraction * (end - begin))
         # Where the search gave up, nothing is known.
         known = np.isfinite(found.lower)
         distance = found.upper if known else -np.inf
-        self.best.take(pairs[found.row // PIECES], time, distance)
+        self.best.take(pairs[found.row], time, distance)
 
-    def _gap(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Least distances (n,) of what pairs (n, 2) cover from low to high [s]."""
-        one, other = (self.stretch.parts(drone, low, high) for drone in pairs.T)
-        return part_distance(one, other, self.measure)
+    def _gap(self, pairs: IntArray, time: FloatArray) -> FloatArray:
+        """Least distances (n,) of what pairs (n, 2) may be at ``time`` (n,) [s]."""
+        one, other = (self.stretch.covered(drone, time, time) for drone in pairs.T)
+        return part_distance(one[:2], other[:2], self.measure)
 
-    def _sharp(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Bounds (n,) by the middle of a piece and the greatest relative speed."""
-        middle = 0.5 * (low + high)
-        one, other = (self.stretch.rates(drone, low, high) for drone in pairs.T)
-        u, v = (self.stretch.along[drone] for drone in pairs.T)
+    def _bound(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Bounds (n,) of the distances of pairs (n, 2) from low to high [s]."""
+        one, other = (self.stretch.covered(drone, low, high) for drone in pairs.T)
+        apart = part_distance(one[:2], other[:2], self.measure)
         relative = np.max(
             [
-                self.measure(mine[:, None] * u - theirs[:, None] * v)
-                for mine in one[:2]
-                for theirs in other[:2]
+                self.measure(mine - theirs)
+                for mine in (one.slow, one.fast)
+                for theirs in (other.slow, other.fast)
             ],
             axis=0,
         )
-        bound = self._gap(pairs, middle, middle) - 0.5 * (high - low) * relative
-        return np.where(one[2] | other[2], 0.0, bound)
+        sharp = self._gap(pairs, 0.5 * (low + high)) - 0.5 * (high - low) * relative
+        sharp[one.settles | other.settles] = 0.0
+        return np.asarray(np.maximum(apart, sharp))
 
 
 def _near(
