@@ -142,11 +142,10 @@ def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
         found = kind.FromString(message.data)
     except (DecodeError, RecursionError, MemoryError) as error:
         raise Damage(message.offset, f"a {name} does not decode ({error})") from error
-    # Fields that are not known are written again as they came.
-    size = found.ByteSize()
+    # What is unknown, stands twice or is written in a longer way is lost by now.
     found.DiscardUnknownFields()
-    if found.ByteSize() != size:
-        raise Damage(message.offset, f"a {name} holds fields that are not known")
+    if found.SerializeToString(deterministic=True) != message.data:
+        raise Damage(message.offset, f"a {name} is not written as showc writes it")
     return found
 
 

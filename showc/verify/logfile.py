@@ -156,10 +156,11 @@ class LogFile:
         offset
             Where the chunk's data begin in the file [bytes].
         """
+        wanted = np.isin(np.arange(1 << 16), list(channels))
         kept = [
             (chunk, keep)
             for chunk in self.chunks
-            if (keep := np.isin(chunk.messages.channel, list(channels))).any()
+            if (keep := wanted[chunk.messages.channel]).any()
         ]
         first, last = (len(kept) * at // shares for at in (share, share + 1))
         for chunk, keep in kept[first:last]:
@@ -172,19 +173,24 @@ class LogFile:
     ) -> Iterator[Message]:
         """Go through the messages of some channels again, one by one: see ``read``."""
         for data, m, offset in self.read(channels, share, shares):
-            for number, time, start, size in zip(
-                m.channel.tolist(),
-                m.log_time.tolist(),
-                m.payload.tolist(),
-                m.size.tolist(),
-                strict=True,
-            ):
-                yield Message(number, time, data[start : start + size], offset)
+            yield from messages_of(data, m, offset)
 
     def release(self) -> None:
         """Let the system take back the memory of the mapped file."""
         if isinstance(self.view.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
             self.view.obj.madvise(mmap.MADV_DONTNEED)
+
+
+def messages_of(data: bytes, messages: Messages, offset: int) -> Iterator[Message]:
+    """Go through messages of an uncompressed chunk that begins at ``offset``."""
+    for number, time, start, size in zip(
+        messages.channel.tolist(),
+        messages.log_time.tolist(),
+        messages.payload.tolist(),
+        messages.size.tolist(),
+        strict=True,
+    ):
+        yield Message(number, time, data[start : start + size], offset)
 
 
 @lru_cache(maxsize=1)

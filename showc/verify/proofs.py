@@ -16,7 +16,7 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.missions import parts_of_script
+from showc.verify.missions import Missions
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
@@ -62,10 +62,14 @@ def prove(
         checks[len(anchor.checks) : len(anchor.checks)] = demands.checks()
         lights = demands.lights
     checks += check_cover(log, metadata, show, anchor)
-    samples = Samples(log, show, lights, anchor.show)
+    beside = None
+    if missions and anchor.show is not None:
+        beside = Missions(log, show, anchor.show)
+    tubes = None if beside is None else beside.tubes
+    samples = Samples(log, show, lights, anchor.show, tubes)
     # The longest parts first, so that no process works alone at the end.
     work: dict[str, Sequence[Callable[[], Any]]] = {
-        "missions": parts_of_script(log, show, anchor.show) if missions else [],
+        "missions": [] if beside is None else beside.parts(),
         "segments": [partial(_examined, one, show.rules) for one in show.segments],
         "separation": encounter_parts(show),
         "choreography": [partial(joined_up, show)],
@@ -75,10 +79,12 @@ def prove(
     checks += flight_checks(show, found["segments"], found["separation"])
     checks += [_check(one) for one in found["choreography"][0]]
     checks += join_samples(found["samples"])
-    if missions:
-        checks += [check for part in found["missions"] for check in part]
-    else:
+    checks += [check for part in found["missions"] for check in part]
+    if not missions:
         checks.append(_left_out(log))
+    elif beside is None:
+        note = "without a script that can be read it is not known what they must be"
+        checks.append(checked("VRF410", "fail", notes=(note,)))
     return Verification(
         str(log.path),
         show.rules.name,

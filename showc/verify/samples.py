@@ -31,6 +31,7 @@ from showc.log.scene import (
     scene_update,
 )
 from showc.verify.kernel.bernstein import basis
+from showc.verify.logfile import messages_of
 from showc.verify.report import Place, checked
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
     from showc.verify.logfile import LogFile, Message
+    from showc.verify.missions.drawn import Tubes
     from showc.verify.report import Check
 
 FLEET, PREDICTED, TRANSFORMS = "/fleet/state", "/fleet/predicted", "/tf"
@@ -68,6 +70,8 @@ _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
 
 _OTHERWISE = "a point cloud says other things than showc's do"
+
+_DARK = "not compared: the legs are not the script's"
 
 _COLOURS = ("red", "green", "blue", "alpha")
 _NUMBERS = tuple(name for name in POINT.names or () if name not in _COLOURS)
@@ -167,7 +171,7 @@ class Compared:
             "fail" if self.bad or self.odd else "pass",
             self.value if self.samples else None,
             1.0 if self.samples else None,
-            "of the rounding" if self.samples else "",
+            "of what is allowed" if self.samples else "",
             where=self.where,
             notes=(*notes, *self.odd[:3]),
         )
@@ -208,6 +212,8 @@ class Samples:
         Light that the script asks for; None if its legs are not the log's.
     script
         The script; None if it cannot be read.
+    tubes
+        Where missions fly; None if that is not looked at, or cannot be said.
     """
 
     def __init__(
@@ -216,8 +222,10 @@ class Samples:
         show: LoggedShow,
         lights: LightProgram | None,
         script: Show | None,
+        tubes: Tubes | None,
     ) -> None:
         self.log, self.show, self.lights, self.script = log, show, lights, script
+        self.tubes = tubes
         self.topics = {c.topic: number for number, c in log.channels.items()}
         self.single = {
             self.topics[topic]: drone
@@ -227,9 +235,8 @@ class Samples:
 
     def parts(self) -> list[Callable[[], Found]]:
         """Return comparisons that can be made side by side."""
-        parts: list[Callable[[], Found]] = [self.outline, self.frames, self.predicted]
-        if FLEET in self.topics:
-            parts += [partial(self.fleet, share) for share in range(SHARES)]
+        parts: list[Callable[[], Found]] = [self.outline, self.frames]
+        parts += [partial(self.clouds, share) for share in range(SHARES)]
         if self.single:
             parts += [partial(self.states, share) for share in range(SHARES)]
         return parts
@@ -269,7 +276,22 @@ class Samples:
         ):
             if not np.array_equal(log.times(self.topics.get(topic, -1)), times):
                 found.odd.append(f"{topic} has messages at other times")
-        return {"VRF120": topics, "VRF121": steps, "VRF126": self._scene()}
+        seen = {"VRF120": topics, "VRF121": steps, "VRF126": self._scene()}
+        return {**seen, **self._prediction()}
+
+    def _prediction(self) -> Found:
+        """Check the times at which the predicted fleet is drawn, and until when."""
+        layout, drawn = Compared(), Compared()
+        times = self.log.times(self.topics.get(PREDICTED, -1)) - self.show.epoch
+        end = float(times[-1]) * 1e-9 if times.size else 0.0
+        steps = sample_times(end, self.show.rules.log_rate)[:-1]
+        if not np.array_equal(times[:-1], steps):
+            layout.odd.append("its samples are not at the steps of the log rate")
+        if self.tubes is None:
+            return {"VRF127": layout} if PREDICTED in self.topics else {}
+        if not end >= self.tubes.last:
+            drawn.odd.append("the log does not draw the missions to their end")
+        return {"VRF127": layout, "VRF421": drawn}
 
     def _scene(self) -> Compared:
         """Compare the scene, which is the same throughout."""
@@ -289,26 +311,61 @@ class Samples:
         channels = {self.topics[topic] for topic in topics if topic in self.topics}
         return self.log.messages(channels, share, shares)
 
-    def fleet(self, share: int) -> Found:
-        """Compare the messages of the whole fleet in one share of the file."""
-        numbers, colours = Compared(), Compared()
+    def clouds(self, share: int) -> Found:
+        """Compare what is drawn of whole fleets in one share of the file."""
+        found: Found = defaultdict(Compared)
+        topics = [topic for topic in (FLEET, PREDICTED) if topic in self.topics]
+        looks = {FLEET: self._fleet, PREDICTED: self._predicted}
+        channels = {self.topics[topic] for topic in topics}
+        step = max(1, _AT_ONCE // self.show.drones)
+        for data, m, offset in self.log.read(channels, share, SHARES):
+            for topic in topics:
+                some = m.only(m.channel == self.topics[topic])
+                messages = list(messages_of(data, some, offset))
+                times = (some.log_time - self.show.epoch) / 1e9
+                for begin in range(0, len(messages), step):
+                    part = slice(begin, begin + step)
+                    looks[topic](found, messages[part], times[part])
+        return found
+
+    def _fleet(self, found: Found, messages: list[Message], times: FloatArray) -> None:
+        """Compare messages of the whole fleet at show times (n,) [s]."""
+        points = self._points(messages, POINT)
+        if points is None:
+            found["VRF122"].odd.append(_OTHERWISE)
+            return
         fleet = np.arange(self.show.drones)
-        for message in self._messages(FLEET, share=share, shares=SHARES):
-            points = self._points(message, POINT)
-            if points is None:
-                numbers.odd.append(_OTHERWISE)
-                break
-            times = np.full(fleet.size, (message.time - self.show.epoch) / 1e9)
-            values = np.stack([points[name] for name in _NUMBERS])
-            self._compare(numbers, values, times, fleet)
-            if self.lights is None:
-                colours.odd.append("not compared: the legs are not the script's")
-                continue
-            light = srgb_bytes(self.lights.linear(times[:1]))[0]
-            wanted = np.column_stack([light, np.full(fleet.size, 255)]).T
-            found = np.stack([points[name].astype(np.int64) for name in _COLOURS])
-            colours.see(np.abs(found - wanted) / COLOUR_ERROR, times, fleet)
-        return {"VRF122": numbers, "VRF125": colours}
+        every = np.repeat(times, fleet.size), np.tile(fleet, times.size)
+        values = np.stack([points[name] for name in _NUMBERS])
+        flight = flown(self.show, times).reshape(16, -1)
+        values = values.reshape(len(values), -1)
+        self._compare(found["VRF122"], values, flight, *every)
+        if self.lights is None:
+            found["VRF125"].odd.append(_DARK)
+            return
+        wanted = np.full((len(_COLOURS), *points.shape), 255)
+        wanted[:3] = np.moveaxis(srgb_bytes(self.lights.linear(times)), -1, 0)
+        shown = np.stack([points[name].astype(np.int64) for name in _COLOURS])
+        off = np.abs(shown - wanted).reshape(len(_COLOURS), -1)
+        found["VRF125"].see(off / COLOUR_ERROR, *every)
+
+    def _predicted(
+        self, found: Found, messages: list[Message], times: FloatArray
+    ) -> None:
+        """Compare messages of the predicted fleet at show times (n,) [s]."""
+        points = self._points(messages, PLACE)
+        if points is None:
+            found["VRF127"].odd.append(_OTHERWISE)
+            return
+        colours = zip(_COLOURS, PREDICTED_COLOUR, strict=True)
+        if any(np.any(points[name] != value) for name, value in colours):
+            found["VRF127"].odd.append("it has another colour")
+        if self.tubes is not None:
+            drawn = np.stack([points[name] for name in "xyz"])
+            off = self.tubes.outside(times, drawn).reshape(1, -1)
+            fleet = np.arange(self.show.drones)
+            every = np.repeat(times, fleet.size), np.tile(fleet, times.size)
+            found["VRF421"].see(off, *every)
 
     def states(self, share: int) -> Found:
         """Compare the messages of single drones in one share of the file."""
@@ -330,9 +387,10 @@ class Samples:
                 numbers.value, numbers.where = np.inf, at
                 break
             values = np.stack([table[name] for name in _STATE])
-            self._compare(numbers, values[:16], times, drones)
+            flight = self._at(times, drones)
+            self._compare(numbers, values[:16], flight, times, drones)
             if self.lights is None:
-                colours.odd.append("not compared: the legs are not the script's")
+                colours.odd.append(_DARK)
                 continue
             moments, index = np.unique(times, return_inverse=True)
             light = drive_bytes(self.lights.linear(moments))[index, drones]
@@ -363,54 +421,41 @@ class Samples:
             for message in messages:
                 if message.channel == self.topics.get(TRANSFORMS):
                     frames.append(message.data)
-                elif (points := self._points(message, POINT)) is not None:
+                elif (points := self._points([message], POINT)) is not None:
                     drones = range(self.show.drones)
-                    expected.append(_bytes(fleet_transforms(time, points, drones)))
+                    frame = fleet_transforms(time, points[0], drones)
+                    expected.append(_bytes(frame))
             # How many there must be, is a matter of the times of messages.
             if frames != expected[: len(frames)]:
                 found.odd.append("frames are not those of the drones")
         return {"VRF124": found}
 
-    def predicted(self) -> Found:
-        """Check how the predicted fleet is drawn; where, is the missions' matter."""
-        if PREDICTED not in self.topics:
-            return {}
-        worst = Compared()
-        for message in self._messages(PREDICTED):
-            points = self._points(message, PLACE)
-            if points is None:
-                worst.odd.append(_OTHERWISE)
-                break
-            colours = zip(_COLOURS, PREDICTED_COLOUR, strict=True)
-            if any(np.any(points[name] != value) for name, value in colours):
-                worst.odd.append("it has another colour")
-        rate = self.show.rules.log_rate
-        found = self.log.times(self.topics[PREDICTED]) - self.show.epoch
-        end = float(found[-1]) * 1e-9 if found.size else 0.0
-        if not found.size or not np.array_equal(
-            found[:-1], sample_times(end, rate)[:-1]
-        ):
-            worst.odd.append("its samples are not at the steps of the log rate")
-        return {"VRF127": worst}
-
     def _points(
-        self, message: Message, layout: np.dtype[np.void]
+        self, messages: list[Message], layout: np.dtype[np.void]
     ) -> NDArray[np.void] | None:
-        """Points (drones,) of a message; None if it is not what showc makes of them."""
-        points = points_of(message.data, layout)
-        again = _bytes(point_cloud(message.time, points))
-        whole = points.size == self.show.drones and again == message.data
-        return points if whole else None
+        """Points (n, drones) of messages; None if they are not what showc writes."""
+        found = []
+        for message in messages:
+            points = points_of(message.data, layout)
+            again = _bytes(point_cloud(message.time, points))
+            if points.size != self.show.drones or again != message.data:
+                return None
+            found.append(points)
+        return np.stack(found)
 
     def _compare(
         self,
         worst: Compared,
         values: FloatArray,
+        flight: FloatArray,
         times: FloatArray,
         drones: IntArray,
     ) -> None:
-        """Compare values (fields, n) at show times (n,) of ``drones`` (n,)."""
-        ratio = _ratio(values, self._at(times, drones))
+        """Compare values (fields, n) at show times (n,) of ``drones`` (n,).
+
+        ``flight`` (16, n) are state and control at these times.
+        """
+        ratio = _ratio(values, flight)
         late = np.flatnonzero(ratio.max(axis=0) > 1.0)
         for side in (-_SIDE, _SIDE) if late.size else ():
             other = self._at(times[late] + side, drones[late])
@@ -453,7 +498,8 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     fixed = np.repeat(0.5 * _STEPS + drift + 1e-9, [3, 3, 3 + turned, 3, 1, 3])
     allowed = fixed[:, None] + np.abs(expected) * (2.0**-23 + 1e-9)
     ratio = np.abs(values - expected) / allowed
-    return np.asarray(np.where(np.isnan(ratio), np.inf, ratio))
+    ratio[np.isnan(ratio)] = np.inf
+    return np.asarray(ratio)
 
 
 def _quaternion(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:

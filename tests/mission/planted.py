@@ -12,8 +12,8 @@ from showc.mission.fleet import fleet_token
 from showc.pipeline.manifest import build_manifest
 from showc.verify.decode import read_show
 from showc.verify.mcap import open_log
-from showc.verify.missions import check_missions, mission_parts
-from showc.verify.missions.terms import Terms
+from showc.verify.missions import Missions
+from showc.verify.samples import Samples, join
 
 
 class OtherManifest:
@@ -21,7 +21,9 @@ class OtherManifest:
 
     def __init__(self, log, manifest):
         self.log, self.manifest = log, manifest
-        self.path, self.channels, self.read = log.path, log.channels, log.read
+
+    def __getattr__(self, name):
+        return getattr(self.log, name)
 
     def attachment(self, name):
         return self.manifest if name == "manifest.json" else self.log.attachment(name)
@@ -56,7 +58,7 @@ class Case:
             )
         self.log = open_log(self.path)
         self.show = read_show(self.log)
-        self.terms = Terms.of(flight.itinerary.show)
+        self.script = flight.itinerary.show
         self._write(self.files, self.manifest)
 
     def _write(self, files, manifest):
@@ -66,17 +68,25 @@ class Case:
             path.write_bytes(content)
         (self.folder / "manifest.json").write_bytes(manifest)
 
-    def checks(self, terms=None):
+    def checks(self, script=None):
         """All checks of the missions, by code."""
-        found = check_missions(self.log, self.show, terms or self.terms)
+        found = self._found(script or self.script, drawn=True)
         assert max(Counter(check.code for check in found).values()) == 1
         return {check.code: check for check in found}
 
     def failures(self, *, drawn=True):
         """Codes of the checks that fail; those of what the log draws if ``drawn``."""
-        parts = mission_parts(self.log, self.show, self.terms)
-        found = [check for part in parts[: None if drawn else 2] for check in part()]
+        found = self._found(self.script, drawn=drawn)
         return {check.code for check in found if check.verdict == "fail"}
+
+    def _found(self, script, *, drawn):
+        missions = Missions(self.log, self.show, script)
+        found = [check for part in missions.parts() for check in part()]
+        if drawn and missions.tubes is not None:
+            samples = Samples(self.log, self.show, None, None, missions.tubes)
+            seen = join(part() for part in samples.parts())
+            found += [check for check in seen if check.code == "VRF421"]
+        return found
 
     def caught(self, changed=(), manifest=lambda content: content, *, drawn=False):
         """Codes that fail with files changed, names to contents; puts all back."""

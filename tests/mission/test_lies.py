@@ -14,11 +14,11 @@ from mission.planted import Case, OtherManifest
 
 from showc.errors import ShowError
 from showc.script.show import MissionOptions
-from showc.verify.missions import mission_parts
+from showc.verify.missions import Missions
 from showc.verify.missions.folder import check_parameters
 from showc.verify.missions.language import read_mission
+from showc.verify.missions.parameters import parameter_file
 from showc.verify.missions.plan import check_plan
-from showc.verify.missions.terms import parameter_file
 
 LIGHTS = MissionOptions(light_servos=(9, 10, 11))
 MISSION, PLAN = "missions/drone_0002.waypoints", "missions/drone_0002.plan"
@@ -227,7 +227,7 @@ def test_rows_that_change_places_are_caught(case):
 
 
 def test_every_parameter_line_is_caught(case):
-    wanted = parameter_file(case.terms)
+    wanted = parameter_file(case.script)
     assert wanted == case.files[PARAMETERS]
     lines = wanted.decode().splitlines()
 
@@ -272,7 +272,7 @@ def changed_at(document, path, change):
 def test_every_key_of_a_plan_is_caught(case):
     document = json.loads(case.files[PLAN])
     token, site = case.missions.fleet_token, case.show.rules.site
-    rest = read_mission(case.files[MISSION]), site, case.terms, token
+    rest = read_mission(case.files[MISSION]), site, case.script, token
     check_plan(case.files[PLAN], *rest)
     free = []
 
@@ -343,8 +343,8 @@ def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
     manifest = json.loads(case.manifest)
     manifest["missions"]["prediction"]["clock_lag"] = 0.0
     log = OtherManifest(case.log, json.dumps(manifest).encode())
-    _, flight, _ = mission_parts(log, case.show, case.terms)
-    found = {check.code: check for check in flight()}["VRF414"]
+    flight = Missions(log, case.show, case.script).flight()
+    found = {check.code: check for check in flight}["VRF414"]
     assert (found.verdict, found.value) == ("fail", None)
     assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
 
@@ -421,9 +421,10 @@ def test_a_folder_of_missions_that_is_a_link_is_caught(case, tmp_path):
 def test_px4_is_unproved_unless_the_script_names_it(tmp_path):
     case = Case(tmp_path, shift_flight(2), autopilot="px4")
     assert case.failures() == set()
-    accepted = replace(case.terms, autopilot="px4")
-    for terms, verdict in ((case.terms, "unproved"), (accepted, "accepted")):
-        checks = case.checks(terms)
+    named = replace(case.script.mission, autopilot="px4")
+    accepted = replace(case.script, mission=named)
+    for script, verdict in ((case.script, "unproved"), (accepted, "accepted")):
+        checks = case.checks(script)
         assert checks["VRF410"].verdict == verdict
         assert "VRF411" not in checks
         assert {c.verdict for k, c in checks.items() if k != "VRF410"} == {"pass"}

@@ -7,10 +7,6 @@ separation, time and space of that, and ``drawn`` what the log shows of it.
 
 from __future__ import annotations
 
-from showc.verify.missions.folder import (
-    check_missions,
-    mission_parts,
-    parts_of_script,
-)
+from showc.verify.missions.folder import Missions
 
-__all__ = ["check_missions", "mission_parts", "parts_of_script"]
+__all__ = ["Missions"]

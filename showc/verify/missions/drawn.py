@@ -12,74 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.log.sample import PLACE
 from showc.verify.missions.law import CLOCK_LAG
 from showc.verify.missions.legs import UNTIMED
-from showc.verify.report import Place, checked
-from showc.verify.samples import points_of
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.verify.kernel.show import LoggedShow
-    from showc.verify.logfile import LogFile
     from showc.verify.missions.legs import FleetLegs
-    from showc.verify.report import Check
 
-
-TOPIC = "/fleet/predicted"
 
 BESIDE, BESIDE_FAST = 0.3, 0.06
 """How far beside its part of a line a drone may be drawn [m], and by how much more for
 each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
 
-BLOCK = 8192
-"""Places that are looked at together: they fit the processor's cache."""
 
-
-def check_drawn(log: LogFile, show: LoggedShow, fleet: FleetLegs) -> Check:
-    """Hold every place on ``/fleet/predicted`` against the missions."""
-    channels = {
-        number for number, channel in log.channels.items() if channel.topic == TOPIC
-    }
-    tubes = _Tubes(fleet)
-    worst, where, count, last = 0.0, Place(), 0, -np.inf
-    for data, m, _ in log.read(channels):
-        times = np.asarray((m.log_time - show.epoch) * 1e-9, dtype=np.float64)
-        drawn = np.full((3, times.size, show.drones), np.nan)
-        for row, (start, size) in enumerate(
-            zip(m.payload.tolist(), m.size.tolist(), strict=True)
-        ):
-            points = points_of(data[start : start + size], PLACE)
-            if points.size == show.drones:
-                drawn[:, row] = [points[name] for name in ("x", "y", "z")]
-        for first in range(0, times.size, max(1, BLOCK // show.drones)):
-            rows = slice(first, first + max(1, BLOCK // show.drones))
-            over = tubes.outside(times[rows], drawn[:, rows])
-            # Whatever is no number on the drawn side must not pass for a small gap.
-            over[np.isnan(over)] = np.inf
-            count, last = count + over.size, max(last, float(times[rows].max()))
-            if over.max(initial=0.0) > worst:
-                row, drone = divmod(int(over.argmax()), show.drones)
-                worst = float(over.max())
-                where = Place(drone=drone + 1, time=float(times[first + row]))
-    whole = last >= tubes.last
-    note = (
-        f"{count:,} places, each within {BESIDE:g} m + {BESIDE_FAST:g} s of its speed "
-        "beside where the proof has the drone"
-    )
-    missing = () if whole else ("the log does not draw the missions to their end",)
-    return checked(
-        "VRF421",
-        "pass" if worst <= 0.0 and whole else "fail",
-        worst,
-        0.0,
-        "m outside",
-        where=where,
-        notes=(*missing, note),
-    )
-
-
-class _Tubes:
+class Tubes:
     """Where each drone of a fleet may be at any time."""
 
     def __init__(self, fleet: FleetLegs) -> None:
@@ -107,9 +53,9 @@ class _Tubes:
         """When the last timed leg has been flown [s]."""
 
     def outside(self, times: FloatArray, drawn: FloatArray) -> FloatArray:
-        """How far outside its tube each drone is ``drawn`` (3, m, n) [m], 0 inside.
+        """How far off each drone is ``drawn`` (3, m, n) [m], over what is allowed.
 
-        ``times`` (m,) [s]; the result (m, n).
+        ``times`` (m,) [s]; the result (m, n), infinite where undefined.
         """
         shape = times.size, self._timed.size
         leg = (self._release[:, :-1] <= times[:, None, None]).sum(axis=2) - 1
@@ -120,17 +66,13 @@ class _Tubes:
         since = np.repeat(times, shape[1]) - self._release[drone, row]
         late = self._table.law_time(own, since - CLOCK_LAG) - self._table.spread[own]
         early = self._table.law_time(own, since) + self._table.spread[own]
-        rear, slow = self._table.fraction(own, late)
-        front, fast = self._table.fraction(own, early)
-        # Between these the speed is greatest nearest to the leg's middle.
-        between = np.clip(0.5 * self._table.duration[own], late, early)
-        middle = self._table.fraction(own, between)[1]
-        speed = np.maximum.reduce([slow, fast, middle]) * self._table.length[own]
+        covered = self._table.covered(own, late, early)
+        speed = covered.fast * self._table.length[own]
         # Beyond its end a drone swings for longer than it counts for the separation.
-        front *= self._table.excess[own]
+        front = covered.front * self._table.excess[own]
         begin, end = self._begin[:, drone, row], self._end[:, drone, row]
         along = end - begin
-        off = _distance(place, begin + rear * along, begin + front * along)
+        off = _distance(place, begin + covered.rear * along, begin + front * along)
         # On the ground, on its climb or its descent a drone may be at any time.
         for some, lines in (
             (leg < 0, self._climb),
@@ -145,8 +87,10 @@ class _Tubes:
             swings = there - self._table.overshoot[own[rows]]
             landing = np.minimum(swings, off[rows])
             off[rows] = np.where(leg[rows] < 0, there, landing)
-        over = off - BESIDE - BESIDE_FAST * speed
-        return np.asarray(np.maximum(over, 0.0).reshape(shape))
+        share = off / (BESIDE + BESIDE_FAST * speed)
+        # Whatever is no number on the drawn side must not pass for a small gap.
+        share = np.where(np.isnan(share), np.inf, share)
+        return np.asarray(share.reshape(shape))
 
 
 def _distance(point: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:

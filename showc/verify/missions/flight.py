@@ -19,6 +19,7 @@ from showc.verify.kernel.show import xyz
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
 from showc.verify.missions.legs import DAY, HOUR, Clock
+from showc.verify.missions.parameters import FIRMWARE
 from showc.verify.missions.separation import (
     RESOLUTION,
     Nearest,
@@ -26,7 +27,6 @@ from showc.verify.missions.separation import (
     nearest_timed,
     nearest_untimed,
 )
-from showc.verify.missions.terms import FIRMWARE
 from showc.verify.report import Place, agreement, checked
 from showc.verify.specification.compare import unlike
 

@@ -9,17 +9,16 @@ language; whatever else lies there is a finding.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from showc import files
-from showc.verify.missions.drawn import check_drawn
+from showc.verify.missions.drawn import Tubes
 from showc.verify.missions.flight import check_flight, mission_clock
 from showc.verify.missions.language import Mission, MissionFormatError, read_mission
 from showc.verify.missions.legs import fleet_legs
+from showc.verify.missions.parameters import PARAMETERS, parameter_file
 from showc.verify.missions.plan import check_plan
-from showc.verify.missions.terms import Terms, parameter_file
 from showc.verify.report import agreement, checked
 from showc.verify.specification.cover import read_manifest
 
@@ -35,53 +34,11 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 
-PARAMETERS = "missions/ardupilot.parm"
-
 LARGEST_FILE = 1 << 26
 """A manifest of 10,000 drones has less [bytes]."""
 
 LARGEST_FOLDER = 1 << 29
 """Missions of 10,000 drones have less in sum [bytes]."""
-
-
-def parts_of_script(
-    log: LogFile, show: LoggedShow, script: Show | None
-) -> list[Callable[[], list[Check]]]:
-    """Return the checks of the folder beside the log, by the ``script`` of its show."""
-    if script is not None:
-        return mission_parts(log, show, Terms.of(script))
-    note = "without a script that can be read it is not known what missions must be"
-    unknown = checked("VRF410", "fail", notes=(note,))
-    return [lambda: [unknown]]
-
-
-def mission_parts(
-    log: LogFile, show: LoggedShow, terms: Terms
-) -> list[Callable[[], list[Check]]]:
-    """Return the checks of the folder beside the log, in parts for side by side.
-
-    Parameters
-    ----------
-    log, show
-        The log, and what it says.
-    terms
-        What the script asks of the missions.
-    """
-    manifest = read_manifest(log) or {}
-    described = _object(manifest, "missions")
-    # A dialect that the script does not name is read as such, and stays unproved.
-    spoken = "px4" if described.get("autopilot") == "px4" else terms.autopilot
-    beside = _Beside(log, show, replace(terms, autopilot=spoken), manifest)
-    if described.get("autopilot", "") is None and described.get("files") == {}:
-        return [beside.without]
-    if spoken != "ardupilot":
-        return [lambda: [*beside.files(), beside.unknown(terms.autopilot)]]
-    return [lambda: [*beside.files(), beside.parameters()], beside.flight, beside.drawn]
-
-
-def check_missions(log: LogFile, show: LoggedShow, terms: Terms) -> list[Check]:
-    """Check the folder beside the log whole."""
-    return [check for part in mission_parts(log, show, terms) for check in part()]
 
 
 def _object(value: dict[str, Any], key: str) -> dict[str, Any]:
@@ -90,29 +47,68 @@ def _object(value: dict[str, Any], key: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-@dataclass(frozen=True, slots=True)
-class _Beside:
-    """The files of one compile."""
+class Missions:
+    """The files of one compile, read once.
 
-    log: LogFile
-    show: LoggedShow
-    terms: Terms
-    manifest: dict[str, Any]
+    Parameters
+    ----------
+    log, show
+        The log, and what it says.
+    script
+        What the script asks for.
+    """
 
-    @property
-    def folder(self) -> Path:
-        return self.log.path.with_suffix("")
+    def __init__(self, log: LogFile, show: LoggedShow, script: Show) -> None:
+        self.log, self.show, self.script = log, show, script
+        self.folder = log.path.with_suffix("")
+        self.manifest = read_manifest(log) or {}
+        # A dialect that the script does not name is read as such, and stays unproved.
+        said = self.described.get("autopilot")
+        self.spoken = "px4" if said == "px4" else script.mission.autopilot
+        self.contents: dict[str, bytes] = {}
+        self.bad: list[str] = []
+        """What is wrong with the files as a whole."""
+        self.missions: dict[str, Mission] = {}
+        self.unread: list[str] = []
+        """What is wrong with those that are no missions."""
+        self.fleet: FleetLegs | None = None
+        """What the drones fly; None if that cannot be said: see ``grounded``."""
+        self.grounded = "how they are flown is not known"
+        if not self.none and self.folder.is_dir():
+            self._read()
+            if self.spoken == "ardupilot":
+                self._fly()
 
     @property
     def described(self) -> dict[str, Any]:
+        """What the manifest says of them."""
         return _object(self.manifest, "missions")
+
+    @property
+    def none(self) -> bool:
+        """Whether this is a compile without missions."""
+        said = self.described
+        return said.get("autopilot", "") is None and said.get("files") == {}
+
+    @property
+    def tubes(self) -> Tubes | None:
+        """Where the drones may be at any time; None if that cannot be said."""
+        return None if self.fleet is None else Tubes(self.fleet)
+
+    def parts(self) -> list[Callable[[], list[Check]]]:
+        """Return the checks of the folder, in parts for side by side."""
+        if self.none:
+            return [self.without]
+        if self.spoken != "ardupilot":
+            return [lambda: [*self.files(), self.unknown()]]
+        return [lambda: [*self.files(), self.parameters()], self.flight]
 
     def names(self) -> list[str]:
         """All files that must be there, and no others."""
         drones = range(1, self.show.drones + 1)
         stems = [f"missions/drone_{drone:04d}" for drone in drones]
         found = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
-        return [*found, *([PARAMETERS] if self.terms.autopilot != "px4" else [])]
+        return [*found, *([PARAMETERS] if self.spoken != "px4" else [])]
 
     def present(self) -> set[str]:
         """Names of everything but the manifest; of folders, links alone."""
@@ -140,7 +136,6 @@ class _Beside:
                 "there, or leave missions out of the verification"
             )
             return [agreement("VRF401", [note])]
-        contents, bad = self._contents()
         listed = _object(self.described, "files")
         odd = [
             f"{name}: {'only' if name in listed else 'not'} in the manifest"
@@ -148,9 +143,9 @@ class _Beside:
         ]
         return [
             self._same_manifest(),
-            agreement("VRF401", bad),
+            agreement("VRF401", self.bad),
             agreement("VRF403", odd),
-            *self._lines(contents),
+            *self._lines(),
         ]
 
     def _same_manifest(self) -> Check:
@@ -162,48 +157,58 @@ class _Beside:
             wrong.append(f"{MANIFEST}: {error}")
         return agreement("VRF402", wrong)
 
-    def _contents(self) -> tuple[dict[str, bytes], list[str]]:
-        """Read all files; also return what is wrong with them."""
+    def _read(self) -> None:
+        """Read all files, and the missions in them."""
         names, listed = self.names(), _object(self.described, "files")
         strangers = sorted(self.present() - set(names))
-        bad = [f"{name}: is no file of a compile" for name in strangers]
-        contents: dict[str, bytes] = {}
+        self.bad += [f"{name}: is no file of a compile" for name in strangers]
         total = 0
         for name in names:
             try:
                 content = read_file(self.folder / name)
             except MissionFormatError as error:
-                bad.append(f"{name}: {error}")
-                continue
+                self.bad.append(f"{name}: {error}")
+                content = b""
             total += len(content)
             if total > LARGEST_FOLDER:
-                bad.append(f"{name}: the files up to here are too large in sum")
+                self.bad.append(f"{name}: the files up to here are too large in sum")
                 break
-            contents[name] = content
+            self.contents[name] = content
             if hashlib.sha256(content).hexdigest() != listed.get(name):
-                bad.append(f"{name}: the hash is not the manifest's")
-        return contents, bad
+                self.bad.append(f"{name}: the hash is not the manifest's")
+            if name.endswith(".waypoints"):
+                try:
+                    self.missions[name] = read_mission(content, self.spoken)
+                except MissionFormatError as error:
+                    self.unread.append(f"{name}: {error}")
 
-    def _lines(self, contents: dict[str, bytes]) -> list[Check]:
+    def _fly(self) -> None:
+        """Work out what all drones fly, if that can be said."""
+        missions, site = list(self.missions.values()), self.show.rules.site
+        try:
+            clock = mission_clock(self.described)
+            if len(missions) == self.show.drones:
+                self.fleet = fleet_legs(missions, site, self.script, clock)
+            else:
+                self.grounded = (
+                    self.unread[0] if self.unread else "missions are missing"
+                )
+        except MissionFormatError as error:
+            self.grounded = str(error)
+
+    def _lines(self) -> list[Check]:
         """Check every row of the missions, and every key of the plans."""
-        terms, site = self.terms, self.show.rules.site
-        rows, plans, lights = list[str](), list[str](), list[str]()
-        token = fleet_token(contents)
+        script, site = self.script, self.show.rules.site
+        rows, plans, lights = list(self.unread), list[str](), list[str]()
+        token = fleet_token(self.contents)
         if token != str(self.manifest.get("fleet")):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
-        for name in self.names():
-            if not name.endswith(".waypoints"):
-                continue
+        for name, mission in self.missions.items():
+            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, script)]
+            lights += [f"{name}: {wrong}" for wrong in _wrong_lights(mission, script)]
             plan = name.replace(".waypoints", ".plan")
             try:
-                mission = read_mission(contents.get(name, b""), terms.autopilot)
-            except MissionFormatError as error:
-                rows.append(f"{name}: {error}")
-                continue
-            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, terms)]
-            lights += [f"{name}: {wrong}" for wrong in _wrong_lights(mission, terms)]
-            try:
-                check_plan(contents.get(plan, b""), mission, site, terms, token)
+                check_plan(self.contents.get(plan, b""), mission, site, script, token)
             except MissionFormatError as error:
                 plans.append(f"{plan}: {error}")
         return [
@@ -212,9 +217,9 @@ class _Beside:
             agreement("VRF409", lights),
         ]
 
-    def unknown(self, accepted: str) -> Check:
+    def unknown(self) -> Check:
         """Say of missions whose flight is not known whether the script accepts them."""
-        spoken = self.terms.autopilot
+        spoken, accepted = self.spoken, self.script.mission.autopilot
         if self.described.get("autopilot") != spoken:
             return self._other_autopilot()
         note = f"mission.autopilot of the script is {accepted}"
@@ -223,53 +228,22 @@ class _Beside:
 
     def _other_autopilot(self) -> Check:
         said = str(self.described.get("autopilot"))[:20]
-        note = f"the manifest says {said!r}, the script {self.terms.autopilot!r}"
+        note = f"the manifest says {said!r}, the script {self.spoken!r}"
         return checked("VRF410", "fail", notes=(note,))
 
     def parameters(self) -> Check:
         """Hold the parameter file against the one that the script asks for."""
-        if self.described.get("autopilot") != self.terms.autopilot:
+        if self.described.get("autopilot") != self.spoken:
             return self._other_autopilot()
-        try:
-            found = read_file(self.folder / PARAMETERS)
-        except MissionFormatError:
-            found = b""
-        return check_parameters(found, parameter_file(self.terms))
-
-    def flown(self) -> FleetLegs:
-        """Return what all drones fly.
-
-        Raises
-        ------
-        MissionFormatError
-            If that cannot be said; names the file.
-        """
-        clock, terms = mission_clock(self.described), self.terms
-        missions = []
-        for name in self.names():
-            if name.endswith(".waypoints"):
-                try:
-                    content = read_file(self.folder / name)
-                    missions.append(read_mission(content, terms.autopilot))
-                except MissionFormatError as error:
-                    raise MissionFormatError(f"{name}: {error}") from None
-        return fleet_legs(missions, self.show.rules.site, terms, clock)
+        found = self.contents.get(PARAMETERS, b"")
+        return check_parameters(found, parameter_file(self.script))
 
     def flight(self) -> list[Check]:
         """Check what the missions fly."""
-        try:
-            flown = self.flown()
-        except MissionFormatError as error:
-            return [checked("VRF410", "fail", notes=(str(error),))]
-        return check_flight(flown, self.show, self.described, self.terms.slack)
-
-    def drawn(self) -> list[Check]:
-        """Check what the log draws of that."""
-        try:
-            return [check_drawn(self.log, self.show, self.flown())]
-        except MissionFormatError:
-            # What is wrong with the missions is said by their own checks.
-            return []
+        if self.fleet is None:
+            return [checked("VRF410", "fail", notes=(self.grounded,))]
+        slack = self.script.mission.slack
+        return check_flight(self.fleet, self.show, self.described, slack)
 
 
 def read_file(path: Path) -> bytes:
@@ -311,19 +285,20 @@ def fleet_token(contents: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def _wrong_lights(mission: Mission, terms: Terms) -> Iterator[str]:
+def _wrong_lights(mission: Mission, script: Show) -> Iterator[str]:
     """Name servo items that are not the script's."""
-    low, high = sorted(terms.pulses)
+    low, high = sorted(script.mission.light_pwm)
     for line, item in enumerate(mission.items, start=3):
         output, pulse = item.parameters[:2]
-        if item.word == "V" and output not in terms.servos:
+        if item.word == "V" and output not in (script.mission.light_servos or ()):
             yield f"line {line} sets output {output:g}, which the script does not name"
         elif item.word == "V" and not low <= pulse <= high:
             yield f"line {line} sets {pulse:g} us, the script has {low} to {high}"
 
 
-def _wrong_pause(mission: Mission, terms: Terms) -> Iterator[str]:
+def _wrong_pause(mission: Mission, script: Show) -> Iterator[str]:
     """Say if a drone hovers longer or shorter before its landing than it must."""
     pause = mission.items[-2].parameters[0]
-    if pause != terms.pause:
-        yield f"hovers {pause:g} s before its landing, by the script {terms.pause:g} s"
+    wanted = round(max(script.landing.hold, 1.0), 2)
+    if pause != wanted:
+        yield f"hovers {pause:g} s before its landing, by the script {wanted:g} s"

@@ -9,7 +9,7 @@ integration. Nothing here is taken from the code that wrote the missions.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -90,6 +90,19 @@ class Law:
         )
 
 
+class Covered(NamedTuple):
+    """What is flown of legs between two times: parts of them (m,), or (m, axes) [m]."""
+
+    rear: FloatArray
+    """Covered at the first of them."""
+    front: FloatArray
+    """Covered at the second."""
+    slow: FloatArray
+    """Least rate or velocity meanwhile [1/s, m/s]."""
+    fast: FloatArray
+    """Greatest rate or velocity meanwhile [1/s, m/s]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
     """Distance over time of n legs."""
@@ -146,15 +159,20 @@ class Profiles:
         length = np.where(self.length > 0.0, self.length, np.inf)
         return np.asarray(1.0 + self.overshoot / length)
 
-    def fraction(self, leg: IntArray, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Part (m,) of legs ``leg`` (m,) covered at ``time`` (m,) [s], 0 to 1.
-
-        And its rate of change [1/s].
-        """
-        distance, speed, _ = self.motion(leg, time)
+    def covered(self, leg: IntArray, late: FloatArray, early: FloatArray) -> Covered:
+        """Return what is covered of legs ``leg`` (m,) between two times (m,) [s]."""
         whole = np.where(self.length > 0.0, self.length, 1.0)[leg]
-        part = np.clip(distance / whole, 0.0, 1.0)
-        return part, np.maximum(speed / whole, 0.0)
+        (rear, slow, _), (front, fast, _) = (
+            self.motion(leg, at) / whole for at in (late, early)
+        )
+        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
+        middle = np.clip(0.5 * self.duration[leg], late, early)
+        return Covered(
+            np.clip(rear, 0.0, 1.0),
+            np.clip(front, 0.0, 1.0),
+            np.maximum(np.minimum(slow, fast), 0.0),
+            np.maximum(self.motion(leg, middle)[1] / whole, 0.0),
+        )
 
     def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
         """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).

@@ -10,14 +10,15 @@ import numpy as np
 from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import METRES_PER_DEGREE, Law, Profiles, profiles
+from showc.verify.missions.parameters import parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Site
+    from showc.script.show import Show
     from showc.verify.missions.language import Item, Mission
-    from showc.verify.missions.terms import Terms
 
 
 DAY, HOUR = 86400.0, 3600.0
@@ -100,16 +101,16 @@ class Clock:
 
 
 def fleet_legs(
-    missions: Sequence[Mission], site: Site, terms: Terms, clock: Clock
+    missions: Sequence[Mission], site: Site, script: Show, clock: Clock
 ) -> FleetLegs:
-    """Return what a fleet of ArduPilot's flies, by the script's ``terms``.
+    """Return what a fleet of ArduPilot's flies, under the script's parameters.
 
     Raises
     ------
     MissionFormatError
         If slots do not follow each other; names the drone.
     """
-    values = {name: float(text) for name, text in terms.parameters.items()}
+    values = {name: float(text) for name, text in parameters(script).items()}
     read = []
     for drone, mission in enumerate(missions):
         try:
@@ -123,7 +124,7 @@ def fleet_legs(
         np.concatenate([one.places[:-1] for one in read]),
         np.concatenate([one.places[1:] for one in read]),
         np.concatenate([one.release for one in read]),
-        profiles(step, limits[:, 0], limits[:, 1], Law.of(values), terms.wind),
+        profiles(step, limits[:, 0], limits[:, 1], Law.of(values), script.site.wind),
         np.concatenate([one.lines for one in read]),
     )
 

@@ -14,12 +14,15 @@ from showc.verify.specification.compare import read_json, unlike
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Site
+    from showc.script.show import Show
     from showc.verify.missions.language import Item, Mission
-    from showc.verify.missions.terms import Terms
 
 
-FIRMWARE = {"ardupilot": 3, "px4": 12}
+ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT values."""
+
+CRUISE, WINDY = 8.0, 4.2
+"""Fastest leg of any mission [m/s], in calm air and where the script states wind."""
 
 CORNER = 0.02
 """How far a corner of the fence may be off: seven decimals of a degree [m]."""
@@ -28,7 +31,7 @@ _STATION = re.compile(r"showc \d[\w.+-]{0,40}")
 
 
 def check_plan(
-    content: bytes, mission: Mission, site: Site, terms: Terms, token: str
+    content: bytes, mission: Mission, site: Site, script: Show, token: str
 ) -> None:
     """Hold a plan against its mission.
 
@@ -40,8 +43,8 @@ def check_plan(
         The drone's ``.waypoints``.
     site
         Whose fence it carries.
-    terms
-        What the script asks for.
+    script
+        What is asked for.
     token
         The compile it belongs to.
 
@@ -67,6 +70,7 @@ def check_plan(
     if not isinstance(station, str) or not _STATION.fullmatch(station):
         raise MissionFormatError("groundStation is not showc's")
     _check_fence(fence, site)
+    cruise = WINDY if script.site.wind else CRUISE
     wanted = {
         "fileType": "Plan",
         "version": 1,
@@ -74,10 +78,10 @@ def check_plan(
         "fleetToken": token,
         "mission": {
             "version": 2,
-            "firmwareType": FIRMWARE[terms.autopilot],
+            "firmwareType": PX4 if mission.home is None else ARDUPILOT,
             "vehicleType": 2,
-            "cruiseSpeed": terms.cruise,
-            "hoverSpeed": terms.cruise,
+            "cruiseSpeed": cruise,
+            "hoverSpeed": cruise,
             "globalPlanAltitudeMode": 1,
             "plannedHomePosition": home,
             "items": [_entry(n, item) for n, item in enumerate(mission.items, 1)],
@@ -89,7 +93,7 @@ def check_plan(
         },
         "rallyPoints": {
             "version": 2,
-            "points": [[home[0], home[1], terms.rally_height]],
+            "points": [[home[0], home[1], round(script.landing.altitude, 2)]],
         },
     }
     for different in unlike(plan, wanted, "plan", rounding=0.0):

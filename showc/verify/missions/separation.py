@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.slices import Slice, measures
-from showc.verify.missions.law import SETTLING
+from showc.verify.missions.law import SETTLING, Covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,22 +70,6 @@ class Nearest:
     """In the separation's metric, at most the resolution above the least [m]."""
 
 
-class Covered(NamedTuple):
-    """What some drones cover of their legs, in the measure's space."""
-
-    rear: FloatArray
-    """Rearmost places, shape (m, axes)."""
-    front: FloatArray
-    """Foremost places, shape (m, axes)."""
-    slow: FloatArray
-    """Least velocities of covering it, shape (m, axes)."""
-    fast: FloatArray
-    """Greatest velocities of covering it, shape (m, axes)."""
-    settles: BoolArray
-    """Whether each settles before the middle of the time, when its part becomes
-    shorter, shape (m,)."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
     """One leg of every drone, or rest, during a stretch of time."""
@@ -105,26 +89,24 @@ class Stretch:
     flights: Profiles
     """The table of all legs."""
 
-    def covered(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
-        """Return what ``drone`` (m,) covers from ``low`` to ``high`` (m,) [s]."""
-        flights, leg = self.flights, self.leg[drone]
+    def parts(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
+        """Places and velocities (m, axes) of drones (m,) from low to high (m,) [s]."""
+        leg = self.leg[drone]
         late, early = self._law_times(drone, low, high)
-        middle, _ = self._law_times(drone, 0.5 * (low + high), high)
-        moving = self._moving(leg, late)
-        excess = np.where(moving, flights.excess[leg], 1.0)
-        rear, begins = flights.fraction(leg, late)
-        front, ends = flights.fraction(leg, early)
-        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-        greatest = np.clip(0.5 * flights.duration[leg], late, early)
+        excess = np.where(self._moving(leg, late), self.flights.excess[leg], 1.0)
         begin, along = self.begin[drone], self.along[drone]
-        return Covered(
-            begin + rear[:, None] * along,
-            begin + (excess * front)[:, None] * along,
-            # The law's time runs slower than the clock at first, by up to 35 %.
-            0.65 * np.minimum(begins, ends)[:, None] * along,
-            (excess * flights.fraction(leg, greatest)[1])[:, None] * along,
-            moving & ~self._moving(leg, middle),
+        rear, front, slow, fast = (
+            part[:, None] * along for part in self.flights.covered(leg, late, early)
         )
+        front, fast = (excess[:, None] * some for some in (front, fast))
+        # The law's time runs slower than the clock at first, by up to 35 %.
+        return Covered(begin + rear, begin + front, 0.65 * slow, fast)
+
+    def settles(self, drone: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
+        """Whether drones (m,) settle between two times (m,) [s]: parts get shorter."""
+        leg = self.leg[drone]
+        before, after = (self._law_times(drone, at, at)[0] for at in (low, high))
+        return self._moving(leg, before) & ~self._moving(leg, after)
 
     def _moving(self, leg: IntArray, late: FloatArray) -> BoolArray:
         return np.asarray(late < self.flights.duration[leg] + SETTLING)
@@ -270,7 +252,7 @@ class _Search:
         """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
         everyone = np.arange(self.stretch.leg.size)
         times = np.full(everyone.size, low), np.full(everyone.size, high)
-        rear, front, *_ = self.stretch.covered(everyone, *times)
+        rear, front, *_ = self.stretch.parts(everyone, *times)
         length = self.measure(front - rear)
         moving = length > 0.0
         if self.best.found is None and moving.any():
@@ -312,13 +294,13 @@ class _Search:
 
     def _gap(self, pairs: IntArray, time: FloatArray) -> FloatArray:
         """Least distances (n,) of what pairs (n, 2) may be at ``time`` (n,) [s]."""
-        one, other = (self.stretch.covered(drone, time, time) for drone in pairs.T)
+        one, other = (self.stretch.parts(drone, time, time) for drone in pairs.T)
         return part_distance(one[:2], other[:2], self.measure)
 
     def _bound(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
         """Bounds (n,) of the distances of pairs (n, 2) from low to high [s]."""
-        one, other = (self.stretch.covered(drone, low, high) for drone in pairs.T)
-        apart = part_distance(one[:2], other[:2], self.measure)
+        middle = 0.5 * (low + high)
+        one, other = (self.stretch.parts(drone, low, high) for drone in pairs.T)
         relative = np.max(
             [
                 self.measure(mine - theirs)
@@ -327,8 +309,10 @@ class _Search:
             ],
             axis=0,
         )
-        sharp = self._gap(pairs, 0.5 * (low + high)) - 0.5 * (high - low) * relative
-        sharp[one.settles | other.settles] = 0.0
+        sharp = self._gap(pairs, middle) - 0.5 * (high - low) * relative
+        for drone in pairs.T:
+            sharp[self.stretch.settles(drone, low, middle)] = 0.0
+        apart = part_distance(one[:2], other[:2], self.measure)
         return np.asarray(np.maximum(apart, sharp))
 
 

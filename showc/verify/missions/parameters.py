@@ -1,10 +1,11 @@
-"""What a script asks of the missions of its show."""
+"""The autopilot parameters under which missions are flown as they are proved."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import floor, tan
 from typing import TYPE_CHECKING
+
+from showc.verify.missions.law import GRAVITY
 
 if TYPE_CHECKING:
     from showc.script.show import Show
@@ -15,58 +16,12 @@ FIRMWARE = "ArduCopter 4.6"
 AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
 """The airframe whose gains are known."""
 
-GRAVITY = 9.80665
-"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
-
-CRUISE, WINDY = 8.0, 4.2
-"""Fastest leg of any mission [m/s], in calm air and where the script states wind."""
+PARAMETERS = "missions/ardupilot.parm"
+"""Name of the file."""
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """What missions and the files beside them must say, by the script."""
-
-    autopilot: str
-    """Whose missions they are: ``ardupilot`` or ``px4``."""
-    wind: float
-    """In which they keep time [m/s]."""
-    cruise: float
-    """Fastest leg [m/s]."""
-    start_minute: int
-    """Minute of any hour at which they begin, where no start time is named."""
-    servos: tuple[int, ...]
-    """Outputs that carry lights; none if empty."""
-    pulses: tuple[int, int]
-    """Least and greatest pulse width [us]."""
-    pause: float
-    """Hover before the landing [s]."""
-    slack: float
-    """What slots leave after the latest end of a leg [s]."""
-    rally_height: float
-    """Of the rally point above home [m]."""
-    parameters: dict[str, str]
-    """Value of each autopilot parameter, as it is written."""
-
-    @classmethod
-    def of(cls, show: Show) -> Terms:
-        """Return the terms of a show, read from its script."""
-        mission = show.mission
-        return cls(
-            mission.autopilot,
-            show.site.wind,
-            WINDY if show.site.wind else CRUISE,
-            mission.start_minute,
-            mission.light_servos or (),
-            mission.light_pwm,
-            round(max(show.landing.hold, 1.0), 2),
-            mission.slack,
-            round(show.landing.altitude, 2),
-            _parameters(show),
-        )
-
-
-def _parameters(show: Show) -> dict[str, str]:
-    """Parameters under which the leg law holds, within the show's limits.
+def parameters(show: Show) -> dict[str, str]:
+    """Parameters under which the leg law holds, within the limits of a script's show.
 
     Accelerations and speeds are in cm/s² and cm/s: the measured ones, or less where
     tilt and velocities of the show allow no more.
@@ -108,7 +63,7 @@ def _heeded(measured: float, allowed: float) -> int:
     return max(10, floor(100.0 * min(measured, allowed) + 1e-7))
 
 
-def parameter_file(terms: Terms) -> bytes:
+def parameter_file(show: Show) -> bytes:
     """Return the bytes that ``ardupilot.parm`` must have."""
     lines = [
         f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
@@ -116,6 +71,6 @@ def parameter_file(terms: Terms) -> bytes:
         "# onto that firmware only, and before the missions.",
         f"# Gains of PSC_ are those of {AIRFRAME}: carry over the",
         "# rest, and tune yours until it follows as well.",
-        *(f"{name},{terms.parameters[name]}" for name in sorted(terms.parameters)),
+        *(f"{name},{value}" for name, value in sorted(parameters(show).items())),
     ]
     return ("\n".join(lines) + "\n").encode("ascii")
