@@ -25,7 +25,7 @@ from showc.ocp.nodes import bernstein_values, collocation
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from showc.arrays import BoolArray, FloatArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAuditor
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
@@ -84,7 +84,10 @@ class MinimumPrinciple:
         self.has_gap = {str(s) for s in casadi.symvar(hamiltonian)} <= known
         if not self.has_gap:
             hamiltonian = casadi.SX(0)
-        bends = casadi.jacobian(casadi.gradient(hamiltonian, u), u)
+        # Whatever states and integrals are worth to objective and constraints.
+        parts = casadi.vertcat(f, casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        prices = casadi.SX.sym("price", parts.numel())
+        bends = casadi.jacobian(casadi.gradient(casadi.dot(prices, parts), u), u)
         limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
         self.affine = tuple(
             bends[j, :].nnz() == 0 and limits[:, j].nnz() == 0 for j in range(u.numel())
@@ -118,7 +121,8 @@ class MinimumPrinciple:
         places = tuple(map(float, nodes))
         blocked = self._blocked(phase, x, table)
         along = np.any(blocked != 0.0, axis=0).reshape(count, -1).mean(axis=1)
-        costates = self._settled(phase, along > _MOSTLY)
+        settling = along > _MOSTLY
+        costates = self._settled(phase, settling)
         costate = flat(
             np.concatenate(
                 [
@@ -150,6 +154,8 @@ class MinimumPrinciple:
             np.asarray(a)
             for a in self.h_slopes.map(t.size)(x, u, t, parameters, costate)
         )
+        settled = np.repeat(settling, nodes.size)
+        switching = self._switching(phase, np.flatnonzero(settling), p, places)
         gap = np.zeros(t.size)
         rate = np.asarray(self.auditor.f.map(t.size)(x, u, t, parameters))
         for j in range(u.shape[0]):
@@ -162,6 +168,9 @@ class MinimumPrinciple:
                 trial = u.copy()
                 trial[j] = np.clip(candidate, lower[j], upper[j])
                 value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
+                if self.affine[j]:
+                    step = trial[j, settled] - u[j, settled]
+                    value[settled] = here[settled] + switching[j] * step
                 change = (
                     np.asarray(self.auditor.f.map(t.size)(x, trial, t, parameters))
                     - rate
@@ -189,25 +198,79 @@ class MinimumPrinciple:
         most = np.where(np.isinf(high), 0.0, np.inf)
         return np.asarray(np.clip(pressures, least, most))
 
+    def _degrees(self, phase: PhaseSolution, k: int) -> list[int]:
+        """Degree of each control on interval k."""
+        given, least = phase.mesh.control_degrees, phase.mesh.points[k] - 1
+        degrees = [
+            given[name][k] if name in given else control.degree
+            for name, control in self.phase.controls.items()
+        ]
+        return [least if d is None or d < 0 else min(d, least) for d in degrees]
+
+    def _switching(
+        self,
+        phase: PhaseSolution,
+        chosen: IntArray,
+        p: FloatArray,
+        places: tuple[float, ...],
+    ) -> FloatArray:
+        """Slopes of the Hamiltonian by the controls, without their oscillation.
+
+        Parameters
+        ----------
+        phase, p
+            The solution, and values of parameters and statics.
+        chosen
+            Intervals on which a state is at its bound. Free coefficients of a control
+            of degree d make the quadrature of its slope times any polynomial of degree
+            d what it should be, and no more: the best approximation of that degree is
+            all that is determined.
+        places
+            Fractions of the intervals where the slopes are wanted.
+
+        Returns
+        -------
+        ndarray
+            Shape (controls, chosen * places).
+        """
+        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
+        at = 2.0 * np.array(places) - 1.0
+        found = [np.zeros((len(phase.control_names), 0))]
+        for k in chosen:
+            nodes, weights = collocation(phase.scheme, phase.mesh.points[k])
+            here = slice(first[k], first[k + 1])
+            x, u = (
+                flat(values_at(part.coefficients[k : k + 1], nodes))
+                for part in (phase.states, phase.controls)
+            )
+            begin, end = phase.states.breaks[k : k + 2]
+            t = (begin + (end - begin) * nodes).reshape(1, -1)
+            costate = np.hstack([phase.costates[here], phase.path_multipliers[here]]).T
+            parameters = np.repeat(p[:, None], t.size, axis=1)
+            slope = np.asarray(
+                self.h_slopes.map(t.size)(x, u, t, parameters, costate)[0]
+            )
+            rows = []
+            for values, degree in zip(slope, self._degrees(phase, int(k)), strict=True):
+                basis = legendre.legvander(2.0 * nodes - 1.0, degree)
+                weighted = basis.T * weights
+                fitted = np.linalg.solve(weighted @ basis, weighted @ values)
+                rows.append(legendre.legval(at, fitted))
+            found.append(np.array(rows))
+        return np.concatenate(found, axis=1)
+
     def _settled(self, phase: PhaseSolution, along: BoolArray) -> FloatArray:
         """Costates at the points, shape (points, states), without their oscillation.
 
-        ``along``: on which intervals a state is at its bound, shape (K,). Free
-        coefficients of a control of degree d make the quadrature of costates times
-        any polynomial of degree d what it should be, and no more; so on those
-        intervals the best approximation of that degree is taken.
+        ``along``: on which intervals a state is at its bound, shape (K,); on these the
+        best approximation of the greatest degree of a control is taken, as
+        :meth:`_switching` does for slopes.
         """
         settled = phase.costates.copy()
         first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
-        given = phase.mesh.control_degrees
         for k in np.flatnonzero(along):
             n = phase.mesh.points[k]
-            degrees = [
-                given[name][k] if name in given else control.degree
-                for name, control in self.phase.controls.items()
-            ]
-            free = [n - 1 if d is None or d < 0 else d for d in degrees]
-            degree = max(1, *free)
+            degree = max(1, *self._degrees(phase, int(k)))
             if degree >= n - 1:
                 continue
             nodes, weights = collocation(phase.scheme, n)
@@ -295,18 +358,18 @@ def ranges(states: Any) -> FloatArray:  # noqa: ANN401
 
 
 def worth(solution: Solution) -> float:
-    """Return what the states are worth to the objective: mean costate times range.
+    """Return what motion is worth to the objective: integral of abs(costates . rates).
 
     A factor of the objective multiplies it as it does the objective itself, and no unit
-    of time or of a state changes it.
+    of time or of a state changes it. The costates of single states may be large without
+    end where an optimum hangs on exact end values; their sum over all states is not.
     """
     size = 0.0
     for part in solution.phases:
+        rates = part.states.derivative()(part.costate_times)
         shares = np.repeat(np.diff(part.states.breaks), part.mesh.points)
         shares = shares / np.repeat(part.mesh.points, part.mesh.points)
-        mean = shares @ np.abs(part.costates) / max(float(shares.sum()), 1e-300)
-        value = mean * ranges(part.states)
-        size = max(size, float(value.max(initial=0.0)))
+        size += float(shares @ np.abs(np.sum(part.costates * rates, axis=1)))
     return size if np.isfinite(size) else 0.0
 
 

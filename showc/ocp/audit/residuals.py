@@ -12,7 +12,7 @@ interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum pr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
@@ -27,7 +27,7 @@ from showc.ocp.audit.optimality import (
 )
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.ocp.problem import Phase, Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
@@ -86,6 +86,12 @@ class PhaseAuditor:
         t = phase.time
         f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
         self.f = casadi.Function("f", [x, u, t, p], [f])
+        by_state = _entries(casadi.jacobian(f, x))
+        self.drives = _entries(casadi.jacobian(f, u))
+        """Which control reaches which state, also by way of others, shape (states,
+        controls)."""
+        for _ in phase.states:
+            self.drives |= by_state @ self.drives
         self.path = casadi.Function(
             "path",
             [x, u, t, p],
@@ -213,6 +219,14 @@ class PhaseAuditor:
             for c, over in zip(most, greatest, strict=True)
         )
         return greatest, tuple(found), names, near @ _SHARES, worst
+
+
+def _entries(slopes: Any) -> BoolArray:  # noqa: ANN401 - of casadi
+    """Mark the entries of a matrix of expressions that are not always zero."""
+    found = np.zeros(slopes.shape, dtype=bool)
+    rows, columns = slopes.sparsity().get_triplet()
+    found[rows, columns] = True
+    return found
 
 
 def _peaks(places: FloatArray, violation: FloatArray) -> tuple[float, ...]:

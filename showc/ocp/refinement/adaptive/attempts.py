@@ -105,7 +105,12 @@ class Attempts:
     def _fixed_at_bounds(
         self, mesh: Mesh, structures: Sequence[Structure | None] | None
     ) -> Overrides:
-        """Hold controls at their bounds on the arcs found so."""
+        """Hold controls at their bounds on the arcs found so.
+
+        Where such a control keeps a state at that state's bound, holding it would leave
+        the bound's multiplier undetermined, and the costate with it: there it is
+        bounded only, and its own multiplier has the sign that it should.
+        """
         bounds = dict(self.overrides.bounds)
         for i, phase in enumerate(self.problem.phases):
             structure = structures[i] if structures else None
@@ -113,7 +118,7 @@ class Attempts:
                 continue
             arcs = np.array(mesh.phases[i].arcs)
             for j, name in enumerate(phase.controls):
-                kinds = structure.classes[arcs, j]
+                kinds = np.where(structure.leaning, 0, structure.classes)[arcs, j]
                 low, high = self.table["bounds", phase.name, name]
                 bounds.pop(name, None)
                 bounds[f"{phase.name}.{name}"] = (

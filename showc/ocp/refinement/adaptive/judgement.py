@@ -43,6 +43,9 @@ class Judgement:
     """The arcs the mesh was made for, phase by phase."""
     moved: float
     """Relative change of the objective since the mesh before; 0 for a first one."""
+    flattery: float
+    """By how much the objective may be better than the truth, relative: it costs this
+    much to mend dynamics and path constraints between the nodes."""
 
     @property
     def greatest(self) -> float:
@@ -81,9 +84,13 @@ def judge(
         a.objective_dynamics
         + a.objective_control
         + p.bound_gaps.sum(axis=1)
-        + _margin_loss(auditor, p, table)
+        + _path_cost(auditor, p, table, np.asarray(p.mesh.path_margins))
         for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
     ]
+    flattery = sum(
+        float(np.sum(a.objective_dynamics + _path_cost(auditor, p, table, a.path)))
+        for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
+    )
     total = sum(float(part.sum()) for part in lost) / size
     weight, move = 1.0, 0.0
     if former is not None:
@@ -123,22 +130,25 @@ def judge(
         must_cut,
         tuple(structures),
         move,
+        flattery / size,
     )
 
 
-def _margin_loss(
-    auditor: PhaseAuditor, part: PhaseSolution, table: Table
+def _path_cost(
+    auditor: PhaseAuditor, part: PhaseSolution, table: Table, amounts: FloatArray
 ) -> FloatArray:
-    """Multipliers of path constraints times the margins they are tightened by."""
+    """Multipliers of path constraints times the scaled ``amounts`` by which they move.
+
+    Shapes (K,), amounts and result.
+    """
     mesh = part.mesh
-    if not any(mesh.path_margins):
+    if not np.any(amounts):
         return np.zeros(mesh.intervals)
     scale = auditor.path_scales(table)
     force = np.abs(part.path_multipliers) @ scale
     owner = np.repeat(np.arange(mesh.intervals), mesh.points)
     mean = np.bincount(owner, weights=force) / np.asarray(mesh.points)
-    widths = np.diff(part.states.breaks)
-    return np.asarray(mean * widths * np.asarray(mesh.path_margins))
+    return np.asarray(mean * np.diff(part.states.breaks) * amounts)
 
 
 def _was_mended(former: Judgement, solution: Solution) -> bool:
@@ -186,3 +196,11 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
     size = objective_size(former.solution)
     allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
     return bool(loss / size > allowed)
+
+
+def refutes(problem: Problem, fresh: Judgement, former: Judgement) -> bool:
+    """Whether ``fresh`` is better than the estimated error of ``former`` allows."""
+    sign = -1.0 if problem.maximises else 1.0
+    gain = sign * (former.solution.objective - fresh.solution.objective)
+    size = objective_size(former.solution)
+    return bool(gain / size > former.error.objective + 2.0 * fresh.flattery)

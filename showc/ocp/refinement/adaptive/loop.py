@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.guess import Guess
 from showc.ocp.outcome import Result
 from showc.ocp.refinement.adaptive.attempts import Attempts
-from showc.ocp.refinement.adaptive.judgement import Judgement, is_worse, judge
+from showc.ocp.refinement.adaptive.judgement import Judgement, is_worse, judge, refutes
 from showc.ocp.refinement.adaptive.options import (
     CAUTION,
     CHEAP,
     CLOSE,
     EFFORT,
+    INNER_DEGREE,
     LOOSE,
     LOOSELY,
     ROUGH,
@@ -90,11 +92,13 @@ class _Refinement:
             if solution.result.usable:
                 return self._weighed(solution)
             del self.attempts.scales[name]
+        free = partial(plain_mesh, self.auditors, degree=INNER_DEGREE)
         for other, strategy in (
             (mesh, {"mu_strategy": "monotone"}),
-            (plain_mesh(self.auditors, 20, 3), {"mu_strategy": "adaptive"}),
-            (plain_mesh(self.auditors, 30, 3), {"mu_strategy": "monotone"}),
-            (plain_mesh(self.auditors, 6, 6), {"mu_strategy": "adaptive"}),
+            (free(10, 4), {"mu_strategy": "monotone"}),
+            (free(20, 3), {"mu_strategy": "adaptive"}),
+            (free(30, 3), {"mu_strategy": "monotone"}),
+            (free(6, 6), {"mu_strategy": "adaptive"}),
         ):
             self.history.note(solution, None, "the solver failed; another way is tried")
             extra = {**strategy, **base.extra}
@@ -134,13 +138,14 @@ class _Refinement:
             return solution
         sign = -1.0 if self.problem.maximises else 1.0
         best, built = solution, self.attempts.latest
+        # Controls of few coefficients would smooth most of the unevenness away.
+        free = plain_mesh(self.auditors, 10, 4, degree=INNER_DEGREE)
+        mesh = self.options.mesh or free
         for share in UNEVENNESS:
             names = ", ".join(repr(name) for name, _ in still)
             words = f"{names} stayed at its guess; a start without symmetry is tried"
             self.history.note(solution, None, words)
-            solution = self.attempts.attempt(
-                best.mesh, uneven(given, still, table, share)
-            )
+            solution = self.attempts.attempt(mesh, uneven(given, still, table, share))
             gain = sign * (best.objective - solution.objective)
             if solution.result.usable and gain > 1e-6 * abs(best.objective):
                 best, built = solution, self.attempts.latest
@@ -216,12 +221,7 @@ class _Refinement:
                 solution, former, proposal.structures, mended=proposal.complete
             )
             fresh = self._closed(proposal, former, fresh)
-            rough = max(fresh.error.dynamics, fresh.error.path)
-            # Wrong arcs are mended by the next meshes, if these cost little.
-            errs = unknowns > CHEAP and fresh.error.objective > max(
-                2.0 * current.error.objective, self.options.tolerance
-            )
-            if switching and (errs or rough > 3.0 * current.greatest):
+            if switching and not self._helps(fresh, current):
                 fresh = None
         if fresh is None:
             self.history.note(solution, None, "no better; back to the mesh before")
@@ -230,6 +230,21 @@ class _Refinement:
         else:
             self.accept(fresh)
         return fresh
+
+    def _helps(self, fresh: Judgement, current: Judgement) -> bool:
+        """Whether arcs found a better optimum, or about the same one as well."""
+        if refutes(self.problem, fresh, current):
+            return True
+        # Wrong arcs are mended by the next meshes, if these cost little.
+        costly = fresh.solution.multipliers.unknowns.size > CHEAP
+        error = fresh.error.objective
+        most = max(2.0 * current.error.objective, self.options.tolerance)
+        rough = max(fresh.error.dynamics, fresh.error.path)
+        # A mesh of few intervals may miss the dynamics where it bends; that is no
+        # fault of its arcs if they tell the objective better.
+        better = error <= current.error.objective
+        allowed = max(ROUGH if better else 0.0, 3.0 * current.greatest)
+        return rough <= allowed and not (costly and error > most)
 
     def _closed(
         self, proposal: Proposal, former: Judgement | None, fresh: Judgement

@@ -2,8 +2,11 @@
 
 A nonlinear program ends in the optimum that its start leads to. Starts other than the
 given one differ by slow waves in states and controls, within their bounds, and by the
-duration; they follow the golden ratio, so that every run has the same. Each is solved
-on a first mesh. Those that end in different optima are then refined, best first.
+duration; they follow the golden ratio, so that every run has the same. Where there are
+no path constraints, the controls of every third one jump between their bounds, and
+states that start from given values are integrated: a search that starts from what can
+be flown ends in optima that one from waves does not find. Each is solved on a first
+mesh. Those that end in different optima are then refined, best first.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import casadi
 import numpy as np
 
 from showc.ocp.guess import Curve, Guess, curves_of, sample
@@ -24,7 +28,8 @@ from showc.processes import side_by_side
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from showc.ocp.problem import Problem
+    from showc.arrays import FloatArray
+    from showc.ocp.problem import Phase, Problem
     from showc.ocp.transcription.collocation.limits import Table
 
 SAME = 1e-3
@@ -35,8 +40,16 @@ REFINED = 4
 """Greatest number of different optima that are refined."""
 _WAVES = 3
 """Waves in a start: half a period, one, and one and a half."""
+_JUMPS = 5
+"""Waves whose sign controls that jump have: up to four switches, and more."""
+_FLIGHTS = 3
+"""One start in this many is flown: a convention, for waves find most optima sooner."""
 _POINTS = 25
 """Values of a guessed curve."""
+_LOST = 1e6
+"""Size of a state that an integration from a start has lost."""
+_STEPS = 8
+"""Steps of integration between two values of a guessed curve."""
 _STRETCH = 3.0
 """Greatest ratio of a guessed duration to that of the first start."""
 
@@ -140,13 +153,17 @@ def varied(
     s = np.linspace(0.0, 1.0, _POINTS)
     curves: dict[str, Curve] = dict(given.curves)
     durations: dict[str, float] = dict(given.durations)
-    drawn = 0
+    # What is flown blindly keeps bounds, but no path constraints.
+    plain = not any(phase.path_constraints for phase in problem.phases)
+    flies = plain and number % _FLIGHTS == 0
+    # The waves are the same ones, however many starts are flown between them.
+    drawn, seed = 0, number - number // _FLIGHTS if plain and not flies else number
 
     def draw() -> float:
         """Next number in [-1, 1]."""
         nonlocal drawn
         drawn += 1
-        return float(2.0 * ((GOLDEN * (number * (2 * drawn + 1))) % 1.0) - 1.0)
+        return float(2.0 * ((GOLDEN * (seed * (2 * drawn + 1))) % 1.0) - 1.0)
 
     for p, phase in enumerate(problem.phases):
         known = curves_of(first.phases[p]) if isinstance(first, Solution) else {}
@@ -160,7 +177,7 @@ def varied(
         for name, is_state, index in members:
             size = (scales.states if is_state else scales.controls)[p][index]
             low, high = table["bounds", phase.name, name]
-            halves = np.arange(1, _WAVES + 1)
+            halves = np.arange(1, (_JUMPS if flies else _WAVES) + 1)
             sizes = np.array([draw() / k for k in halves])
             wave = sizes @ np.sin(np.pi * halves[:, None] * s)
             title = f"{phase.name}.{name}"
@@ -171,8 +188,74 @@ def varied(
                     wave = wave + draw()
             start = table["time", phase.name][0]
             values = sample(base, s, start, durations[phase.name]) + 0.7 * size * wave
+            if flies and not is_state and np.isfinite(low) and np.isfinite(high):
+                values = np.where(wave > 0.0, high, low)
             curves[title] = np.clip(values, low, high)
+        if flies and not problem.statics:
+            values = statement.parameters(parameters)
+            flown = _flown(
+                problem,
+                phase,
+                table,
+                curves,
+                values=values,
+                duration=durations[phase.name],
+            )
+            curves.update(flown)
     return replace(given, curves=curves, durations=durations)
+
+
+def _flown(
+    problem: Problem,
+    phase: Phase,
+    table: Table,
+    curves: Mapping[str, Curve],
+    *,
+    values: FloatArray,
+    duration: float,
+) -> dict[str, Curve]:
+    """States that guessed controls lead to, within their bounds (Kutta 1901).
+
+    None where a start value is not given or the states leave all numbers.
+    """
+    keys = [("start", phase.name, name) for name in phase.states]
+    pairs = [table[key] if key in table.slots else (0.0, 1.0) for key in keys]
+    if any(low != high for low, high in pairs):
+        return {}
+    x, u, p = (
+        casadi.vertcat(casadi.SX(0, 1), *symbols)
+        for symbols in (
+            [state.quantity.symbol for state in phase.states.values()],
+            [control.quantity.symbol for control in phase.controls.values()],
+            [symbol for symbol, _ in problem.parameters.values()],
+        )
+    )
+    rates = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+    f = casadi.Function("f", [x, u, phase.time, p], [rates])
+    bounds = np.array([table["bounds", phase.name, name] for name in phase.states])
+    begin = table["time", phase.name][0]
+    controls = [np.asarray(curves[f"{phase.name}.{name}"]) for name in phase.controls]
+    state = np.array([low for low, _ in pairs])
+    rows, count = [state], (_POINTS - 1) * _STEPS
+    h, places = duration / count, np.linspace(0.0, 1.0, _POINTS)
+    for step in range(count):
+
+        def rate(x: FloatArray, ahead: float, step: int = step) -> FloatArray:
+            s = (step + ahead) / count
+            u = [np.interp(s, places, values) for values in controls]
+            return np.asarray(f(x, u, begin + s * duration, values)).ravel()
+
+        a = rate(state, 0.0)
+        b = rate(state + 0.5 * h * a, 0.5)
+        c = rate(state + 0.5 * h * b, 0.5)
+        d = rate(state + h * c, 1.0)
+        state = np.clip(state + h / 6.0 * (a + 2.0 * (b + c) + d), *bounds.T)
+        if not np.all(np.abs(state) < _LOST):
+            return {}
+        if (step + 1) % _STEPS == 0:
+            rows.append(state)
+    names = [f"{phase.name}.{name}" for name in phase.states]
+    return dict(zip(names, np.array(rows).T, strict=True))
 
 
 def _line(table: Table, phase: str, name: str) -> Curve:

@@ -22,6 +22,9 @@ Rule = Literal["decay", "curvature"]
 INNER_DEGREE = 3
 """Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
 badly determined there, and a high degree would only oscillate."""
+FIRST_DEGREE = 1
+"""The same on a first mesh, three less than its points: with as many coefficients as
+points a control oscillates on singular arcs, and finer meshes inherit that."""
 BOUNDARY_SHARE = 0.6
 """Share of an interval from which a path constraint counts as active all along."""
 LITTLE_VIOLATION = 3e-4
@@ -49,13 +52,16 @@ TRIAL_EFFORT = 3e5
 iterations, at most a hundred and fifty."""
 VAGUE = 3e-2
 """Relative error of the objective above which a solution has not yet found its arcs."""
-UNEVENNESS = (1e-3, 5e-2)
-"""Differences within a guessed control, over its range, that break a symmetry."""
+UNEVENNESS = (5e-2, 1.0)
+"""Differences within a guessed control, over its range, that break a symmetry: slight
+ones stay near the guess, full ones leave the optima about it."""
 LOOSELY = 100.0
 """Scale of the objective in a program over the objective found, above which the program
 is solved again: the solver's tolerance of 1e-8 means 1e-6 then."""
 WEIGHINGS = 3
 """How often that is done."""
+ELSEWHERE = 0.02
+"""Share of the phase by which a border of arcs must be off to be placed once more."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

@@ -15,6 +15,8 @@ from showc.ocp.nodes import fitting_points
 from showc.ocp.refinement.adaptive.options import (
     BOUNDARY_SHARE,
     CHEAP,
+    ELSEWHERE,
+    FIRST_DEGREE,
     GROWTH,
     INNER_DEGREE,
     LITTLE_VIOLATION,
@@ -64,17 +66,15 @@ def inner_degree(auditor: PhaseAuditor, control: int) -> int:
 
 def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Structure:
     """Arcs of one phase of a solution."""
-    phase = auditor.phase
-    pairs = [table["bounds", phase.name, name] for name in phase.states]
-    bounds = np.array(pairs).reshape(-1, 2)
     return detect(
         judgement.solution.phases[auditor.index],
         auditor.control_bounds(table),
-        (bounds[:, 0], bounds[:, 1]),
+        auditor.state_bounds(table),
         (
             partial(auditor.path_values, judgement.solution),
             auditor.path_bounds(table),
         ),
+        auditor.drives,
     )
 
 
@@ -103,7 +103,8 @@ def place_switches(
         count = structure.times.size
         least = 1 if known is None else max(known.times.size, 1)
         believed = least <= count <= part.mesh.intervals // 2
-        seen = [known, *refused] if known is not None else list(refused)
+        settled = known is not None and not _moved(part, structure)
+        seen = [known, *refused] if known and settled else list(refused)
         if not believed or any(structure.same_as(former) for former in seen):
             meshes.append(part.mesh)
             arcs.append(part.arc_durations)
@@ -134,6 +135,20 @@ def place_switches(
         f"{placed} switch times placed",
         places_switches=True,
     )
+
+
+def _moved(part: PhaseSolution, structure: Structure) -> bool:
+    """Whether as many arcs are seen as the mesh has, but elsewhere.
+
+    An inner arc next to one at a bound may be at that bound too on its last interval:
+    the border between the two could then be anywhere.
+    """
+    borders = part.start + np.cumsum(part.arc_durations)[:-1]
+    if borders.size != structure.times.size:
+        return False
+    switches = np.any(np.diff(structure.classes, axis=0) != 0, axis=1)
+    off = np.abs(borders - structure.times)[switches]
+    return bool(off.max(initial=0.0) > ELSEWHERE * part.duration)
 
 
 def _borders(part: PhaseSolution, structure: Structure) -> tuple[Decision, ...]:
@@ -268,12 +283,18 @@ def with_ends(problem: Problem, mesh: Mesh) -> Mesh:
     )
 
 
-def plain_mesh(auditors: Sequence[PhaseAuditor], intervals: int, points: int) -> Mesh:
-    """Equal intervals, with the degrees of controls that are left to the solver."""
+def plain_mesh(
+    auditors: Sequence[PhaseAuditor],
+    intervals: int,
+    points: int,
+    *,
+    degree: int = FIRST_DEGREE,
+) -> Mesh:
+    """Equal intervals; ``degree`` of the controls that enter linearly and are free."""
     phases = []
     for auditor in auditors:
         degrees = {
-            name: (min(INNER_DEGREE, points - 1),) * intervals
+            name: (min(degree, points - 1),) * intervals
             for j, (name, control) in enumerate(auditor.phase.controls.items())
             if control.degree is None and auditor.principle.affine[j]
         }

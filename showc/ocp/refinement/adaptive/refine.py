@@ -42,6 +42,13 @@ LEAST_POINTS = 3
 MOST_POINTS = 12
 """Collocation points of an interval: fewer than three cannot tell how fast coefficients
 decay; the most is a convention, for blocks of the program grow with its square."""
+MORE_DEGREE = 2
+"""By how much the degree of a control on a singular arc is raised at once."""
+_BEYOND = 3
+"""Points beyond the degree of such a control: with fewer it would oscillate."""
+_SWITCHES = 0.5
+"""Share of its range by which a control moves on an interval with a switch in it; on a
+singular arc it moves less between any two borders of a first mesh."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +219,13 @@ def refine(
             continue
         coefficients = phase.states.coefficients[k]
         rate, smooth, found = _smoothness(phase, k, rule, scale)
+        gentle = smooth and not _switches(phase, k)
+        richer = _richer(cell) if must_cut[k] and gentle else None
+        if richer is not None:
+            out.append(richer)
+            words = f"error {indicator[k]:.2g} times what is allowed; {found}"
+            decisions.append(Decision(Step.RAISED, f"{words}: control's degree raised"))
+            continue
         if must_cut[k]:
             smooth, found = False, "the control errs, and its degree is given"
         found = f"error {indicator[k]:.2g} times what is allowed; {found}"
@@ -246,6 +260,30 @@ def _smoothness(
         control_scale = np.maximum(np.abs(controls).max(axis=(0, 1)), 1e-9)
         rate = min(rate + 0.25, 0.25 + decay_rate(controls[k], control_scale))
     return rate, rate > 0.6, f"coefficients fall by {rate:.1f} decades a degree"
+
+
+def _switches(phase: PhaseSolution, k: int) -> bool:
+    """Whether a control moves so far on interval k that it switches there."""
+    values = phase.controls.coefficients
+    least, most = values.min(axis=(0, 1)), values.max(axis=(0, 1))
+    return bool(np.any(np.ptp(values[k], axis=0) > _SWITCHES * (most - least)))
+
+
+def _richer(cell: Cell) -> Cell | None:
+    """Give a cell whose controls have higher degrees, where its points allow them.
+
+    A control that enters the Hamiltonian linearly is smooth on a singular arc, as the
+    states are: its degree gains there what it gains for them.
+    """
+    degrees = tuple(
+        (name, degree + MORE_DEGREE if degree > 0 else degree)
+        for name, degree in cell.degrees
+    )
+    top = max((degree for _, degree in degrees), default=0)
+    points = max(cell.points, top + _BEYOND)
+    if degrees == cell.degrees or points > MOST_POINTS:
+        return None
+    return replace(cell, points=points, degrees=degrees)
 
 
 def _cut(cell: Cell, edges: FloatArray) -> list[Cell]:

@@ -21,7 +21,7 @@ from showc.arrays import FloatArray
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from showc.arrays import IntArray
+    from showc.arrays import BoolArray, IntArray
     from showc.ocp.solution import PhaseSolution
     from showc.trajectory import PiecewisePolynomial
 
@@ -31,10 +31,15 @@ PathValues = tuple[Callable[[FloatArray], FloatArray], Any]
 _SAMPLES = 16
 _CONTROL_CLOSE = 0.02
 """Fraction of a control's range within which it counts as at its bound."""
+_CONTROL_TOUCHES = 1e-3
+"""Fraction of its range within which a control comes somewhere on every interval of an
+arc at its bound: a small control is no control at its bound."""
 _STATE_CLOSE = 1e-4
 """Fraction of a state's range within which it counts as at its bound."""
 _PATH_CLOSE = 2e-3
 """Fraction of a path constraint's range within which it counts as active."""
+_FOLLOWS = 0.5
+"""Share of a state's stretch at its bound from which on it follows a control at its."""
 _NEGLIGIBLE = 1e-5
 """Fraction of the phase below which an interval is no arc of its own."""
 
@@ -50,6 +55,9 @@ class Structure:
     shape (arcs, controls)."""
     held: IntArray
     """The same for each arc and path constraint, shape (arcs, constraints)."""
+    leaning: BoolArray
+    """Where a control is at its bound while a state that it drives is at its own, shape
+    (arcs, controls)."""
 
     def same_as(self, other: Structure) -> bool:
         """Whether both have the same sequence of arcs."""
@@ -245,9 +253,13 @@ def detect(
     control_bounds: tuple[FloatArray, FloatArray],
     state_bounds: tuple[FloatArray, FloatArray],
     path: PathValues | None = None,
+    drives: BoolArray | None = None,
 ) -> Structure:
     """Read the arcs off a solution.
 
+    ``drives``: which control reaches which state by the dynamics, shape (states,
+    controls). A state that is at its bound while such a control is at its own follows
+    it: no border of an arc is its own.
     ``path`` gives the values of path constraints, shape (constraints, n), at times
     (n,), and their bounds, shape (constraints, 2).
     """
@@ -258,44 +270,96 @@ def detect(
         values = _sampled(phase.controls, grid, j)
         lower, upper = control_bounds[0][j], control_bounds[1][j]
         kinds, fraction = _classify(values, lower, upper, _CONTROL_CLOSE)
+        kinds = _touching(kinds, fraction)
         runs = _simplify(_merge_equal(_runs(kinds, grid, fraction)))
         _balance(runs, grid, fraction)
         histories.append(runs)
         events += [run.start for run in runs[1:]]
-    span = phase.end - phase.start
-    switches = list(events)
-    watched = [
-        (_sampled(phase.states, grid, i), state_bounds[0][i], state_bounds[1][i], False)
-        for i in range(len(phase.state_names))
-    ]
-    if path is not None:
-        values, bounds = path[0](grid.times), path[1]
-        watched += [
-            (row, *pair, True) for row, pair in zip(values, bounds, strict=True)
-        ]
+    reach = np.zeros((len(phase.state_names), len(histories)), dtype=bool)
+    if drives is not None:
+        reach |= drives
+    idle = _idle(grid, histories, reach)
     bound: list[list[_Run]] = []
-    for values, lower, upper, is_path in watched:
-        close = _PATH_CLOSE if is_path else _STATE_CLOSE
-        kinds, fraction = _classify(values, lower, upper, close)
-        runs = _merge_equal(_runs(kinds, grid, fraction))
-        if is_path:
-            bound.append(runs)
-        for run in runs:
-            if run.kind == 0 or run.end - run.start < 0.6 * run.width:
-                continue
-            for time in (run.start, run.end):
-                inside = phase.start + 1e-3 * span < time < phase.end - 1e-3 * span
-                here = int(np.argmin(np.abs(grid.times - time)))
-                near = 1.01 * grid.widths[max(here - 1, 0) : here + 2].max()
-                if inside and all(abs(time - other) > near for other in switches):
-                    events.append(time)
+    at_bound: list[list[_Run]] = []
+    own = list(events)
+    for i in range(len(phase.state_names)):
+        pair = state_bounds[0][i], state_bounds[1][i]
+        values = _sampled(phase.states, grid, i)
+        runs = _runs_of(values, pair, _STATE_CLOSE, grid)
+        at_bound.append(runs)
+        events += _border_times([r for r in runs if not idle(i, r)], grid, own)
+    if path is not None:
+        for values, pair in zip(path[0](grid.times), path[1], strict=True):
+            bound.append(_runs_of(values, pair, _PATH_CLOSE, grid))
+            events += _border_times(bound[-1], grid, own)
+    span = phase.end - phase.start
     times = np.array(sorted(events))
     if times.size:
         apart = np.concatenate([[True], np.diff(times) > 1e-7 * span])
         times = times[apart]
     borders = np.concatenate([[phase.start], times, [phase.end]])
     middle = 0.5 * (borders[:-1] + borders[1:])
-    return Structure(times, _kinds(histories, middle), _kinds(bound, middle))
+    classes = _kinds(histories, middle)
+    arcs = np.searchsorted(times, grid.times)
+    along = np.stack(
+        [
+            np.mean(_kinds(at_bound, grid.times[arcs == arc]) != 0, axis=0)
+            for arc in range(middle.size)
+        ]
+    )
+    leaning = ((along > _FOLLOWS) @ reach) & (classes != 0)
+    return Structure(times, classes, _kinds(bound, middle), leaning)
+
+
+def _runs_of(
+    values: FloatArray, pair: tuple[float, float], close: float, grid: _Grid
+) -> list[_Run]:
+    """Stretches of a state or path constraint at its bounds and off them."""
+    kinds, fraction = _classify(values, *pair, close)
+    return _merge_equal(_runs(kinds, grid, fraction))
+
+
+def _idle(
+    grid: _Grid, histories: Sequence[Sequence[_Run]], reach: BoolArray
+) -> Callable[[int, _Run], bool]:
+    """Tell whether a state, in a stretch at its bound, only follows a control at its.
+
+    See :func:`detect`; a control may drive a state through others.
+    """
+    held = _kinds(histories, grid.times) != 0
+
+    def idle(state: int, run: _Run) -> bool:
+        inside = (grid.times > run.start) & (grid.times < run.end)
+        follows = held[inside][:, reach[state]].any(axis=1)
+        return bool(follows.size) and bool(follows.mean() > _FOLLOWS)
+
+    return idle
+
+
+def _border_times(
+    runs: Sequence[_Run], grid: _Grid, others: Sequence[float]
+) -> list[float]:
+    """Give the ends of stretches at a bound that are near none of the ``others``."""
+    begin, end = grid.left[0], grid.right[-1]
+    margin = 1e-3 * (end - begin)
+    found = []
+    for run in runs:
+        if run.kind == 0 or run.end - run.start < 0.6 * run.width:
+            continue
+        for time in (run.start, run.end):
+            here = int(np.argmin(np.abs(grid.times - time)))
+            near = 1.01 * grid.widths[max(here - 1, 0) : here + 2].max()
+            far = all(abs(time - other) > near for other in others)
+            if begin + margin < time < end - margin and far:
+                found.append(time)
+    return found
+
+
+def _touching(kinds: IntArray, fraction: FloatArray) -> IntArray:
+    """Take intervals near a bound that do not touch it for intervals off the bounds."""
+    away = np.where(kinds > 0, 1.0 - fraction, fraction)
+    nearest = np.repeat(away.reshape(-1, _SAMPLES).min(axis=1), _SAMPLES)
+    return np.where(nearest > _CONTROL_TOUCHES, 0, kinds)
 
 
 def _kinds(histories: Sequence[Sequence[_Run]], times: FloatArray) -> IntArray:

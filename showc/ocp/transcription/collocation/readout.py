@@ -54,7 +54,6 @@ def phase_solution(
     built: Transcription,
     index: int,
     unknowns: FloatArray,
-    limits: Box,
     multipliers: Multipliers,
 ) -> PhaseSolution:
     """Read the trajectory of one phase from the unscaled unknowns."""
@@ -82,7 +81,7 @@ def phase_solution(
         costates,
         built.scheme,
         pressures,
-        _bound_gaps(built, index, unknowns, limits, multipliers),
+        _bound_gaps(built, index, unknowns, multipliers),
     )
 
 
@@ -90,13 +89,13 @@ def _bound_gaps(
     built: Transcription,
     index: int,
     unknowns: FloatArray,
-    limits: Box,
     multipliers: Multipliers,
 ) -> FloatArray:
-    """Multiply multipliers of the states' bounds by the distance that is left.
+    """Multiply multipliers of the states' bounds by the room between hull and curve.
 
     A Bernstein coefficient at its bound leaves the polynomial a little off it;
-    multiplier times that distance is what the objective could still gain.
+    multiplier times that distance is what the objective could still gain. How far the
+    coefficient itself is from its bound is the solver's affair.
     """
     place, mesh = built.discretisation.layout.phases[index], built.mesh.phases[index]
     pull = multipliers.of_bounds / built.discretisation.unknown_scale
@@ -108,9 +107,7 @@ def _bound_gaps(
         value = bernstein_values(n, s) @ unknowns[table]
         # A positive multiplier belongs to the upper bound, a negative one to the
         # lower; borders count half for each of their intervals.
-        bound = np.where(pull[table] > 0.0, limits.upper[table], limits.lower[table])
-        with np.errstate(invalid="ignore"):
-            loss = np.abs(pull[table] * (bound - value))
+        loss = np.maximum(pull[table] * (unknowns[table] - value), 0.0)
         loss[~np.isfinite(loss)] = 0.0
         rows.append(loss[1:-1].sum(axis=0))
     return np.stack(rows)

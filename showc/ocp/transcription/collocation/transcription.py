@@ -361,7 +361,7 @@ class Transcription:
         # The solver keeps bounds to its tolerance only; the answer keeps them.
         unknowns = np.clip(unknowns, limits.lower, limits.upper)
         phases = tuple(
-            phase_solution(self, p, unknowns, limits, multipliers)
+            phase_solution(self, p, unknowns, multipliers)
             for p in range(len(self.problem.phases))
         )
         numbers = zip(self.problem.statics, built.layout.statics, strict=True)
