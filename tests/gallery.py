@@ -144,7 +144,7 @@ RING = "{type: circle, radius: 11, plane: front, centre: [0, 0, 30], colour: gol
 SQUARE = "{type: grid, step: 3, centre: [0, 0, 26], colour: aquamarine}"
 MOTIONS = [
     Piece("rotate", 24, RING, "hold: 10, motion: [{rotate: {angle: 120, axis: z}}]"),
-    Piece("breathe", 24, RING, "hold: 12, motion: [{breathe: 1.4}]"),
+    Piece("breathe", 24, RING, "hold: 12, motion: [{breathe: 1.25}]"),
     Piece(
         "wave",
         49,
@@ -162,14 +162,15 @@ MOTIONS = [
         "morph",
         24,
         RING,
-        "hold: 12, motion: [{morph: [square]}]",
-        more="  square: {type: grid, step: 4, plane: front, centre: [0, 0, 30]}\n",
+        "hold: 20, motion: [{morph: [wide, tall]}]",
+        more="  wide: {like: it, transform: [{scale: [1.4, 1, 0.6]}]}\n"
+        "  tall: {like: it, transform: [{scale: [0.6, 1, 1.4]}]}\n",
     ),
     Piece(
         "several at once",
         36,
         SQUARE.replace("aquamarine", "tomato"),
-        "hold: 12, motion: [{rotate: 90}, {wave: {amplitude: 1.5, wavelength: 15}}]",
+        "hold: 20, motion: [{rotate: 90}, {wave: {amplitude: 1.5, wavelength: 30}}]",
     ),
 ]
 WALL = "type: grid, step: 3, plane: front"

@@ -14,8 +14,8 @@ import numpy as np
 from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
-from showc.plan.motion import moving_places
 from showc.progress import Silent
+from showc.script.moving import moving_places
 from showc.script.show import Formation, chapters
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.plan.itinerary import LegKind
-    from showc.plan.motion import MovingPlaces
     from showc.progress import Progress
+    from showc.script.moving import MovingPlaces
     from showc.script.show import Effect, Mark, Show, Transition
     from showc.vehicle import Limits, Separation
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
-    from showc.plan.motion import MovingPlaces
+    from showc.script.moving import MovingPlaces
     from showc.script.show import Mark, Show
     from showc.vehicle import Limits
 

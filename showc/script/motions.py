@@ -36,6 +36,26 @@ _RAMP = Field(
     "Time to set in, and to end; half of the hold at most.",
     default=3.0,
 )
+
+
+def _setting_in(least: str) -> Field:
+    """Return the ramp of a motion that comes and goes."""
+    return Field(
+        "ramp",
+        Quantity("s", minimum=0.2, maximum=600.0),
+        "Time to set in, and to end; half of the hold at most.",
+        default_text=f"{least}: setting in sooner asks for more acceleration",
+    )
+
+
+_BREATH, _SWING = _setting_in("half a period"), _setting_in("one period")
+BREATHING_IN = 0.5
+"""Ramp of a breath unless it is given [periods]. The acceleration reaches 0.88 times
+amplitude and squared angular frequency while it sets in, 0.5 times later; with a
+quarter of a period 1.17 times."""
+SWINGING_IN = 1.0
+"""The same of a wave or orbit: 1.15 times while it sets in, once later; with half a
+period 1.82 times."""
 _ABOUT = Field(
     "about",
     _POINT,
@@ -97,7 +117,7 @@ MOTION = Section(
                     ),
                     Field("period", _PERIOD, "Time of one breath.", default=6.0),
                     _ABOUT,
-                    _RAMP,
+                    _BREATH,
                 ),
                 short="scale",
             ),
@@ -119,7 +139,7 @@ MOTION = Section(
                     Field("axis", _AXIS, "Along which drones swing.", default="z"),
                     Field("period", _PERIOD, "Time of one swing.", default=6.0),
                     *_PHASE,
-                    _RAMP,
+                    _SWING,
                 ),
                 short="amplitude",
             ),
@@ -141,7 +161,7 @@ MOTION = Section(
                     Field("axis", _AXIS, "Normal of the circle.", default="z"),
                     Field("period", _PERIOD, "Time of one turn.", default=6.0),
                     *_PHASE,
-                    _RAMP,
+                    _SWING,
                 ),
                 short="radius",
             ),
@@ -205,18 +225,22 @@ def _motion(item: Settings) -> Motion:
         return Morph(tuple(str(name.value) for name in item.items("morph")))
     key = next(iter({"rotate", "breathe", "wave", "orbit"} & item.values.keys()))
     own = item.section(key)
-    ramp = own.number("ramp")
     about = own.vector("about") if "about" in own else None
     if key == "rotate":
-        return Rotate(own.number("angle"), _unit(own, "axis"), about, ramp)
+        angle, axis = own.number("angle"), _unit(own, "axis")
+        return Rotate(angle, axis, about, own.number("ramp"))
+    period = own.number("period")
+    asked = own.optional("ramp")
+    usual = (BREATHING_IN if key == "breathe" else SWINGING_IN) * period
+    ramp = usual if asked is None else asked
     if key == "breathe":
-        return Breathe(own.number("scale"), own.number("period"), about, ramp)
+        return Breathe(own.number("scale"), period, about, ramp)
     length = own.optional("wavelength")
     size = own.number("amplitude" if key == "wave" else "radius")
     return (Wave if key == "wave" else Orbit)(
         size,
         _unit(own, "axis"),
-        own.number("period"),
+        period,
         _unit(own, "direction"),
         math.inf if length is None else length,
         ramp,

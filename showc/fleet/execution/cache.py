@@ -133,7 +133,7 @@ def _source_digest() -> str:
     package = Path(__file__).parents[2]
     files = [
         package / "trajectory.py",
-        package / "plan" / "motion.py",
+        package / "script" / "moving.py",
     ]
     for part in SOLVING:
         files += sorted((package / part).rglob("*.py"))

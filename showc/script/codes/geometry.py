@@ -159,4 +159,16 @@ CODES = (
         "Move the formation away. `showc safety` says how far drones may fall.",
         "site: {audience: [{area: [[0, 0], [9, 0], [9, 9]]}]}",
     ),
+    Code(
+        "SHW217",
+        "motion that cannot be flown",
+        "A motion asks for more speed, acceleration, tilt or thrust than the limits "
+        "allow, leads out of the flight volume, or brings two drones nearer than the "
+        "separation.",
+        "Make its times longer or its size smaller, by what the message says.",
+        "transitions: [{to: ring, hold: 20, motion: [{wave: {amplitude: 5, period: "
+        "4}}]}]",
+        instead="transitions: [{to: ring, hold: 40, motion: [{wave: {amplitude: 3, "
+        "period: 12}}]}]",
+    ),
 )

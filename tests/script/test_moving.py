@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.plan.motion import moving_places
+from showc.script.moving import moving_places
 from showc.script.show import (
     Breathe,
     Formation,

@@ -1,0 +1,293 @@
+"""Holds: motions that no drone can fly, or that lead out of what is allowed.
+
+A motion is looked at in some of its places and at some instants. What is found is
+impossible; what is not found may be so all the same, and compile proves it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.company import transitions_of
+from showc.script.diagnostic import Diagnostic, Severity, Spot
+from showc.script.moving import moving_places
+from showc.script.show import Morph, Orbit, Rotate, Travel, Wave, chapters
+from showc.script.spacing import closest
+from showc.script.timing import least_duration
+from showc.script.wording import number_text
+from showc.vehicle.flatness import attitude_and_thrust
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.script.build import Sketch
+    from showc.script.moving import MovingPlaces
+    from showc.script.show import Show, Transition
+
+
+_SHARES = 24
+"""Instants in a period or ramp: a sine between two of them is 1 % higher at most."""
+_INSTANTS = (40, 240)
+"""Fewest and most instants of a hold: those of ten periods."""
+_WATCHED = 60_000
+"""Places times instants that are looked at in a script, as long as each motion has
+its outermost places: a tenth of a second."""
+_PAIRED, _MOMENTS = 4_000, 12
+"""Places times instants whose distances are looked at for each motion, for the same
+reason, and most instants."""
+_ROUNDING = 1e-6
+"""What counts as rounding: a share of limits and distances."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Need:
+    """What a motion asks for most, against what is allowed."""
+
+    what: str
+    unit: str
+    value: float
+    limit: float
+    power: float
+    """By which power of the time it shrinks where everything is slower."""
+    place: int
+    time: float
+
+    @property
+    def use(self) -> float:
+        return self.value / self.limit
+
+
+@dataclass(frozen=True, slots=True)
+class _Fault:
+    """What cannot be, what to do, and which places show it."""
+
+    message: str
+    help: str
+    spot: Spot
+
+
+def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield the motions that cannot be flown as they are written (SHW217)."""
+    show = sketch.show
+    if show is None or not any(one.motion for one in show.transitions):
+        return
+    settings = transitions_of(sketch)
+    share = _WATCHED // sum(bool(one.motion) for one in show.transitions)
+    for index, time, whole in _held(show):
+        transition = show.transitions[index]
+        if not transition.motion or time <= 0.0:
+            continue
+        mark = settings[index].mark_of("motion")
+        flown = _Flown(show, transition, time, whole=whole)
+        if found := flown.fault(share):
+            yield Diagnostic(
+                "SHW217",
+                Severity.ERROR,
+                found.message,
+                mark,
+                help=found.help,
+                spot=found.spot,
+            )
+
+
+def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
+    """Transitions by index, how long each is held at most [s], whether just so long.
+
+    Where the next one has a time of its own, it is held until then at the longest.
+    """
+    together = chapters(show)
+    earliest = show.launch.altitude / show.launch.climb_speed + show.launch.hold
+    asked = [
+        {key: _first(show, members, key) for key in ("at", "start")}
+        for members in together
+    ]
+    timed = any(set(one.values()) != {None} for one in asked)
+    for number, members in enumerate(together):
+        own = asked[number]
+        arrived = own["at"]
+        if arrived is None:
+            # Only a time that is asked for needs to know what is flown before it.
+            least = least_duration(show, members[0])[0] if timed else 0.0
+            arrived = max(earliest, own["start"] or 0.0) + least
+        hold = longest = max(show.transitions[index].hold for index in members)
+        following = asked[number + 1] if number + 1 < len(together) else {}
+        if (start := following.get("start")) is not None:
+            longest = start - arrived
+        elif (at := following.get("at")) is not None:
+            move = least_duration(show, together[number + 1][0])[0]
+            longest = at - move - arrived
+        whole = not following or set(following.values()) == {None}
+        for index in members:
+            yield index, longest, whole
+        earliest = arrived + hold
+
+
+def _first(show: Show, members: list[int], key: str) -> float | None:
+    found = (getattr(show.transitions[index], key) for index in members)
+    return next((one for one in found if one is not None), None)
+
+
+class _Flown:
+    """One motion, as its places would fly it."""
+
+    def __init__(
+        self, show: Show, transition: Transition, time: float, *, whole: bool
+    ) -> None:
+        self.show = show
+        self.time = time
+        self.name = transition.to
+        self.motion = transition.motion
+        formation = show.formations[transition.to]
+        self.points = formation.points
+        everywhere = np.arange(len(self.points))
+        self.moving: MovingPlaces = moving_places(
+            everywhere, everywhere, formation, transition.motion, show.formations
+        )
+        # The end of a hold whose length is not known is not looked at.
+        until = time if whole else 0.5 * time
+        ramps = [
+            getattr(one, key)
+            for one in self.motion
+            if not isinstance(one, Travel | Morph)
+            for key in ("ramp", "period")
+            if not (key == "period" and isinstance(one, Rotate))
+        ]
+        few, most = _INSTANTS
+        step = min([*ramps, 2.0 * time]) / _SHARES
+        count = most if not ramps else min(max(ceil(until / step), few), most)
+        self.instants = np.linspace(0.0, until, count + 1)
+
+    def fault(self, share: int) -> _Fault | None:
+        """Say what cannot be, and what to do; None if nothing was found."""
+        rows = self._outermost(max(share // self.instants.size, 0))
+        states = self._states(rows, self.instants)
+        return self._beyond(rows, states) or self._outside(rows, states) or self._near()
+
+    def _states(self, rows: IntArray, instants: FloatArray) -> FloatArray:
+        """Position, velocity and acceleration, shape (3, instants, rows, 3) (SI)."""
+        frames = tuple(
+            frame if frame.shape[1] in {0, 1} else frame[:, rows]
+            for frame in self.moving.frames
+        )
+        chosen = type(self.moving)(rows, self.motion, self.moving.middle, frames)
+        found = chosen.derivatives(self.points[rows], self.time, instants)
+        return np.asarray(found[:3])
+
+    def _outermost(self, most: int) -> IntArray:
+        """Return the places that are furthest out, and others up to ``most``."""
+        corners = np.array(
+            [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
+        )
+        outer = np.argmax(self.points @ corners.T, axis=0)
+        count = len(self.points)
+        others = np.linspace(0, count - 1, min(most, count)).astype(np.int64)
+        return np.unique(np.concatenate([outer, others]))
+
+    def _beyond(self, rows: IntArray, states: FloatArray) -> _Fault | None:
+        """Limits that places would break."""
+        worst = max(self._needs(rows, states), key=lambda one: one.use)
+        if worst.use <= 1.0 + _ROUNDING:
+            return None
+        slower = worst.use ** (1.0 / worst.power)
+        return _Fault(
+            f"the motion of `{self.name}` asks for {number_text(worst.value)} "
+            f"{worst.unit} of {worst.what}, {number_text(worst.limit)} {worst.unit} "
+            f"is the limit: place {worst.place + 1}, {worst.time:.1f} s into the hold",
+            f"make all its times (`period`, `ramp`, `hold`) {_up(slower)} times as "
+            f"long, or its size {_down(1.0 / worst.use)} of what it is",
+            Spot(self.name, (worst.place,)),
+        )
+
+    def _needs(self, rows: IntArray, states: FloatArray) -> Iterator[_Need]:
+        limits, vehicle = self.show.limits, self.show.vehicle
+        _, speed, push = states
+
+        def need(
+            what: str, unit: str, used: FloatArray, limit: float, power: float
+        ) -> _Need:
+            instant, row = np.unravel_index(int(np.argmax(used)), used.shape)
+            most = float(used[instant, row])
+            when = float(self.instants[instant])
+            return _Need(what, unit, most, limit, power, int(rows[row]), when)
+
+        for axis, letter in enumerate("xyz"):
+            along = speed[..., axis]
+            most, least = limits.velocity_max[axis], limits.velocity_min[axis]
+            yield need(f"speed along {letter}", "m/s", along, most, 1.0)
+            yield need(f"speed along -{letter}", "m/s", -along, -least, 1.0)
+        if limits.level_speed:
+            level = np.hypot(speed[..., 0], speed[..., 1])
+            yield need("level speed", "m/s", level, limits.level_speed, 1.0)
+        if limits.acceleration:
+            level = np.hypot(push[..., 0], push[..., 1])
+            yield need("level acceleration", "m/s²", level, limits.acceleration, 2.0)
+        if limits.acceleration_up:
+            up = limits.acceleration_up
+            yield need("upward acceleration", "m/s²", push[..., 2], up, 2.0)
+        # Nothing falls faster than freely.
+        down = limits.acceleration_down or vehicle.gravity
+        yield need("downward acceleration", "m/s²", -push[..., 2], down, 2.0)
+        roll, pitch, thrust = attitude_and_thrust(vehicle, push, self.show.heading)
+        tilt = np.degrees(np.maximum(np.abs(roll), np.abs(pitch)))
+        tilt[push[..., 2] <= -vehicle.gravity] = 0.0
+        yield need("tilt", "deg", tilt, float(np.degrees(limits.tilt)), 2.0)
+        most = min(limits.thrust_max, vehicle.thrust_max)
+        yield need("thrust", "N", thrust, most, 2.0)
+
+    def _outside(self, rows: IntArray, states: FloatArray) -> _Fault | None:
+        """Places that would leave the flight volume."""
+        site = self.show.site
+        low, high = np.array(site.volume_min), np.array(site.volume_max)
+        beyond = np.maximum(low - states[0], states[0] - high)
+        instant, row, axis = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        if beyond[instant, row, axis] <= _ROUNDING:
+            return None
+        value = states[0][instant, row, axis]
+        above = value > high[axis]
+        limit = high[axis] if above else low[axis]
+        place = int(rows[row])
+        return _Fault(
+            f"place {place + 1} of `{self.name}` leaves the flight volume "
+            f"{self.instants[instant]:.1f} s into its motion: {'xyz'[axis]} is "
+            f"{number_text(float(value))} m, {'at most' if above else 'at least'} "
+            f"{number_text(float(limit))} m is allowed",
+            "make the motion smaller, move the formation, or enlarge `site: volume:`",
+            Spot(self.name, (place,)),
+        )
+
+    def _near(self) -> _Fault | None:
+        """Places that the motion would bring nearer than the separation."""
+        separation = self.show.separation
+        count = min(max(_PAIRED // len(self.points), 1), _MOMENTS)
+        instants = np.linspace(0.0, float(self.instants[-1]), count + 2)[1:-1]
+        places = self._states(np.arange(len(self.points)), instants)[0]
+        limit = separation.distance * (1.0 - _ROUNDING)
+        found = [closest(points, limit, separation) for points in places]
+        pairs = [(one.distance, at, one) for at, one in enumerate(found) if one]
+        if not pairs:
+            return None
+        lags = any(isinstance(one, Orbit | Wave) for one in self.motion)
+        longer = ", or give a longer `wavelength`" if lags else ""
+        apart, at, pair = min(pairs, key=lambda one: one[:2])
+        return _Fault(
+            f"places {pair.first + 1} and {pair.second + 1} of `{self.name}` come "
+            f"within {number_text(apart)} m {instants[at]:.1f} s into its motion, the "
+            f"separation is {number_text(separation.distance)} m",
+            "make the formation larger or its motion smaller" + longer,
+            Spot(self.name, (pair.first, pair.second)),
+        )
+
+
+def _up(factor: float) -> str:
+    """Return a factor, rounded up to a hundredth."""
+    return number_text(ceil(100.0 * factor) / 100.0)
+
+
+def _down(factor: float) -> str:
+    """Return a factor, rounded down to a hundredth."""
+    return number_text(floor(100.0 * factor) / 100.0)

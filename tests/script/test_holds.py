@@ -1,0 +1,98 @@
+"""Motions that check refuses are those that cannot be flown."""
+
+import pytest
+
+from showc.fleet.motion import fly_motion
+from showc.fleet.single_drone.model import Aircraft
+from showc.plan import build_itinerary
+from showc.script import read_show
+
+SCRIPT = """showc: 1
+drones: 20
+{music}formations:
+  ring: {{type: circle, radius: 10, centre: [0, 0, 20]}}
+  flat: {{type: grid, rows: 4, columns: 5, step: 2.5, centre: [0, 0, 20]}}
+transitions:
+  - {{to: {to}, {times}motion: [{motion}]}}
+{more}"""
+
+
+def read(to, motion, times="hold: 20, ", more="", music=""):
+    text = SCRIPT.format(to=to, motion=motion, times=times, more=more, music=music)
+    return read_show(text.encode())
+
+
+def refused(result):
+    return [item.message for item in result.errors if item.code == "SHW217"]
+
+
+@pytest.mark.parametrize(
+    ("to", "motion", "said"),
+    [
+        ("ring", "{wave: {amplitude: 5, period: 4}}", "of upward acceleration"),
+        ("ring", "{rotate: 1440}", "of level acceleration"),
+        ("ring", "{travel: [[0, 0, 60], [0, 0, 0]]}", "of speed along z"),
+        ("ring", "{breathe: {scale: 0.2, period: 30}}", "come within"),
+        ("flat", "{travel: [[0, 0, -21]]}", "leaves the flight volume"),
+        ("flat", "{orbit: {radius: 2, period: 9, wavelength: 9}}", "come within"),
+        ("flat", "{wave: 1}, {wave: {amplitude: 4, period: 5}}", "acceleration"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_with_what_would_do(to, motion, said):
+    (message,) = refused(read(to, motion))
+    assert said in message
+
+
+def flown(show):
+    leg = next(leg for leg in build_itinerary(show).legs if leg.kind == "motion")
+    aircraft = Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
+    return fly_motion(leg, aircraft, leg.duration)
+
+
+@pytest.mark.parametrize("motion", ["{wave: 5}", "{rotate: 1440}", "{breathe: 4}"])
+def test_what_is_refused_for_a_limit_could_not_be_flown(motion):
+    result = read("ring", motion)
+    assert refused(result)
+    assert "times the greatest" in flown(result.draft).trouble()
+
+
+@pytest.mark.parametrize(
+    ("to", "motion"),
+    [
+        ("ring", "{rotate: 90}"),
+        ("ring", "{breathe: 1.3}"),
+        ("flat", "{wave: {amplitude: 2, period: 6, wavelength: 20}}"),
+        ("flat", "{orbit: {radius: 1.5, period: 8}}"),
+        ("ring", "{travel: [[10, 0, 0], [0, 0, 0]]}"),
+    ],
+)
+def test_examples_of_the_documents_can_be_flown(to, motion):
+    result = read(to, motion)
+    assert not result.errors
+    assert flown(result.show).trouble() == ""
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_size_that_a_message_names_divides_what_flies_from_what_does_not(share):
+    message = refused(read("flat", "{wave: {amplitude: 6, period: 6, ramp: 6}}"))[0]
+    asked, limit = _pair(message)
+    amplitude = share * 6.0 * limit / asked
+    found = refused(
+        read("flat", f"{{wave: {{amplitude: {amplitude}, period: 6, ramp: 6}}}}")
+    )
+    assert bool(found) == (share > 1.0)
+
+
+def _pair(message):
+    words = message.replace(",", "").split()
+    asked, limit = (index for index, word in enumerate(words) if word == "m/s²")
+    return float(words[asked - 1]), float(words[limit - 1])
+
+
+def test_a_hold_that_music_ends_is_judged_by_its_longest_time():
+    def found(at):
+        more = f"  - {{to: ring, at: {at}}}\n"
+        return refused(read("flat", "{rotate: 720}", "at: 20, ", more, "music: {}\n"))
+
+    assert found(40.0)
+    assert not found(200.0)
