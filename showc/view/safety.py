@@ -253,7 +253,7 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
             )
         )
     heads = [
-        "Leg", "Error, RMS [m]", "Tube [m]", "holds of flights [%]",
+        "Leg", "Error, RMS [m]", "Tube [m]", "Share of flights [%]",
         "Nearest two drones [m]", "Rotors at limits [%]",
     ]  # fmt: skip
     watched = "with" if flown.observer else "without"
@@ -268,8 +268,9 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
         f"{weather.runs} flights in a wind of {weather.wind:g} m/s with "
         f"{text(weather.gusts)} gusts (Dryden), {text(flown.controller)} controller "
         f"{watched} disturbance observer. Tubes hold their share of flights of single "
-        f"drones with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones keep "
-        f"{wanted:g} m{planned}.</p>" + table(heads, lines, words=frozenset({0}))
+        f"drones with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones are "
+        f"to keep {wanted:g} m{planned}; red: they came nearer.</p>"
+        + table(heads, lines, words=frozenset({0}))
     )
 
 
@@ -342,7 +343,16 @@ def _volumes(case: SafetyCase) -> str:
         for volume in case.volumes
     ]
     heads = ["Volume", "Added width [m]", "Top [m]", "Extent [m]", "Area [m²]"]
-    return "<h3>Volumes</h3>" + table(heads, rows, words=words)
+    method = case.show.site.risk.method
+    clear = {
+        "ballistic": " and the ballistic ground risk buffer",
+        "one-to-one": " and the 1:1 ground risk buffer",
+    }.get(method, "; the ground risk buffers are there to compare")
+    return (
+        "<h3>Volumes</h3><p>The script wants these clear of the audience: the impact "
+        f"footprint{clear}. Widths add up from the flight geography outwards.</p>"
+        + table(heads, rows, words=words)
+    )
 
 
 def volumes_from_above(logged: LoggedShow, case: SafetyCase) -> str:

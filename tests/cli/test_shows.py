@@ -46,6 +46,18 @@ def test_the_folder_has_what_the_manifest_says(compiled, name):
 
 
 @pytest.mark.slow
+def test_the_site_of_a_hundred_drones_misses_nothing(run_showc, compiled, tmp_path):
+    page = tmp_path / "case.html"
+    run = run_showc("safety", compiled("hundred"), "--json", "-o", page)
+    assert run.code == 0, run.err
+    case = json.loads(run.out)
+    assert {one["code"] for one in case["findings"]} <= {"SAF141"}
+    names = {one["name"] for one in case["distances"]}
+    assert {"falls to stands", "flight to hangar"} <= names
+    assert "MET, WITH WARNINGS" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
 def test_two_compiles_are_the_same_bytes(run_showc, compiled, tmp_path):
     first = compiled("grid")
     again = tmp_path / "grid.mcap"
