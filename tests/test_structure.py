@@ -62,7 +62,8 @@ MAY_IMPORT = {
         "vehicle",
     }
     | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
-    "foreign": {"errors", "_version", "files", "log.showc_pb2", "verify", "light"},
+    "foreign": {"errors", "_version", "files", "processes"}
+    | {"log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
     | {"script", "light", "log", "geodesy", "verify", "foreign"}
     | {"vehicle", "safety"},

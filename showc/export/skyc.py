@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
-import zipfile
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.export.archive import Entry, archive, packed
 from showc.export.skyb import runs, waiting
-from showc.foreign.motion import ROWS_AT_ONCE
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
 
-STAMP = (1980, 1, 1, 0, 0, 0)
-"""Date of every entry: the oldest a zip knows, that equal shows have equal bytes."""
-
-LEVEL = 5
-"""Of compression: beyond it the file shrinks by a per cent."""
+PARTS = 4
+"""Parts of a fleet that are written side by side: lights are sought for many drones
+together, so few parts, and evenly large ones."""
 
 _DEGREES = 1e7
 """Steps of latitude and longitude in a degree."""
@@ -36,11 +32,14 @@ def drone_name(drone: int) -> str:
     return f"drone_{drone + 1:04d}"
 
 
+Setpoints = list[list[float]]
+"""Of a drone's yaw: [time s, degrees clockwise from +x]."""
+
+
 def skyc_file(
     show: SolvedShow,
     fitted: FittedFleet,
-    programs: Sequence[bytes],
-    yaws: Sequence[list[list[float]]],
+    beside: Callable[[Sequence[int]], list[tuple[bytes, Setpoints]]],
 ) -> bytes:
     """Return the whole archive, the same bytes for the same show.
 
@@ -50,31 +49,35 @@ def skyc_file(
         What was solved: rules, site, stages.
     fitted
         Its flights as cubics.
-    programs
-        Light program of each drone.
-    yaws
-        Of each drone, [time s, degrees clockwise from +x].
+    beside
+        From numbers of drones to their light programs and yaw.
     """
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as out:
-        add_entry(out, "show.json", _json(_top(show, fitted)))
-        add_entry(out, "cues.json", _json(_cues(show, fitted)))
-        for drone, trajectory in enumerate(_trajectories(fitted)):
+    strings = _Decimals()
+
+    def written(drones: Sequence[int]) -> list[Entry]:
+        entries = []
+        for drone, (program, yaw) in zip(drones, beside(drones), strict=True):
             folder = f"drones/{drone_name(drone)}"
-            add_entry(out, f"{folder}/trajectory.json", trajectory)
-            lights = {"version": 1, "data": base64.b64encode(programs[drone]).decode()}
-            add_entry(out, f"{folder}/lights.json", _json(lights))
-            yaw = {"version": 1, "setpoints": yaws[drone]}
-            add_entry(out, f"{folder}/yaw.json", _json(yaw))
-    return stream.getvalue()
+            lights = {"version": 1, "data": base64.b64encode(program).decode()}
+            turns = {"version": 1, "setpoints": yaw}
+            flight = _trajectory(fitted, drone, strings)
+            entries += [
+                packed(f"{folder}/trajectory.json", flight),
+                packed(f"{folder}/lights.json", _json(lights)),
+                packed(f"{folder}/yaw.json", _json(turns)),
+            ]
+        return entries
 
-
-def add_entry(out: zipfile.ZipFile, name: str, content: str) -> None:
-    """Add a file to an archive, the same bytes at any time of day."""
-    entry = zipfile.ZipInfo(name, STAMP)
-    entry.compress_type = zipfile.ZIP_DEFLATED
-    entry.external_attr = 0o644 << 16
-    out.writestr(entry, content)
+    every = range(fitted.drones)
+    most = -(-fitted.drones // PARTS)
+    parts = [partial(written, every[low : low + most]) for low in every[::most]]
+    entries = [
+        packed("show.json", _json(_top(show, fitted))),
+        packed("cues.json", _json(_cues(show, fitted))),
+    ]
+    for some in side_by_side(parts):
+        entries += some
+    return archive(entries)
 
 
 def _json(value: Any) -> str:  # noqa: ANN401 - any JSON
@@ -175,20 +178,6 @@ class _Decimals:
             metres[short] = np.nextafter(metres[short], np.sign(steps[short]) * np.inf)
             self._tables[scale] = [repr(value) for value in metres.tolist()]
         return self._tables[scale]
-
-
-def _trajectories(fitted: FittedFleet) -> Iterator[str]:
-    """Write the trajectories of all drones, some at a time and side by side."""
-    strings = _Decimals()
-
-    def written(drones: Sequence[int]) -> list[str]:
-        return [_trajectory(fitted, drone, strings) for drone in drones]
-
-    most = max(1, ROWS_AT_ONCE // fitted.pieces)
-    every = range(fitted.drones)
-    parts = [partial(written, every[low : low + most]) for low in every[::most]]
-    for some in side_by_side(parts):
-        yield from some
 
 
 def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:

@@ -18,7 +18,7 @@ from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
 from showc.export.pictures import glb_file, kml_file, vviz_file
 from showc.export.skyb import skyb_file, trajectory_block, yaw_block
-from showc.export.skyc import drone_name, skyc_file
+from showc.export.skyc import Setpoints, drone_name, skyc_file
 from showc.export.tables import (
     crazyflie_files,
     csv_zip,
@@ -38,7 +38,7 @@ from showc.foreign.show import FencePolygon
 from showc.log.showc_pb2 import Separation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from showc.export.solved import SolvedShow
@@ -116,7 +116,7 @@ class Exported:
 def _binary(show: SolvedShow, options: ExportOptions) -> Written:
     """Make one binary file a drone."""
     fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
-    programs = _programs(show, options.lead)
+    programs = _programs(show, options.lead, range(show.drones))
     comment = f"showc {__version__}: {show.rules.name}"
     times = _yaw_times(fitted)
     files = {
@@ -143,10 +143,13 @@ def _compiled(show: SolvedShow, options: ExportOptions) -> Written:
     """Put the whole show in one archive."""
     fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
     times = _yaw_times(fitted)
-    yaws = [
-        _setpoints(_yaw(fitted, drone, times), times) for drone in range(show.drones)
-    ]
-    archive = skyc_file(show, fitted, _programs(show, options.lead), yaws)
+
+    def beside(drones: Sequence[int]) -> list[tuple[bytes, Setpoints]]:
+        programs = _programs(show, options.lead, drones)
+        yaws = [_setpoints(_yaw(fitted, drone, times), times) for drone in drones]
+        return list(zip(programs, yaws, strict=True))
+
+    archive = skyc_file(show, fitted, beside)
     files = {
         "show.skyc": archive,
         PARAMETERS: parameter_file(_landing_speed(fitted)),
@@ -261,8 +264,9 @@ def _stated(error: FitError) -> dict[str, float]:
     }
 
 
-def _programs(show: SolvedShow, lead: float) -> list[bytes]:
-    return [bytecode(one) for one in light_nodes(show.light_times, show.lights, lead)]
+def _programs(show: SolvedShow, lead: float, drones: Sequence[int]) -> list[bytes]:
+    lights = show.lights[:, drones[0] : drones[-1] + 1]
+    return [bytecode(one) for one in light_nodes(show.light_times, lights, lead)]
 
 
 def _fitted(

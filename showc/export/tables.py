@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import ExportError
+from showc.export.archive import Entry, archive, packed
 from showc.export.fit import error_of, states, tracks_of
 from showc.export.skyb import trajectory_block
-from showc.export.skyc import add_entry, drone_name
+from showc.export.skyc import drone_name
 from showc.foreign.motion import derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers
@@ -44,25 +43,26 @@ RAW_PIECES, COMPRESSED_BYTES = 31, 4096
 def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, float]:
     """Return a zip of one table a drone, its error, and how long the show is [s]."""
     times, place, light = sampled(show, lead, CSV_STEP)
-    stream = io.BytesIO()
     whole = np.rint(times * 1000.0).astype(np.int64).tolist()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as out:
-        for drone in range(show.drones):
-            rows = [HEADING]
-            rows += [
-                f"{time},{x:.4f},{y:.4f},{z:.4f},{r},{g},{b}"
-                for time, (x, y, z), (r, g, b) in zip(
-                    whole,
-                    (place[drone] + 0.0).tolist(),
-                    light[drone].tolist(),
-                    strict=True,
-                )
-            ]
-            add_entry(out, f"{drone_name(drone)}.csv", "\n".join(rows) + "\n")
+
+    def table(drone: int) -> Entry:
+        rows = [HEADING]
+        rows += [
+            f"{time},{x:.4f},{y:.4f},{z:.4f},{r},{g},{b}"
+            for time, (x, y, z), (r, g, b) in zip(
+                whole,
+                (place[drone] + 0.0).tolist(),
+                light[drone].tolist(),
+                strict=True,
+            )
+        ]
+        return packed(f"{drone_name(drone)}.csv", "\n".join(rows) + "\n")
+
+    content = archive(table(drone) for drone in range(show.drones))
     lines = np.round(place, 4)
     body = np.stack([lines[:, :-1], lines[:, 1:]], axis=2)
     error = error_of(tracks_of(show), uniform(times, body), lead)
-    return {"show.zip": stream.getvalue()}, error, float(times[-1])
+    return {"show.zip": content}, error, float(times[-1])
 
 
 def sampled(

@@ -119,19 +119,8 @@ def own_rules(show: ForeignShow) -> Asked:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """What was proved about a file."""
-
-    checks: tuple[Check, ...]
-    """Statements, with verdicts."""
-    closest: Encounter | None
-    """Closest encounter in the measure of the last rules that ask for a separation, as
-    a sphere where none do; None: one drone."""
-
-
-def what_it_says(show: ForeignShow, rules: list[Asked]) -> Facts:
-    """Prove or refute what is asked of the flights of a file, at every instant.
+def each_alone(show: ForeignShow, rules: list[Asked]) -> list[Check]:
+    """Prove or refute what is asked of the drones one by one, at every instant.
 
     Parameters
     ----------
@@ -143,8 +132,7 @@ def what_it_says(show: ForeignShow, rules: list[Asked]) -> Facts:
     tracks = show.tracks
     velocity = derivative(tracks)
     checks = [_bytes(show), _continuous(tracks), _corners(velocity)]
-    apart, closest = _separations(show, rules)
-    checks += [*apart, *_speeds(velocity, rules)]
+    checks += _speeds(velocity, rules)
     height = _highest(tracks)
     checks += [
         _limited("VRF506", f"height, {asked.source}", height, asked.altitude, "m")
@@ -163,7 +151,7 @@ def what_it_says(show: ForeignShow, rules: list[Asked]) -> Facts:
                     "VRF508", f"outside the fence, {asked.source}", outside, 0.0, "m"
                 )
             )
-    return Facts(tuple(checks), closest)
+    return checks
 
 
 def _bytes(show: ForeignShow) -> Check:
@@ -283,9 +271,19 @@ def searched(tracks: Tracks, wanted: Separation) -> Separation:
     return found
 
 
-def _separations(
+def all_pairs(
     show: ForeignShow, rules: list[Asked]
 ) -> tuple[list[Check], Encounter | None]:
+    """Prove or refute the separation of all pairs, at every instant.
+
+    Returns
+    -------
+    list of Check
+        One for each rule that asks for a separation.
+    Encounter or None
+        The closest one, in the measure of the last of them, as a sphere where none
+        does; None: one drone.
+    """
     checks, tracks = [], show.tracks
     wanted = [asked for asked in rules if asked.separation is not None]
     if not wanted:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.document import LARGEST_FILE, parse_json
-from showc.foreign.facts import Asked, what_it_says
-from showc.foreign.firmware import Firmware, what_it_becomes
+from showc.foreign.facts import Asked
+from showc.foreign.firmware import Firmware
 from showc.foreign.numbers import array, number
 from showc.foreign.reading import read_show
 from showc.foreign.show import FencePolygon
 from showc.foreign.showmode import what_show_mode_makes
-from showc.foreign.verdict import damaged
+from showc.foreign.verdict import answer, damaged
 from showc.log.showc_pb2 import Separation
 from showc.verify.report import Check, Verification
 
@@ -212,15 +212,15 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
         show = read_show(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
-    facts = what_it_says(show, [asked])
-    checks = list(facts.checks)
+    # The parameter file beside the files makes the firmware climb faster.
+    firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
+    found = answer(show, [asked], firmware if form in SHOW_MODE else None)
+    checks = found.facts
     if form in SMOOTH:
         checks = [_strict(check) for check in checks]
     if form in SHOW_MODE:
-        # The parameter file beside the files makes the firmware climb faster.
-        firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
-        checks += what_it_becomes(show, firmware)
-        checks += what_show_mode_makes(show.tracks, facts.closest, flown)
+        checks += found.becomes
+        checks += what_show_mode_makes(show.tracks, found.closest, flown)
     return checks
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
 
 
-ROWS_AT_ONCE = 40_000
-"""Polynomials that are looked at together; bounds the memory."""
+ROWS_AT_ONCE = 5_000
+"""Polynomials that are looked at together: what they take stays near the processor."""
 
 SHORTEST = 1e-9
 """Pieces shorter than this are rounding of the same instant [s]."""

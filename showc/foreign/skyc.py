@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import binascii
+from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +24,11 @@ from showc.foreign.show import (
     Location,
     Oddity,
 )
+from showc.processes import side_by_side
 from showc.verify.kernel.bernstein import elevate
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from showc.arrays import FloatArray
@@ -43,12 +47,32 @@ MOST_INNER = 6
 """Inner control points of a segment: degree 7."""
 
 
+GREAT = 100
+"""Drones from which on a fleet is read in parts."""
+
+PARTS = 4
+"""Parts of a great fleet that are read side by side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drone:
+    """What a show says of one drone."""
+
+    name: str
+    course: Course
+    lights: bytes | None
+    home: FloatArray
+    land: FloatArray
+    flown: list[str]
+    """References that led to its flight."""
+    oddity: Oddity | None
+
+
 class _Reading:
     def __init__(self, path: Path) -> None:
         self.archive = Archive(path)
         self.path = path
         self.references = References(self.archive)
-        self.oddities: list[Oddity] = []
         self.flown_by: dict[tuple[str, str], int] = {}
 
     def mapping(self, value: Any, what: str) -> dict[str, Any]:  # noqa: ANN401
@@ -88,33 +112,69 @@ class _Reading:
         settings = self.mapping(top.get("settings"), "settings")
         meta = self.mapping(top.get("meta"), "meta")
         environment = self.mapping(top.get("environment"), "environment")
+        fleet = self._fleet(drones)
         courses = Courses(self.path)
-        names, lights, home, land = [], [], [], []
-        for index, entry in enumerate(drones):
-            drone = self.mapping(entry, f"drone {index + 1}")
-            own = self.mapping(drone.get("settings"), f"drone {index + 1}: settings")
-            names.append(str(own.get("name") or f"drone {index + 1}")[:80])
-            course = self._course(own.get("trajectory"), index + 1)
-            courses.add(course)
-            lights.append(self._lights(own.get("lights"), index + 1))
-            first, last = course.position[0, 0], course.position[-1, -1]
-            home.append(self._place(own.get("home"), index + 1, "home", first))
-            land.append(self._place(own.get("landAt"), index + 1, "landAt", last))
-            self.references.forget()
+        for one in fleet:
+            courses.add(one.course)
         return ForeignShow(
             path=str(self.path),
             format=".skyc",
             title=str(meta.get("title") or self.path.stem)[:200],
-            names=tuple(names),
+            names=tuple(one.name for one in fleet),
             tracks=courses.tracks(),
             declared=self._declared(settings),
             fences=self._fences(settings),
-            lights=tuple(lights),
-            home=np.array(home),
-            land=np.array(land),
+            lights=tuple(one.lights for one in fleet),
+            home=np.array([one.home for one in fleet]),
+            land=np.array([one.land for one in fleet]),
             location=self._location(environment),
             cues=self._cues(settings),
-            oddities=tuple(self.oddities),
+            oddities=tuple(one.oddity for one in fleet if one.oddity is not None),
+        )
+
+    def _fleet(self, entries: list[Any]) -> list[_Drone]:
+        """Read all drones; of a great fleet, parts of it side by side."""
+        count = PARTS if len(entries) >= GREAT else 1
+        most = -(-len(entries) // count)
+        every = range(len(entries))
+        parts = [
+            partial(self._some, every[low : low + most], entries)
+            for low in every[::most]
+        ]
+        if count == 1:
+            return parts[0]()
+        fleet = [one for part in side_by_side(parts) for one in part]
+        for index, one in enumerate(fleet):
+            self._alone(one.flown, index + 1)
+        return fleet
+
+    def _some(self, numbers: Sequence[int], entries: list[Any]) -> list[_Drone]:
+        """Read some drones, in a copy of this process or in it."""
+        # A file that was opened before has one position for all copies.
+        self.archive = Archive(self.path)
+        self.references = References(self.archive)
+        courses, found = Courses(self.path), []
+        for index in numbers:
+            found.append(self._drone(entries[index], index + 1))
+            courses.add(found[-1].course)
+            self.references.forget()
+        return found
+
+    def _drone(self, entry: Any, drone: int) -> _Drone:  # noqa: ANN401
+        what = f"drone {drone}"
+        settings = self.mapping(entry, what).get("settings")
+        own = self.mapping(settings, f"{what}: settings")
+        course, flown = self._course(own.get("trajectory"), drone)
+        lights, oddity = self._lights(own.get("lights"), drone)
+        first, last = course.position[0, 0], course.position[-1, -1]
+        return _Drone(
+            str(own.get("name") or what)[:80],
+            course,
+            lights,
+            self._place(own.get("home"), drone, "home", first),
+            self._place(own.get("landAt"), drone, "landAt", last),
+            flown,
+            oddity,
         )
 
     def _alone(self, references: list[str], drone: int) -> None:
@@ -129,12 +189,14 @@ class _Reading:
                     f"{name!r}; wanted one for each: they would fly into each other"
                 )
 
-    def _course(self, value: Any, drone: int) -> Course:  # noqa: ANN401
+    def _course(self, value: Any, drone: int) -> tuple[Course, list[str]]:  # noqa: ANN401
+        """Read a flight, and the references that led to it."""
         what = f"{self.path}: drone {drone}"
         begun = len(self.references.followed)
         trajectory = self.mapping(value, f"drone {drone}: trajectory")
         points = self.items(trajectory.get("points"), f"drone {drone}: points")
-        self._alone(self.references.followed[begun:], drone)
+        flown = self.references.followed[begun:]
+        self._alone(flown, drone)
         if trajectory.get("version") != 1 or not points:
             raise DamagedFileError(
                 f"{what}: has no trajectory of version 1 with points"
@@ -160,7 +222,7 @@ class _Reading:
                 f"most {MOST_INNER}"
             )
         if times.size == 1:
-            return Course(np.array([times[0], times[0] + 1e-3]), knots[None])
+            return Course(np.array([times[0], times[0] + 1e-3]), knots[None]), flown
         top = int(counts[1:].max()) + 1
         body = np.empty((times.size - 1, top + 1, 3))
         for count in np.unique(counts[1:]).tolist():
@@ -173,18 +235,22 @@ class _Reading:
                     array(given, (-1, count, 3), f"{what}: controls"), what
                 )
             body[rows] = elevate(part, top)
-        return Course(times, body)
+        return Course(times, body), flown
 
-    def _lights(self, value: Any, drone: int) -> bytes | None:  # noqa: ANN401
+    def _lights(
+        self,
+        value: Any,  # noqa: ANN401
+        drone: int,
+    ) -> tuple[bytes | None, Oddity | None]:
+        """Read a light program, or what is wrong with it."""
         lights = self.mapping(value, f"drone {drone}: lights")
         data = self.references.resolved(lights.get("data"))
         if data is None:
-            return None
+            return None, None
         try:
-            return base64.b64decode(data, validate=True)
+            return base64.b64decode(data, validate=True), None
         except (TypeError, ValueError, binascii.Error):
-            self.oddities.append(Oddity("its light program is no base64", drone))
-            return None
+            return None, Oddity("its light program is no base64", drone)
 
     def _place(
         self,

@@ -11,6 +11,7 @@ never faster than what they average.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,7 @@ from showc.foreign.motion import (
     portions,
     standing,
 )
+from showc.processes import side_by_side
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
@@ -56,6 +58,12 @@ FASTEST = 100.0
 
 _ANGLE, _THRUST, _LENGTH = 1e-3, 1e-3, 1e-4
 """Widths of the enclosures of tilt [rad], thrust over weight, and lengths [m]."""
+
+NAMED = 3
+"""Drones whose greatest difference from the file is told."""
+
+_MANY = 4
+"""Portions of a fleet from which on they are smoothed side by side."""
 
 _WORST = 8
 """Drones with which the width is sought; the rest are proved with it at the end."""
@@ -104,7 +112,7 @@ class Smoothed:
     tube: Greatest
     """How far the smoothed flight is from the file's [m]."""
     corners: tuple[Greatest, ...]
-    """Where it is furthest, one for each drone, worst first."""
+    """Where it is furthest: of the drones that leave the file most, worst first."""
 
 
 def integral(tracks: Tracks) -> Tracks:
@@ -232,66 +240,88 @@ def least_smoothing(tracks: Tracks, agility: Agility) -> Smoothed | None:
         None if not even the widest kernel is enough.
     """
     if smooth_enough(tracks):
-        demand = _unsmoothed(tracks)
+        demand = demand_of(tracks, 0.0)
         if demand.within(agility):
             still = Greatest(0.0, 0.0, 0, tracks.begin)
             return Smoothed(0.0, demand, still, ())
     velocity = derivative(tracks)
     if np.abs(velocity.position).max() > FASTEST:
         return None
-    found = _least_width(tracks, agility)
-    if found is None:
-        return None
-    width, demand = found
-    corners = []
-    for first, part in portions(tracks):
-        apart = difference(smoothed(part, width), part)
-        for drone in range(part.drones):
-            rows = slice(int(apart.first[drone]), int(apart.first[drone + 1]))
-            single = Tracks(
-                apart.begin,
-                apart.end,
-                np.array([0, rows.stop - rows.start]),
-                apart.starts[rows],
-                apart.ends[rows],
-                apart.position[rows],
-            )
-            one = greatest(single, length((0, 1, 2)), _LENGTH)
-            corners.append(replace(one, drone=drone + first))
-    corners.sort(key=lambda one: -one.upper)
-    return Smoothed(width, demand, corners[0], tuple(corners))
+    steps, most = _steps_for_some(tracks, agility), round(WIDEST / NARROWEST)
+    while steps <= most:
+        width = round(steps * NARROWEST, 6)
+        demand, corners = _smoothed_all(tracks, width)
+        if demand.within(agility):
+            return Smoothed(width, demand, corners[0], tuple(corners))
+        steps += max(1, steps // 10)
+    return None
 
 
-def _least_width(tracks: Tracks, agility: Agility) -> tuple[float, Demand] | None:
-    """Narrowest kernel [s] that is enough for all, and what it leaves to ask."""
+def _steps_for_some(tracks: Tracks, agility: Agility) -> int:
+    """Count the steps of a kernel that is enough for those that turn hardest."""
     worst = _hardest(tracks)
     low, high = 0, round(WIDEST / NARROWEST)
     if not demand_of(worst, WIDEST).within(agility):
-        return None
+        return high + 1
     while high - low > 1:
         middle = (low + high) // 2
         if demand_of(worst, middle * NARROWEST).within(agility):
             high = middle
         else:
             low = middle
-    while high * NARROWEST <= WIDEST:
-        width = round(high * NARROWEST, 6)
-        demand = demand_of(tracks, width)
-        if demand.within(agility):
-            return width, demand
-        high += max(1, high // 10)
-    return None
+    return high
+
+
+def _smoothed_all(tracks: Tracks, width: float) -> tuple[Demand, list[Greatest]]:
+    """Say what flights ask, smoothed over ``width`` [s], and where they leave the file.
+
+    Some drones at a time; of a great fleet side by side.
+    """
+
+    def found(first: int, part: Tracks) -> tuple[Demand, list[Greatest]]:
+        box = width / BOXES
+        quiet = repeated(widened(part, width), average, box, BOXES - 2)
+        demand = _demand(repeated(quiet, rise, box, 2), first)
+        soft = repeated(quiet, average, box, 2)
+        return demand, _furthest(difference(soft, part), first)
+
+    parts = [partial(found, first, part) for first, part in portions(tracks)]
+    every = side_by_side(parts, None if len(parts) >= _MANY else 1)
+    corners = sorted((one for _, some in every for one in some), key=_by_size)
+    return _greatest_demand([one for one, _ in every]), corners[:NAMED]
+
+
+def _by_size(one: Greatest) -> tuple[float, int]:
+    return -one.upper, one.drone
+
+
+def _furthest(apart: Tracks, first: int) -> list[Greatest]:
+    """Return the greatest differences of the drones that are furthest off."""
+    measured = length((0, 1, 2))
+    reach = np.maximum.reduceat(measured(apart.position).max(axis=1), apart.first[:-1])
+    found: list[Greatest] = []
+    for drone in np.argsort(-reach, kind="stable").tolist():
+        if len(found) >= NAMED and reach[drone] <= found[NAMED - 1].lower:
+            break
+        rows = slice(int(apart.first[drone]), int(apart.first[drone + 1]))
+        single = Tracks(
+            apart.begin,
+            apart.end,
+            np.array([0, rows.stop - rows.start]),
+            apart.starts[rows],
+            apart.ends[rows],
+            apart.position[rows],
+        )
+        one = greatest(single, measured, _LENGTH)
+        found.append(replace(one, drone=drone + first))
+        found.sort(key=_by_size)
+    return found[:NAMED]
 
 
 def smooth_enough(tracks: Tracks) -> bool:
     """Whether velocity goes on without jumps, but for rounding."""
     _, off = jumps(derivative(tracks))
     return bool(np.sqrt((off**2).sum(axis=1)).max(initial=0.0) <= CORNER)
-
-
-def _unsmoothed(tracks: Tracks) -> Demand:
-    """Return what flights without corners ask of an aircraft as they are."""
-    return demand_of(tracks, 0.0)
 
 
 def _hardest(tracks: Tracks) -> Tracks:

@@ -7,24 +7,37 @@ needs; what the firmware makes of it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from math import degrees
 from typing import TYPE_CHECKING
 
 from showc.errors import DamagedFileError
-from showc.foreign.facts import Asked, own_rules, searched, what_it_says
+from showc.foreign.facts import (
+    NO_LIMIT,
+    ROUNDING,
+    Asked,
+    all_pairs,
+    each_alone,
+    own_rules,
+    searched,
+)
 from showc.foreign.firmware import Firmware, what_it_becomes
 from showc.foreign.reading import read_show
 from showc.foreign.smoothing import Agility, least_smoothing, smoothed
 from showc.log.showc_pb2 import Separation
+from showc.processes import side_by_side
 from showc.verify.kernel.separation import closest_in
 from showc.verify.report import Check, Place, Verification
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
+    from typing import Any
 
-    from showc.foreign.facts import Facts
     from showc.foreign.show import ForeignShow
     from showc.foreign.smoothing import Smoothed
+    from showc.verify.kernel.separation import Encounter
+    from showc.verify.report import Verdict
 
 GROUP = "whether it can be flown"
 """Heading of the second answer."""
@@ -33,15 +46,15 @@ MOST_ROWS = 120_000
 """Pieces up to which the smoothed fleet's separation is proved itself; beyond, it is
 bounded by the file's less twice the tube."""
 
+GREAT = 20_000
+"""Pieces from which on the answers are sought side by side."""
+
 TILT = 0.5235987755982988
 """30 degrees: ArduCopter's default ANGLE_MAX [rad]."""
 
 THRUST_MIN, THRUST_MAX = 0.5, 1.5
 """Least and greatest thrust over weight: what a show drone with half its thrust in
 reserve gives without wind."""
-
-_WORST_CORNERS = 3
-"""Corners that are named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +89,86 @@ def verify_foreign(path: Path, questions: Questions | None = None) -> Verificati
 def judge(show: ForeignShow, questions: Questions) -> Verification:
     """Judge a show that was read."""
     rules = rules_for(show, questions)
-    facts = what_it_says(show, rules)
+    found = answer(show, rules, questions.firmware, questions.agility)
     checks = [
-        *facts.checks,
-        *_flyable(show, facts, rules, questions.agility),
-        *what_it_becomes(show, questions.firmware),
+        *found.facts,
+        *_flyable(show, found, rules, questions.agility),
+        *found.becomes,
     ]
     trusted = " and ".join(f"{one.source} rules" for one in rules if one.any)
     trusted = trusted or "no rules: the file has none, and none were asked for"
     return Verification(
         show.path, show.title, show.drones, show.duration, trusted, tuple(checks)
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What was found about a show."""
+
+    facts: list[Check]
+    """What the file says."""
+    closest: Encounter | None
+    """Closest encounter by the rules that ask for one last; None: one drone."""
+    becomes: list[Check]
+    """What the firmware makes of it."""
+    soft: Smoothed | None
+    """Smoothed as little as the aircraft needs; None: no smoothing is enough."""
+    soft_closest: Encounter | None
+    """Closest encounter of the smoothed fleet; None: it was not sought."""
+
+
+def answer(
+    show: ForeignShow,
+    rules: list[Asked],
+    firmware: Firmware | None,
+    agility: Agility | None = None,
+) -> Answers:
+    """Find the answers, those about a great show side by side.
+
+    Parameters
+    ----------
+    show
+        The file.
+    rules
+        What it is held against.
+    firmware
+        Parameters of the firmware; None: it is not asked.
+    agility
+        What the aircraft can do; None: it is not asked whether it can be flown.
+    """
+
+    def becomes() -> list[Check]:
+        return [] if firmware is None else what_it_becomes(show, firmware)
+
+    parts: list[Callable[[], Any]] = [
+        partial(all_pairs, show, rules),
+        becomes,
+        partial(each_alone, show, rules),
+    ]
+    great = show.tracks.starts.size >= GREAT
+    apart, made, alone = side_by_side(parts, None if great else 1)
+    soft, soft_closest = _soften(show, rules, agility)
+    facts = sorted([*alone, *apart[0]], key=lambda check: check.code)
+    return Answers(facts, apart[1], made, soft, soft_closest)
+
+
+def _soften(
+    show: ForeignShow, rules: list[Asked], agility: Agility | None
+) -> tuple[Smoothed | None, Encounter | None]:
+    """Smooth a show as little as needed, and find its closest encounter then."""
+    found = None if agility is None else least_smoothing(show.tracks, agility)
+    small = show.tracks.starts.size * 5 <= MOST_ROWS and show.drones > 1
+    if found is None or found.width == 0.0 or not small:
+        return found, None
+    soft = smoothed(show.tracks, found.width)
+    return found, closest_in(soft, searched(soft, _separation(rules)))
+
+
+def _separation(rules: list[Asked]) -> Separation:
+    """Return the separation that was asked for last; nothing asked: a sphere of 0 m."""
+    wanted = [one.separation for one in rules if one.separation is not None]
+    return wanted[-1] if wanted else Separation(distance=0.0, vertical_stretch=1.0)
 
 
 def rules_for(show: ForeignShow, questions: Questions) -> list[Asked]:
@@ -108,7 +190,7 @@ def damaged(path: Path, error: DamagedFileError) -> Verification:
 
 
 def _flyable(
-    show: ForeignShow, facts: Facts, rules: list[Asked], agility: Agility
+    show: ForeignShow, answers: Answers, rules: list[Asked], agility: Agility
 ) -> list[Check]:
     """Say how much a show must be smoothed, and what that costs."""
     name = "least smoothing that the aircraft can follow"
@@ -116,7 +198,7 @@ def _flyable(
         f"tilt {degrees(agility.tilt):g} deg, thrust {agility.thrust_min:g} to "
         f"{agility.thrust_max:g} of the weight"
     )
-    found = least_smoothing(show.tracks, agility)
+    found = answers.soft
     if found is None:
         return [
             Check(
@@ -157,52 +239,39 @@ def _flyable(
             Place(drone=found.tube.drone + 1, time=found.tube.time),
             tuple(
                 f"{show.names[one.drone]}: {one.upper:.3f} m at {one.time:.2f} s"
-                for one in found.corners[1:_WORST_CORNERS]
+                for one in found.corners[1:]
             ),
         ),
     ]
-    return [*checks, *_smoothed_apart(show, facts, rules, found)]
+    return [*checks, *_smoothed_apart(answers, rules, found)]
 
 
 def _smoothed_apart(
-    show: ForeignShow, facts: Facts, rules: list[Asked], found: Smoothed
+    answers: Answers, rules: list[Asked], found: Smoothed
 ) -> list[Check]:
     """Separation of the smoothed fleet."""
     name = "separation of the smoothed flights"
-    wanted = [asked for asked in rules if asked.separation is not None]
-    if facts.closest is None:
+    if answers.closest is None:
         return []
     if found.width == 0.0:
         return [
             Check("VRF523", GROUP, name, "skipped", notes=("they are the file's own",))
         ]
-    separation = Separation(distance=0.0, vertical_stretch=1.0)
-    limit = None
-    if wanted:
-        assert wanted[-1].separation is not None  # noqa: S101 - chosen so
-        separation = wanted[-1].separation
-        limit = separation.distance
-    place = Place()
-    notes: tuple[str, ...] = ("the file's, less twice the tube",)
-    value = facts.closest.lower - 2.0 * found.tube.upper
-    if show.tracks.starts.size * 5 <= MOST_ROWS:
-        soft = smoothed(show.tracks, found.width)
-        closest = closest_in(soft, searched(soft, separation))
-        assert closest is not None  # noqa: S101 - there are pairs
-        value, notes = closest.lower, ()
+    asked = any(one.separation is not None for one in rules)
+    limit = _separation(rules).distance if asked else None
+    place, notes = Place(), ["the file's, less twice the tube"]
+    value = answers.closest.lower - 2.0 * found.tube.upper
+    closest = answers.soft_closest
+    if closest is not None:
+        value, notes = closest.lower, []
         pair = closest.pair
         place = Place(pair=(pair[0] + 1, pair[1] + 1), time=closest.time)
-    bad = limit is not None and value < limit - 1e-6
+    verdict: Verdict = "pass"
+    if limit is None:
+        verdict = "skipped"
+        notes.append(NO_LIMIT)
+    elif value < limit - ROUNDING:
+        verdict = "fail"
     return [
-        Check(
-            "VRF523",
-            GROUP,
-            name,
-            "fail" if bad else "pass",
-            value,
-            limit,
-            "m",
-            place,
-            notes,
-        )
+        Check("VRF523", GROUP, name, verdict, value, limit, "m", place, tuple(notes))
     ]
