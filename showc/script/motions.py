@@ -36,26 +36,16 @@ _RAMP = Field(
     "Time to set in, and to end; half of the hold at most.",
     default=3.0,
 )
-
-
-def _setting_in(least: str) -> Field:
-    """Return the ramp of a motion that comes and goes."""
-    return Field(
-        "ramp",
-        Quantity("s", minimum=0.2, maximum=600.0),
-        "Time to set in, and to end; half of the hold at most.",
-        default_text=f"{least}: setting in sooner asks for more acceleration",
-    )
-
-
-_BREATH, _SWING = _setting_in("half a period"), _setting_in("one period")
-BREATHING_IN = 0.5
-"""Ramp of a breath unless it is given [periods]. The acceleration reaches 0.88 times
-amplitude and squared angular frequency while it sets in, 0.5 times later; with a
-quarter of a period 1.17 times."""
-SWINGING_IN = 1.0
-"""The same of a wave or orbit: 1.15 times while it sets in, once later; with half a
-period 1.82 times."""
+_SETTING_IN = Field(
+    "ramp",
+    Quantity("s", minimum=0.2, maximum=600.0),
+    "Time to set in, and to end; half of the hold at most.",
+    default_text="three quarters of a period",
+)
+SETTING_IN = 0.75
+"""Ramp of a breath, wave or orbit unless it is given [periods]. A swing reaches 1.33
+times its acceleration while it sets in, whatever its phase; with half a period 1.82
+times. A breath in a hold of two periods still reaches 0.89 of its size."""
 _ABOUT = Field(
     "about",
     _POINT,
@@ -117,7 +107,7 @@ MOTION = Section(
                     ),
                     Field("period", _PERIOD, "Time of one breath.", default=6.0),
                     _ABOUT,
-                    _BREATH,
+                    _SETTING_IN,
                 ),
                 short="scale",
             ),
@@ -139,7 +129,7 @@ MOTION = Section(
                     Field("axis", _AXIS, "Along which drones swing.", default="z"),
                     Field("period", _PERIOD, "Time of one swing.", default=6.0),
                     *_PHASE,
-                    _SWING,
+                    _SETTING_IN,
                 ),
                 short="amplitude",
             ),
@@ -161,7 +151,7 @@ MOTION = Section(
                     Field("axis", _AXIS, "Normal of the circle.", default="z"),
                     Field("period", _PERIOD, "Time of one turn.", default=6.0),
                     *_PHASE,
-                    _SWING,
+                    _SETTING_IN,
                 ),
                 short="radius",
             ),
@@ -231,8 +221,7 @@ def _motion(item: Settings) -> Motion:
         return Rotate(angle, axis, about, own.number("ramp"))
     period = own.number("period")
     asked = own.optional("ramp")
-    usual = (BREATHING_IN if key == "breathe" else SWINGING_IN) * period
-    ramp = usual if asked is None else asked
+    ramp = SETTING_IN * period if asked is None else asked
     if key == "breathe":
         return Breathe(own.number("scale"), period, about, ramp)
     length = own.optional("wavelength")

@@ -137,7 +137,7 @@ def test_a_drone_that_should_stand_still_may_not_move(compiled):
     ("old", "new", "said"),
     [
         ("rotate: 120 deg", "rotate: 2000 deg", "acceleration"),
-        ("scale: 1.2", "scale: 0.12", "the separation is 1.5 m"),
+        ("scale: 1.2", "scale: 0.12, ramp: 3", "the separation is 1.5 m"),
         ("amplitude: 0.6", "amplitude: 40", "acceleration"),
     ],
 )
