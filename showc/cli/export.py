@@ -129,7 +129,7 @@ def command(
     from showc.cli.console import colour_wanted
     from showc.export.solved import solved_show
     from showc.export.stage import folder_for
-    from showc.foreign.folder import MANIFEST
+    from showc.foreign.folder import DRAWINGS, MANIFEST
     from showc.log.reader import read_log
     from showc.verify.report import Verification, render_text
 
@@ -139,6 +139,11 @@ def command(
     if as_json:
         click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
         return 0 if exported.proved else 1
+    if form in DRAWINGS:
+        click.echo(f"wrote {folder}: a drawing, nothing is flown by it")
+        for lost in exported.written.lost:
+            click.echo(f"cannot carry: {lost}")
+        return 0
     result = Verification(
         str(folder),
         solved.rules.name,

@@ -134,7 +134,7 @@ def _top(show: SolvedShow, fitted: FittedFleet) -> dict[str, Any]:
                 "maxVelocityXY": _above(limits.horizontal + error),
                 "maxVelocityZ": _above(limits.down + error),
                 "maxVelocityZUp": _above(limits.up + error),
-                "minDistance": rules.separation.distance,
+                "minDistance": show.separation.distance,
             },
             "geofence": {
                 "version": 1,

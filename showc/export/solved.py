@@ -10,6 +10,8 @@ import numpy as np
 
 from showc.geodesy import SiteFrame
 from showc.light.colour import drive_bytes, linear_light
+from showc.log.showc_pb2 import Separation
+from showc.script import read_show
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
@@ -60,6 +62,16 @@ class SolvedShow:
     """Linear light, 0 to 255, shape (T, drones, 3)."""
     stages: tuple[Stage, ...]
     """Legs in order of their start."""
+    tracking: float = 0.0
+    """How far a drone may stray from its path, by the script [m]."""
+
+    @property
+    def separation(self) -> Separation:
+        """What drones keep that stray as far as the script says."""
+        kept = Separation()
+        kept.CopyFrom(self.rules.separation)
+        kept.distance -= 2.0 * self.tracking
+        return kept
 
     @property
     def drones(self) -> int:
@@ -116,6 +128,7 @@ class SolvedShow:
 
 def solved_show(log: LoggedShow) -> SolvedShow:
     """Take from a log what other formats can carry."""
+    show = read_show(log.script, attached=log.attachments).show
     site = log.rules.site
     pieces: list[list[PiecewisePolynomial]] = [[] for _ in range(log.drones)]
     for segment in log.segments:
@@ -142,4 +155,5 @@ def solved_show(log: LoggedShow) -> SolvedShow:
             )
             for segment in log.segments
         ),
+        0.0 if show is None else show.tracking,
     )

@@ -35,13 +35,13 @@ from showc.foreign.folder import (
     rules_to_json,
 )
 from showc.foreign.show import FencePolygon
-from showc.log.showc_pb2 import Separation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from showc.export.solved import SolvedShow
+    from showc.log.showc_pb2 import Separation
     from showc.verify.report import Check
 
 LEAD = 10.0
@@ -339,8 +339,7 @@ def folder_for(log: Path, form: str) -> Path:
 
 def kept_apart(show: SolvedShow, distance: float | None) -> Separation:
     """Return the separation that must be left in the air; None: the script's [m]."""
-    flown = Separation()
-    flown.CopyFrom(show.rules.separation)
+    flown = show.separation
     if distance is not None:
         flown.distance = distance
     return flown
@@ -355,7 +354,7 @@ def rules_of(show: SolvedShow, error: float, speed_error: float) -> Asked:
     low, high = site.volume_min, site.volume_max
     return Asked(
         "the script's",
-        show.rules.separation,
+        show.separation,
         None,
         speeds.horizontal + speed_error,
         speeds.up + speed_error,

@@ -38,6 +38,9 @@ the pieces that were flown."""
 LOST = 0.06
 """How much nearer two drones came than their files, at most, in calm air [m]. All fly
 by one clock and err alike: far less than twice the tube."""
+ROOM = 0.04
+"""Way of each drone for which a script plans, so that a pair has it left [m]: half of
+it, and the usual error of a fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +193,9 @@ def _flown(
         Place(pair=(closest.pair[0] + 1, closest.pair[1] + 1), time=closest.time),
         (
             (
-                f"the file less {LOST:g} m that flying was measured to cost; solve "
-                f"with {wanted.distance + LOST:.2f} m or ask for less with --separation"
+                f"the file less {LOST:g} m that flying was measured to cost; plan for "
+                f"it (`separation: tracking: {ROOM:g}`), or ask for less with "
+                "--separation"
             ),
         )
         if value < wanted.distance
