@@ -1,8 +1,9 @@
 """Flights as columns of numbers: Skybrush's CSV, polynomial pieces (poly7).
 
 Skybrush's CSV has one file a drone: ``Time [msec],x [m],y [m],z [m],Red,Green,Blue``;
-places are joined by straight lines. A poly7 file has one line a piece: its duration and
-eight ascending coefficients of x, y, z and yaw in the time since the piece's start.
+places are joined by straight lines, columns found by their names and units. A poly7
+file has one line a piece: its duration and eight ascending coefficients of x, y, z and
+yaw in the time since the piece's start.
 """
 
 from __future__ import annotations
@@ -43,58 +44,132 @@ def is_poly7(content: bytes) -> bool:
     return content[:40].lstrip().lower().startswith(_POLY7.encode())
 
 
-def numbers(content: bytes, name: str, columns: Sequence[int]) -> FloatArray:
-    """Read the numbers of a comma-separated file without its heading, (rows, columns).
+def table(content: bytes, name: str) -> tuple[list[str], FloatArray]:
+    """Read a table of numbers: cells of its heading, and values (rows, columns).
+
+    Spreadsheets write what they like: commas, semicolons or tabs between cells, commas
+    in numbers, quotes, any end of line, a mark of the encoding, comments, empty cells
+    at the end of each line.
 
     Raises
     ------
     DamagedFileError
         If a line has other numbers of columns, or what is no number.
     """
-    if content.count(b"\n") > MOST_ROWS + 2:
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_ROWS + 2:
         raise DamagedFileError(
             f"{name}: has more than {MOST_ROWS:,} lines of numbers; no drone has"
         )
+    coding = "utf-16" if content[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8-sig"
     try:
-        lines = content.decode("utf-8-sig").split("\n")
+        text = content.decode(coding).replace('"', "")
     except UnicodeDecodeError as error:
         raise DamagedFileError(f"{name}: is no text ({error.reason})") from None
-    lines = [line for line in lines if line.strip()]
-    first = 1 if lines and any(letter.isalpha() for letter in _cell(lines[0])) else 0
-    lines = lines[first:]
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = [line for line in lines if line.strip()[:1] not in {"", "#"}]
+    if lines:
+        between = next((one for one in ";\t" if one in lines[-1]), ",")
+        if between != ",":
+            lines = [line.replace(",", ".").replace(between, ",") for line in lines]
+        if all(line.rstrip().endswith(",") for line in lines):
+            lines = [line.rstrip()[:-1] for line in lines]
+    head = lines[0].split(",") if lines and _worded(lines[0]) else []
+    lines = lines[1:] if head else lines
+    first = 2 if head else 1
     if not 1 <= len(lines) <= MOST_ROWS:
         raise DamagedFileError(
             f"{name}: has {len(lines):,} lines of numbers; wanted 1 to {MOST_ROWS:,}"
         )
     count = lines[0].count(",") + 1
-    if count not in columns:
-        raise DamagedFileError(
-            f"{name}: line {first + 1} has {count} columns; wanted "
-            + " or ".join(str(wanted) for wanted in columns)
-        )
     uneven = [index for index, line in enumerate(lines) if line.count(",") + 1 != count]
     if uneven:
         raise DamagedFileError(
-            f"{name}: line {first + 1 + uneven[0]} has "
+            f"{name}: line {first + uneven[0]} has "
             f"{lines[uneven[0]].count(',') + 1} columns; the first has {count}"
         )
     try:
         values = np.array(",".join(lines).split(","), dtype=np.float64)
     except ValueError as error:
         raise DamagedFileError(f"{name}: holds what is no number ({error})") from None
-    return np.asarray(values.reshape(len(lines), count))
+    return head, np.asarray(values.reshape(len(lines), count))
 
 
-def _cell(line: str) -> str:
-    """First cell of a line; NaN and infinity are numbers, if bad ones."""
+def _worded(line: str) -> bool:
+    """Whether a line is a heading; NaN and infinity are numbers, if bad ones."""
     cell = line.split(",", maxsplit=1)[0].strip().lower()
-    return "" if cell in {"nan", "inf", "-inf", "infinity"} else cell.replace("e", "")
+    if cell in {"nan", "inf", "-inf", "infinity"}:
+        return False
+    return any(letter.isalpha() for letter in cell.replace("e", ""))
+
+
+_NAMES = {
+    "time": "t",
+    "red": "r",
+    "green": "g",
+    "blue": "b",
+}
+"""Short names of columns; others are their own."""
+
+_TIMES = {"": 1e-3, "msec": 1e-3, "ms": 1e-3, "s": 1.0, "sec": 1.0}
+_LENGTHS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
+_SHARES = {"": 1.0}
+_UNITS = {
+    "t": _TIMES,
+    **dict.fromkeys("xyz", _LENGTHS),
+    **dict.fromkeys("rgb", _SHARES),
+}
+"""Units that a column may have, in those of its quantity [s, m]."""
+
+
+def skybrush_columns(head: list[str], values: FloatArray, name: str) -> FloatArray:
+    """Return the columns t [s], x, y, z [m] and, where there are colours, r, g, b.
+
+    Raises
+    ------
+    DamagedFileError
+        If the heading names none of them, one twice, or a unit that is not known.
+    """
+    if not head:
+        if values.shape[1] not in {4, COLOURED}:
+            raise DamagedFileError(
+                f"{name}: has {values.shape[1]} columns and no heading; wanted 4 or 7"
+            )
+        return values * ([1e-3] + [1.0] * (values.shape[1] - 1))
+    if len(head) != values.shape[1]:
+        raise DamagedFileError(
+            f"{name}: has {values.shape[1]} columns; its heading has {len(head)}"
+        )
+    found: dict[str, tuple[int, float]] = {}
+    for index, cell in enumerate(head):
+        words, _, unit = cell.strip().lower().rstrip("]").partition("[")
+        key = _NAMES.get(words.strip(), words.strip())
+        if key not in _UNITS:
+            continue
+        if key in found or unit.strip() not in _UNITS[key]:
+            raise DamagedFileError(
+                f"{name}: the column {cell.strip()[:40]!r} of the heading is there "
+                f"twice, or in a unit that is not known; wanted {WANTED!r}"
+            )
+        found[key] = index, _UNITS[key][unit.strip()]
+    missing = [key for key in "txyz" if key not in found]
+    if missing:
+        raise DamagedFileError(
+            f"{name}: the heading {','.join(head)[:60]!r} has no column "
+            f"{', '.join(missing)}; wanted {WANTED!r}"
+        )
+    keys = "txyzrgb" if all(key in found for key in "rgb") else "txyz"
+    return np.stack([values[:, found[key][0]] * found[key][1] for key in keys], axis=1)
+
+
+WANTED = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
+"""The heading as Skybrush writes it."""
 
 
 def skybrush_course(content: bytes, name: str) -> tuple[Course, LightTrack | None]:
     """Read one drone's table of places and colours."""
-    values = numbers(content, name, (4, 7))
-    times = rising(values[:, 0] / 1000.0, name)
+    values = skybrush_columns(*table(content, name), name)
+    # A part of the table would keep all of it.
+    times = rising(values[:, 0].copy(), name)
     course = polyline(times, places(values[:, 1:4], name))
     if values.shape[1] < COLOURED:
         return course, None
@@ -114,7 +189,11 @@ COLOURED = 7
 
 def poly7_course(content: bytes, name: str) -> Course:
     """Read one drone's polynomial pieces."""
-    values = numbers(content, name, (COLUMNS,))
+    _, values = table(content, name)
+    if values.shape[1] != COLUMNS:
+        raise DamagedFileError(
+            f"{name}: has {values.shape[1]} columns; wanted {COLUMNS}"
+        )
     durations = values[:, 0]
     times = rising(np.concatenate([[0.0], np.cumsum(durations)]), name)
     ascending = values[:, 1:].reshape(-1, 4, DEGREE + 1)[:, :3]

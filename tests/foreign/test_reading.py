@@ -294,6 +294,66 @@ def test_two_drones_of_one_name_are_refused(tmp_path):
     assert "two drones named" in findings(path)["VRF501"].notes[0]
 
 
+HEAD = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
+ROWS = ((0, 1.5, 0, 0), (1000, 1.5, 0, 0), (5000, 1.5, -2, 6))
+
+
+def sheet(head=HEAD, times=1.0, lengths=1.0, order=lambda place, light: place + light):
+    """A table of one drone as text, in other units or another order of columns."""
+    lines = [head] if head else []
+    for time, *place in ROWS:
+        cells = [f"{value * lengths:g}" for value in place]
+        cells = order(cells, ["255", "0", "10"])
+        lines.append(",".join([f"{time * times:g}", *cells]))
+    return "\n".join(lines) + "\n"
+
+
+WRITTEN = {
+    "as Skybrush does": sheet().encode(),
+    "by Windows": ("\ufeff" + sheet()).replace("\n", "\r\n").encode(),
+    "by an old Mac": sheet().replace("\n", "\r").encode(),
+    "in UTF-16": sheet().encode("utf-16"),
+    "with commas in numbers": sheet().replace(",", ";").replace(".", ",").encode(),
+    "with tabs": sheet().replace(",", "\t").encode(),
+    "with quotes": ('"' + sheet().strip().replace("\n", '"\n"').replace(",", '","') +
+        '"').encode(),
+    "with empty cells": sheet().replace("\n", ",\n").encode(),
+    "with a comment": ("# made by hand\n\n" + sheet()).encode(),
+    "without a heading": sheet("").encode(),
+    "in seconds": sheet(HEAD.replace("msec", "s"), 1e-3).encode(),
+    "in centimetres": sheet(HEAD.replace("[m]", "[cm]"), 1.0, 100.0).encode(),
+    "in feet": sheet(HEAD.replace("[m]", "[ft]"), 1.0, 1.0 / 0.3048).encode(),
+    "colours first": sheet("t,r,g,b,x,y,z", order=lambda place, light: light + place
+        ).encode(),
+    "with yaw": sheet(HEAD + ",Yaw [deg]", order=lambda place, light: place + light +
+        ["90"]).encode(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_tables_are_read_however_they_were_written(tmp_path, name):
+    (tmp_path / "1.csv").write_bytes(WRITTEN[name])
+    show = read_show(tmp_path)
+    assert place_at(show.tracks, 3.0)[0] == pytest.approx([1.5, -1.0, 3.0], abs=1e-4)
+    assert show.duration == pytest.approx(5.0)
+    assert show.lights[0].at(np.array([2.0]))[0] == pytest.approx([255, 0, 10])
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("frame,x,y,z,Red,Green,Blue", "no column t"),
+        ("Time [msec],x [m],y [m],h [m],Red,Green,Blue", "no column z"),
+        ("Time [min],x [m],y [m],z [m],Red,Green,Blue", "unit that is not known"),
+        ("Time [msec],x [m],x [m],z [m],Red,Green,Blue", "twice"),
+        ("Time [msec],x [m],y [m],z [m]", "its heading has 4"),
+    ],
+)
+def test_headings_that_mean_something_else_are_refused(tmp_path, head, said):
+    (tmp_path / "1.csv").write_text(sheet(head))
+    assert said in findings(tmp_path)["VRF501"].notes[0]
+
+
 def scene(count=3, **changes):
     times = np.arange(count, dtype="<f4").tobytes()
     places = np.arange(3 * count, dtype="<f4").tobytes()
@@ -350,6 +410,118 @@ def test_bad_scenes_end_in_one_finding(tmp_path, changes):
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(scene(**changes)))
     assert set(findings(path)) == {"VRF501"}
+
+
+TILTED = {"rotation": [0.0, 0.6, 0.0, 0.8], "scale": [2.0, 1.0, 0.5]}
+"""A turn about the height axis, and a stretch."""
+
+
+def test_a_drone_is_where_the_nodes_above_it_put_it(tmp_path):
+    # By columns: y to x, x to -y, and 10 higher.
+    matrix = [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 10, 0, 1]
+    nodes = [
+        {"name": "a"},
+        {"children": [0], "translation": [1.0, 2.0, 3.0], **TILTED},
+        {"children": [1], "matrix": matrix},
+    ]
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(scene(nodes=nodes)))
+    place = np.array([3.0, 4.0, 5.0]) * TILTED["scale"]
+    sine, cosine = 0.96, 0.28
+    turned = [cosine * place[0] + sine * place[2], place[1],
+              cosine * place[2] - sine * place[0]]  # fmt: skip
+    x, y, z = np.array(turned) + [1.0, 2.0, 3.0]
+    found = place_at(read_show(path).tracks, 1.0)[0]
+    assert found == pytest.approx([y, -z, 10.0 - x])
+
+
+def test_tangents_are_turned_and_not_shifted(tmp_path):
+    keys = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [4, 0, 0], [0, 0, 0]])
+    data = np.arange(2, dtype="<f4").tobytes() + keys.astype("<f4").tobytes()
+    top = scene(2, nodes=[{"name": "a"}, {"children": [0], "translation": [5, 0, 0],
+                                          "rotation": [0, 0, 1, 0]}])  # fmt: skip
+    top["buffers"] = [{"uri": "data:;base64," + base64.b64encode(data).decode()}]
+    top["accessors"][1]["count"] = 6
+    top["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    tracks = read_show(path).tracks
+    assert place_at(tracks, 0.0)[0] == pytest.approx([5, 0, 0])
+    assert place_at(tracks, 1.0)[0] == pytest.approx([1, 0, 0])
+    assert place_at(derivative(tracks), 0.0)[0] == pytest.approx([-1, 0, 0])
+
+
+def test_replaced_entries_of_a_sparse_accessor_are_read(tmp_path):
+    top = scene(3)
+    data = np.array([2], dtype="<u2").tobytes() + bytes(2)
+    data += np.array([7, 8, 9], dtype="<f4").tobytes()
+    top["buffers"].append({"uri": "data:;base64," + base64.b64encode(data).decode()})
+    top["bufferViews"] += [{"buffer": 1}, {"buffer": 1, "byteOffset": 4}]
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": 2, "componentType": 5123},
+        "values": {"bufferView": 3},
+    }
+    top["accessors"][1]["sparse"] = sparse
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    tracks = read_show(path).tracks
+    assert place_at(tracks, 1.0)[0] == pytest.approx([3, -5, 4])
+    assert place_at(tracks, 2.0)[0] == pytest.approx([7, -9, 8])
+    # Without a view of its own all else is zero.
+    del top["accessors"][1]["bufferView"]
+    path.write_text(json.dumps(top))
+    assert place_at(read_show(path).tracks, 1.0)[0] == pytest.approx([0, 0, 0])
+    sparse["indices"]["componentType"] = 5126
+    path.write_text(json.dumps(top))
+    assert "whole numbers" in findings(path)["VRF501"].notes[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"nodes": [{"name": "a"}, {"children": [0]}], "channel": "translation"},
+         "moves too"),
+        ({"nodes": [{"name": "a"}, {"children": [0]}], "channel": "rotation"},
+         "moves too"),
+        ({"nodes": [{"name": "a"}, {"children": [2]}, {"mesh": 0}],
+          "channel": "rotation"}, "swung about"),
+        ({"nodes": [{"name": "a", "children": [1]}, {"children": [0]}]},
+         "carries itself"),
+        ({"nodes": [{"name": "a"}, {"children": [0]}, {"children": [0]}]},
+         "two parents"),
+        ({"packed": {"EXT_meshopt_compression": {}}}, "export without compression"),
+    ],
+)  # fmt: skip
+def test_scenes_that_cannot_be_read_rightly_are_refused(tmp_path, changes, said):
+    top = scene(nodes=changes.get("nodes", [{"name": "a"}]))
+    if "channel" in changes:
+        target = {"node": 1, "path": changes["channel"]}
+        top["animations"][0]["channels"].append({"sampler": 0, "target": target})
+    top["bufferViews"][1]["extensions"] = changes.get("packed", {})
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert said in findings(path)["VRF501"].notes[0]
+
+
+def test_a_camera_that_moves_is_no_drone(tmp_path):
+    top = scene(nodes=[{"name": "a"}, {"name": "view", "camera": 0}])
+    target = {"node": 1, "path": "translation"}
+    top["animations"][0]["channels"].append({"sampler": 0, "target": target})
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert read_show(path).names == ("a",)
+
+
+def test_copies_that_stand_elsewhere_are_drones_of_their_own(tmp_path):
+    nodes = [{"name": "a"}, {"name": "b"}, {"children": [1], "translation": [9, 0, 0]}]
+    top = scene(nodes=nodes)
+    target = {"node": 1, "path": "translation"}
+    top["animations"][0]["channels"].append({"sampler": 0, "target": target})
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    places = place_at(read_show(path).tracks, 1.0)
+    assert places[1] - places[0] == pytest.approx([9, 0, 0])
 
 
 def test_visualisations_are_read_by_steps(tmp_path):
