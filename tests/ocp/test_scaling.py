@@ -132,3 +132,91 @@ def test_a_boundary_condition_in_any_unit_is_kept_as_well(factor):
     names = list(solution.phases[0].state_names)
     off = end[names.index("vt")] - 1.0 / np.sqrt(end[names.index("r")])
     assert abs(off) < 1e-7
+
+
+def _fall(rate_of_time) -> ocp.Problem:
+    problem = ocp.Problem("fall")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=1.0)
+    u = phase.control("u")
+    phase.derivative(x, rate_of_time(phase.time) * u)
+    problem.minimise(phase.integral(0.5 * u**2))
+    return problem
+
+
+def test_dynamics_that_jump_with_time_are_cut_about_the_jump():
+    # The optimum is 1 / 2 over the integral of the squared rate.
+    solution = ocp.solve(_fall(lambda t: ca.if_else(t < 0.3, 1.0, 2.0)))
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(0.5 / (0.3 + 0.7 * 4.0), rel=1e-9)
+    intervals = solution.history[0].phases[0].intervals
+    assert any("the rates jump" in i.decision.reason for i in intervals)
+    assert len(solution.history) <= 4
+
+
+def test_a_ramp_narrower_than_the_points_is_not_stepped_over():
+    table = ca.interpolant("f", "linear", [[0.0, 0.3, 0.31, 1.0]], [1.0, 1.0, 2.0, 2.0])
+    solution = ocp.solve(_fall(table))
+    square = 0.3 + 0.01 * 7.0 / 3.0 + 0.69 * 4.0
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(0.5 / square, rel=1e-6)
+
+
+def test_a_linear_equation_for_an_unbounded_control_is_kept_between_the_points():
+    problem = ocp.Problem("algebraic")
+    phase = problem.phase(duration=5.0)
+    x = phase.state("x", start=1.0)
+    u, y = phase.control("u"), phase.control("y")
+    phase.derivative(x, y)
+    phase.constrain(y + x - u, 0.0, 0.0, name="balance")
+    problem.minimise(phase.integral(x**2 + u**2))
+    solution = ocp.solve(problem)
+    root = np.sqrt(2.0)
+    # Riccati's equation p' = 2 p + p² - 1 from p(5) = 0, in closed form.
+    growth = np.exp(10.0 * root)
+    optimum = (growth - 1.0) / ((root + 1.0) * growth + root - 1.0)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(optimum, rel=1e-8)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_controls_without_bounds_are_scaled_by_what_they_move(unit):
+    problem = ocp.Problem("bryson_denham")
+    phase = problem.phase(duration=unit)
+    x = phase.state("x", None, 1.0 / 9.0, start=0.0, end=0.0)
+    v = phase.state("v", start=1.0 / unit, end=-1.0 / unit)
+    u = phase.control("u")
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.integral(0.5 * u**2))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(4.0 / unit**3, rel=1e-6)
+
+
+def test_a_start_at_which_all_slopes_vanish_is_left():
+    problem = ocp.Problem("string")
+    phase = problem.phase(duration=1.0)
+    y = phase.state("y", start=0.0, end=0.0)
+    u = phase.control("u")
+    phase.derivative(y, u)
+    problem.constrain_boundary(phase.integral(y**2), 1.0, 1.0)
+    problem.minimise(phase.integral(u**2))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(np.pi**2, rel=1e-8)
+
+
+def test_what_has_no_slope_at_the_start_is_named():
+    problem = ocp.Problem("length")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=1.0)
+    y = phase.state("y", start=0.0, end=1.0)
+    a, b = phase.control("a"), phase.control("b")
+    phase.derivative(x, a)
+    phase.derivative(y, b)
+    problem.minimise(phase.integral(ca.sqrt(a**2 + b**2)))
+    first = ocp.Transcription(problem, ocp.Mesh.uniform(3, 3)).solve()
+    assert first.result is ocp.Result.INVALID_NUMBER
+    assert "no curvature with respect to 'a' of phase 'phase'" in first.message
+    assert "give a guess elsewhere" in first.message

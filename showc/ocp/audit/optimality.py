@@ -162,7 +162,7 @@ class MinimumPrinciple:
             with np.errstate(divide="ignore", invalid="ignore"):
                 newton = np.where(bend[j] > 0.0, u[j] - slope[j] / bend[j], u[j])
             best = here.copy()
-            for candidate in (newton, lower[j], upper[j]):
+            for candidate in (newton, *self._ends(j, u[j], count, (lower, upper))):
                 if not np.all(np.isfinite(candidate)):
                     continue
                 trial = u.copy()
@@ -185,6 +185,20 @@ class MinimumPrinciple:
                 vertices, u[:, pinned], at, costate[:, pinned], table
             )
         return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+
+    def _ends(
+        self, j: int, u: FloatArray, count: int, bounds: tuple[FloatArray, FloatArray]
+    ) -> list[FloatArray]:
+        """Bounds of control j; without one, what an interval's ``u`` differs by.
+
+        A control that enters linearly has no other best value; ``u`` has ``count``
+        intervals, one after the other.
+        """
+        reach = np.repeat(np.ptp(u.reshape(count, -1), axis=1), u.size // count)
+        return [
+            u + way * reach if self.affine[j] and np.isinf(bound[j]) else bound[j]
+            for way, bound in zip((-1.0, 1.0), bounds, strict=True)
+        ]
 
     def _pressures(self, pressures: FloatArray, table: Table) -> FloatArray:
         """Multipliers of path constraints with the signs that they may have.
@@ -387,4 +401,5 @@ def values_at(coefficients: FloatArray, places: FloatArray) -> FloatArray:
 
 def flat(values: FloatArray) -> FloatArray:
     """Columns for a mapped function: (components, K * places)."""
-    return values.reshape(-1, values.shape[-1]).T
+    count = values.shape[0] * values.shape[1]
+    return values.reshape(count, values.shape[2]).T

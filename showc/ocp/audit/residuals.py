@@ -37,6 +37,18 @@ _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(97) / 96.0)
 _SAMPLES = tuple(float(s) for s in _PLACES)
 """Places on each interval where path constraints are looked at: closer at the ends,
 where the polynomials of neighbours meet and a constraint is left."""
+_FINE = 65
+"""Places on each interval where the dynamics are looked at for jumps."""
+_OUTSTANDS = 20.0
+"""Greatest residual, or change of rates from place to place, over the median one, from
+which on something is there that points step over; for polynomials it is below 10."""
+_UNSEEN = 100.0
+"""Integral of a residual over the distance that an integration finds, from which on the
+integration has stepped over something."""
+_ALONE = 3.0
+"""The greatest change of rates over the second one, if it is a jump and no slope."""
+_EVEN = 1e-3
+"""Change of rates over their size that is none to speak of."""
 _SHARES = 0.5 * np.diff(_PLACES, prepend=0.0) + 0.5 * np.diff(_PLACES, append=1.0)
 """Share of the interval that each place stands for."""
 
@@ -47,6 +59,8 @@ class PhaseAudit:
 
     dynamics: FloatArray
     """Greatest error of a state over its range, shape (K,)."""
+    jumps: tuple[tuple[float, ...], ...]
+    """Fractions of each interval between which the dynamics jump; empty if nowhere."""
     objective_dynamics: FloatArray
     """Dual-weighted residual, in units of the objective, shape (K,)."""
     objective_control: FloatArray
@@ -121,13 +135,15 @@ class PhaseAuditor:
         costate_end = interpolated(phase, (1.0,), phase.costates)
         residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], missed))
         path, path_places, path_names, active, worst = self._path(phase, p, table)
+        unseen, jumps = self._features(phase, p, np.asarray(reference))
         shooting, end = 0.0, starts[-1]
         if shoot:
             ends = self.integrator.shoot(flight)
             far = np.abs(ends - phase.states.coefficients[:, -1]) / reference
             shooting, end = float(np.nan_to_num(far, nan=1e9).max()), ends[-1]
         return PhaseAudit(
-            flown.deviation,
+            np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
+            jumps,
             residual,
             self.principle.gap(phase, p, table),
             path,
@@ -163,6 +179,48 @@ class PhaseAuditor:
                 np.repeat(p[:, None], times.size, axis=1),
             )
         )
+
+    def _features(
+        self, phase: PhaseSolution, p: FloatArray, reference: FloatArray
+    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...]]:
+        """Look closely for what points and integrators step over.
+
+        Returns
+        -------
+        tuple
+            Integral of the residual over the states' ranges on intervals where it is
+            far greater somewhere than elsewhere, shape (K,), 0 on others; and the
+            fractions of each interval between which the rates jump with the time.
+        """
+        places = np.linspace(0.0, 1.0, _FINE)
+        x = flat(values_at(phase.states.coefficients, places))
+        u = flat(values_at(phase.controls.coefficients, places))
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
+        parameters = np.repeat(p[:, None], t.size, axis=1)
+        shape = (x.shape[0], widths.size, places.size)
+        rates = np.asarray(self.f.map(t.size)(x, u, t, parameters))
+        rates = np.nan_to_num(rates).reshape(shape)
+        slopes = flat(values_at(phase.states.derivative().coefficients, places))
+        over = np.abs(slopes.reshape(shape) - rates) / reference[:, None, None]
+        residual = over.max(axis=0) * widths[:, None]
+        usual = _OUTSTANDS * np.median(residual, axis=1)
+        missed = np.where(residual.max(axis=1) > usual, residual.mean(axis=1), 0.0)
+        # What jumps with the time stays where it is on the next mesh; what jumps with
+        # a state moves with that.
+        later = np.roll(t.reshape(shape[1:]), -1, axis=1).reshape(1, -1)
+        after = np.asarray(self.f.map(t.size)(x, u, later, parameters))
+        steps = np.abs(np.nan_to_num(after).reshape(shape) - rates)[:, :, :-1]
+        sizes = np.maximum(np.abs(rates).max(axis=(1, 2)), 1e-300)[:, None, None]
+        steps = np.max(steps / sizes, axis=0)
+        second, greatest = np.sort(steps, axis=1)[:, -2:].T
+        usual = _OUTSTANDS * np.median(steps, axis=1) + _EVEN
+        jump = (greatest > usual) & (greatest > _ALONE * second)
+        between = tuple(
+            tuple(float(s) for s in places[at : at + 2] if 0.0 < s < 1.0) if yes else ()
+            for at, yes in zip(steps.argmax(axis=1), jump, strict=True)
+        )
+        return missed, between
 
     def path_scales(self, table: Table) -> FloatArray:
         """Scales in which the path constraints' violations count, (constraints,)."""

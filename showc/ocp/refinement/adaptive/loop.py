@@ -14,6 +14,7 @@ from showc.ocp.guess import Guess
 from showc.ocp.outcome import Result
 from showc.ocp.refinement.adaptive.attempts import Attempts
 from showc.ocp.refinement.adaptive.judgement import Judgement, is_worse, judge, refutes
+from showc.ocp.refinement.adaptive.multistart import varied
 from showc.ocp.refinement.adaptive.options import (
     CAUTION,
     CHEAP,
@@ -106,6 +107,15 @@ class _Refinement:
             solution = self.attempts.attempt(other, guess, solver=solver)
             if solution.result.usable:
                 return self._weighed(solution)
+        if not isinstance(guess, Solution):
+            # Where all slopes vanish, or have no value, other places have some.
+            for number in (1, 2):
+                words = "the solver failed; a start with waves is tried"
+                self.history.note(solution, None, words)
+                start = varied(self.problem, guess, self.attempts.parameters, number)
+                solution = self.attempts.attempt(mesh, start)
+                if solution.result.usable:
+                    return self._weighed(solution)
         self.history.note(solution, None, "the solver failed; no other way is left")
         return best
 

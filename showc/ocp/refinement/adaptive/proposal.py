@@ -182,6 +182,7 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
             rule=options.rule,
             scale=ranges(part.states),
             must_cut=judgement.must_cut[i],
+            jumps=audit.jumps,
             most=growth * part.mesh.point_count,
         )
         complete &= not any(
@@ -296,7 +297,7 @@ def plain_mesh(
         degrees = {
             name: (min(degree, points - 1),) * intervals
             for j, (name, control) in enumerate(auditor.phase.controls.items())
-            if control.degree is None and auditor.principle.affine[j]
+            if control.degree is None and inner_degree(auditor, j) > 0
         }
         mesh = PhaseMesh.uniform(intervals, points)
         phases.append(replace(mesh, control_degrees=degrees))

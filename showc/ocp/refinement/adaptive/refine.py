@@ -180,6 +180,7 @@ def refine(
     rule: Rule = "decay",
     scale: FloatArray,
     must_cut: BoolArray,
+    jumps: Sequence[tuple[float, ...]] = (),
     most: float = np.inf,
 ) -> tuple[PhaseMesh, tuple[Decision, ...]]:
     """Change the intervals by their ``indicator`` (error over tolerance).
@@ -217,6 +218,11 @@ def refine(
             out.append(cell)
             decisions.append(Decision(reason=words))
             continue
+        if jumps and jumps[k]:
+            out += _cut(cell, [0.0, *jumps[k], 1.0])
+            words = f"error {indicator[k]:.2g} times what is allowed; the rates jump"
+            decisions.append(Decision(Step.CUT, f"{words}: cut about the jump"))
+            continue
         coefficients = phase.states.coefficients[k]
         rate, smooth, found = _smoothness(phase, k, rule, scale)
         gentle = smooth and not _switches(phase, k)
@@ -238,9 +244,7 @@ def refine(
             )
             continue
         pieces = _pieces(indicator[k])
-        inner = cut_places(coefficients, scale, pieces)
-        edges = np.concatenate([[0.0], inner, [1.0]])
-        out += _cut(cell, edges)
+        out += _cut(cell, [0.0, *cut_places(coefficients, scale, pieces), 1.0])
         decisions.append(Decision(Step.CUT, f"{found}: cut in {pieces}"))
     return mesh_of(out), tuple(decisions)
 
@@ -286,7 +290,7 @@ def _richer(cell: Cell) -> Cell | None:
     return replace(cell, points=points, degrees=degrees)
 
 
-def _cut(cell: Cell, edges: FloatArray) -> list[Cell]:
+def _cut(cell: Cell, edges: Sequence[float]) -> list[Cell]:
     """Cut a cell at fractions ``edges`` (0 and 1 included)."""
     width = cell.right - cell.left
     return [

@@ -99,6 +99,22 @@ def _changed(
     return 1.0 if 1.0 / _NO_MATTER <= size <= _NO_MATTER else size
 
 
+def _moving(phase: Phase, j: int, sizes: FloatArray, time: float) -> float:
+    """Least size of control ``j`` that moves a state by its scale in all the ``time``.
+
+    1 where no rate has a constant slope by the control, or where that is enough: in a
+    long phase a control may do much in a short while.
+    """
+    control = list(phase.controls.values())[j].quantity.symbol
+    found = []
+    for name, size in zip(phase.states, sizes, strict=True):
+        slope = casadi.jacobian(phase.derivatives[name], control)
+        if slope.nnz() and not casadi.symvar(slope):
+            found.append(size / time / abs(float(slope)))
+    size = min(found, default=1.0)
+    return size if size > _NO_MATTER else 1.0
+
+
 def _pair(value: object) -> tuple[float, float]:
     if isinstance(value, tuple):
         return float(value[0]), float(value[1])
@@ -279,6 +295,11 @@ class Statement:
             bounds = table["duration", phase.name]
             known_duration = hints.get(f"{phase.name}.duration")
             durations.append(known_duration or scaling.of_duration(*bounds))
+            for j, (name, control) in enumerate(phase.controls.items()):
+                named = {name, f"{phase.name}.{name}"} & set(hints)
+                free = np.all(np.isinf(table["bounds", phase.name, name]))
+                if free and control.quantity.scale is None and not named:
+                    controls[-1][j] = _moving(phase, j, states[-1], durations[-1])
         statics = np.array([scale(s, "") for s in self.problem.statics])
         return Scales(
             tuple(states),

@@ -210,6 +210,8 @@ class Transcription:
         message = result.value
         if growing is not None:
             message = f"{message} {growing}"
+        elif result is Result.INVALID_NUMBER and (lost := self._undefined(scaled)):
+            message = f"{message} {lost}"
         elif not result.usable:
             message = f"{message} {worst_violation(self, multipliers, limits, vector)}"
         solution = self._solution(result, message, multipliers, limits, given)
@@ -331,14 +333,48 @@ class Transcription:
             return None
         worst = int(np.argmax(size))
         reached = f"reaches {found.unknowns[worst] * built.unknown_scale[worst]:.3g}"
-        for phase, place in zip(self.problem.phases, built.layout.phases, strict=True):
+        return f"{self._owner(worst) or 'A static'} {reached}; bound it."
+
+    def _undefined(self, scaled: Mapping[str, FloatArray]) -> str | None:
+        """Name what has no value, or no slope, where the search starts."""
+        built, start, given = self.discretisation, scaled["x0"], scaled["p"]
+        rows, slopes = built.program.constraint_jacobian(start, given)
+        curved = built.program.lagrangian_hessian(
+            start, given, 1.0, np.ones(rows.size1())
+        )
+        where = "where the search starts: give a guess elsewhere, or bounds"
+        for what, found, of_row in (
+            ("value", rows, True),
+            ("slope", slopes, True),
+            ("curvature", curved, False),
+        ):
+            entries = np.asarray(found.nonzeros(), dtype=np.float64)
+            lost = np.flatnonzero(~np.isfinite(entries))
+            if not lost.size:
+                continue
+            row, column = (np.array(i)[lost] for i in found.sparsity().get_triplet())
+            # Of curvatures those by one quantity alone say most.
+            at = int(row[int(np.argmax(row == column)) if not of_row else 0])
+            if of_row:
+                group = next(g for g in built.groups if at in g.rows)
+                phase = self.problem.phases[group.phase].name
+                name = f"The {group.kind} of {group.name!r} in phase {phase!r}"
+                return f"{name} has no {what} {where}."
+            name = self._owner(at) or "a static"
+            return f"Something has no {what} with respect to {name} {where}."
+        return None
+
+    def _owner(self, unknown: int) -> str | None:
+        """Name of the quantity and phase that an unknown belongs to; statics: none."""
+        layout = self.discretisation.layout
+        for phase, place in zip(self.problem.phases, layout.phases, strict=True):
             rows = [(n, place.state_row(i)) for i, n in enumerate(phase.states)]
             rows += [(n, place.control_row(j)) for j, n in enumerate(phase.controls)]
             rows.append(("duration", [place.durations]))
             for name, tables in rows:
-                if any(worst in table for table in tables):
-                    return f"{name!r} of phase {phase.name!r} {reached}; bound it."
-        return f"A static {reached}; bound it."
+                if any(unknown in table for table in tables):
+                    return f"{name!r} of phase {phase.name!r}"
+        return None
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401
         if warm not in self._solvers:
