@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,24 +13,33 @@ import click
 if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
 
-_LOG = click.Path(dir_okay=False, path_type=Path)
+_SHOW = click.Path(path_type=Path)
 
 
 @click.command(name="diff")
-@click.argument("before", type=_LOG, metavar="A.mcap")
-@click.argument("after", type=_LOG, metavar="B.mcap")
+@click.argument("before", type=_SHOW, metavar="A.mcap|SHOW")
+@click.argument("after", type=_SHOW, metavar="B.mcap|SHOW")
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def command(before: Path, after: Path, as_json: bool) -> int:
     """Compare two compiled shows: rules, legs, times, paths.
+
+    A show of others, such as one that showc import made a script of, is compared by its
+    flights from one picture to the next: what does solving them again gain?
 
     Ends with 0 if both fly the same, 1 if they differ.
 
     \b
       showc diff monday.mcap tuesday.mcap
+      showc diff night.skyc night.mcap
     """
-    from showc.log.reader import read_log
+    from showc.cli.foreign import is_foreign
 
-    differences = compare(read_log(before), read_log(after))
+    if is_foreign(before) or is_foreign(after):
+        differences = gains(_stops(before), _stops(after))
+    else:
+        from showc.log.reader import read_log
+
+        differences = compare(read_log(before), read_log(after))
     if as_json:
         click.echo(json.dumps({"same": not differences, "differences": differences}))
     elif not differences:
@@ -37,6 +48,83 @@ def command(before: Path, after: Path, as_json: bool) -> int:
         for item in differences:
             click.echo("{what}: {before} -> {after}".format(**item))
     return int(bool(differences))
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A picture while it is held, or the ground."""
+
+    name: str
+    begin: float
+    """[s]"""
+    end: float
+    """[s]"""
+
+
+def gains(before: list[Stop], after: list[Stop]) -> list[dict[str, Any]]:
+    """List what each flight from a picture to the next takes in both, and all of them.
+
+    Flights that only one of them has are listed with what the other has not: None.
+    """
+    old, new = _flights(before), _flights(after)
+    found = [
+        {
+            "what": f"from {first} to {last} [s]",
+            "before": old.get((first, last)),
+            "after": new.get((first, last)),
+        }
+        for first, last in old | new
+        if old.get((first, last)) != new.get((first, last))
+    ]
+    both = old.keys() & new.keys()
+    total = round(sum(old[one] for one in both), 3)
+    least = round(sum(new[one] for one in both), 3)
+    if found and total:
+        share = f"{abs(100.0 * (1.0 - least / total)):.0f} %"
+        way = "less" if least < total else "more"
+        what = f"the flights of both, {share} {way} [s]"
+        found.append({"what": what, "before": total, "after": least})
+    return found
+
+
+def _flights(stops: list[Stop]) -> dict[tuple[str, str], float]:
+    """How long each flight takes, by the pictures that it leads from and to [s]."""
+    found: dict[tuple[str, str], float] = {}
+    for one, other in pairwise(stops):
+        if one.name != other.name:
+            found.setdefault((one.name, other.name), round(other.begin - one.end, 3))
+    return found
+
+
+def _stops(path: Path) -> list[Stop]:
+    """Return what a show holds, between the ground and the ground."""
+    from showc.cli.foreign import is_foreign
+    from showc.foreign.script import GROUND
+
+    if is_foreign(path):
+        from showc.foreign.reading import read_show
+        from showc.foreign.script import held, holds
+
+        show = read_show(path)
+        shown = held(show, holds(show.tracks))
+        found = [Stop(one.name, one.begin, one.end) for one in shown]
+        end = show.tracks.end
+    else:
+        from showc.log.reader import read_log
+
+        log = read_log(path)
+        found, end = [], log.duration
+        for leg in log.segments:
+            name, stop = str(leg.message.to_formation), leg.start + leg.duration
+            begin = leg.start if leg.kind == "hold" else stop
+            # Above its pads a fleet only passes by.
+            if leg.kind in {"hold", "transition"} and not name.startswith("above "):
+                found.append(Stop(name, begin, stop))
+    if not found or found[0].name != GROUND:
+        found.insert(0, Stop(GROUND, 0.0, 0.0))
+    if found[-1].name != GROUND:
+        found.append(Stop(GROUND, end, end))
+    return found
 
 
 def compare(before: LoggedShow, after: LoggedShow) -> list[dict[str, Any]]:

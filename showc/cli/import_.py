@@ -35,7 +35,7 @@ class Instants(click.ParamType[tuple[float, ...]]):
     type=click.Path(dir_okay=False, path_type=Path),
     required=True,
     metavar="SHOW.yaml",
-    help="Where to put the script; its tables go into a folder of the same name.",
+    help="Where to put the script; its tables go into SHOW-formations.",
 )
 @click.option(
     "--at",
@@ -61,8 +61,9 @@ def command(show: Path, output: Path, at: tuple[float, ...], force: bool) -> int
     from showc.foreign.script import import_show
     from showc.script import load_show
 
-    folder = output.with_suffix("")
-    if folder == output:
+    # Its own: the folder of the bare name is where compile puts the missions.
+    folder = output.with_name(f"{output.stem}-formations")
+    if not output.suffix:
         raise UsageError(f"{str(output)!r} has no ending; wanted a name such as a.yaml")
     taken = [path for path in (output, folder) if path.exists()]
     if taken and not force:
@@ -80,5 +81,6 @@ def command(show: Path, output: Path, at: tuple[float, ...], force: bool) -> int
     )
     for lost in imported.lost:
         click.echo(f"not in the script: {lost}")
-    click.echo(f"next: showc check {output}")
+    again = output.with_suffix(".mcap")
+    click.echo(f"next: showc compile {output} -o {again}; showc diff {show} {again}")
     return 0

@@ -5,8 +5,11 @@ import json
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 from synthetic import gliding_flight
 
+from showc.cli.diff import command as diff
+from showc.cli.import_ import command as import_
 from showc.errors import UsageError
 from showc.foreign.reading import read_show
 from showc.foreign.script import holds, import_show, pictures
@@ -19,6 +22,7 @@ from showc.foreign.show import (
     fleet,
     polyline,
 )
+from showc.log.writer import write_log
 from showc.script import load_show
 
 
@@ -133,3 +137,60 @@ def test_our_own_export_comes_back(tmp_path):
         )
         assert off < 0.01
     assert json.dumps(import_show(show, "c").script)
+
+
+def table_of(folder, swap):
+    """Two drones that go up, swap sides within ``swap`` [s] and come down."""
+    folder.mkdir()
+    times = np.cumsum([0.0, 2.0, 5.0, 3.0, swap, 2.0, 6.0])
+    heights = [0, 0, 10, 10, 10, 10, 0]
+    for side in (-1, 1):
+        across = side * np.array([4, 4, 4, 4, -4, -4, -4])
+        rows = [
+            f"{1000 * time:.0f},{x},{side},{z}"
+            for time, x, z in zip(times, across, heights, strict=True)
+        ]
+        (folder / f"{side}.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_diff_says_what_each_flight_gains(tmp_path):
+    slow, fast = table_of(tmp_path / "slow", 8.0), table_of(tmp_path / "fast", 5.0)
+    run = CliRunner().invoke(diff, [str(slow), str(fast)], standalone_mode=False)
+    assert run.return_value == 1
+    assert run.output.splitlines() == [
+        "from hold-1 to hold-2 [s]: 8.0 -> 5.0",
+        "the flights of both, 16 % less [s]: 19.0 -> 16.0",
+    ]
+    same = CliRunner().invoke(diff, [str(slow), str(slow)], standalone_mode=False)
+    assert (same.return_value, same.output) == (0, "both fly the same\n")
+
+
+def test_diff_holds_a_file_against_a_log(tmp_path):
+    log = tmp_path / "show.mcap"
+    flight = gliding_flight(4, moves=2)
+    with log.open("wb") as stream:
+        write_log(flight, stream, manifest=b"{}")
+    moves = [one for one in flight.legs if one.leg.kind == "transition"]
+    legs = {one.leg.to_formation: one for one in moves}
+    run = CliRunner().invoke(
+        diff,
+        [str(table_of(tmp_path / "slow", 8.0)), str(log), "--json"],
+        standalone_mode=False,
+    )
+    found = {one["what"]: one for one in json.loads(run.output)["differences"]}
+    assert found["from hold-1 to hold-2 [s]"]["after"] is None
+    move = found["from sphere-1 to helix-2 [s]"]
+    assert move["before"] is None
+    assert move["after"] == pytest.approx(legs["helix-2"].duration, abs=1e-3)
+
+
+def test_an_imported_script_leaves_room_for_what_compile_writes(tmp_path):
+    source, output = table_of(tmp_path / "slow", 8.0), tmp_path / "again.yaml"
+    run = CliRunner().invoke(
+        import_, [str(source), "-o", str(output)], standalone_mode=False
+    )
+    assert run.return_value == 0 and f"showc diff {source}" in run.output
+    assert load_show(output).show is not None
+    assert not (tmp_path / "again").exists()
+    assert (tmp_path / "again-formations" / "hold-1.csv").exists()
