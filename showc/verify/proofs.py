@@ -64,7 +64,7 @@ def prove(
     checks += check_cover(log, metadata, show, anchor)
     beside = None
     if missions and anchor.show is not None:
-        beside = Missions(log, show, anchor.show)
+        beside = Missions(log, show, anchor.show, lights)
     tubes = None if beside is None else beside.tubes
     samples = Samples(log, show, lights, anchor.show, tubes)
     # The longest parts first, so that no process works alone at the end.

@@ -14,6 +14,7 @@ from showc.verify.decode import read_show
 from showc.verify.mcap import open_log
 from showc.verify.missions import Missions
 from showc.verify.samples import Samples, join
+from showc.verify.specification.demands import hold_against
 
 
 class OtherManifest:
@@ -80,7 +81,8 @@ class Case:
         return {check.code for check in found if check.verdict == "fail"}
 
     def _found(self, script, *, drawn):
-        missions = Missions(self.log, self.show, script)
+        lights = hold_against(self.script, self.show).lights
+        missions = Missions(self.log, self.show, script, lights)
         found = [check for part in missions.parts() for check in part()]
         if drawn and missions.tubes is not None:
             samples = Samples(self.log, self.show, None, None, missions.tubes)

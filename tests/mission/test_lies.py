@@ -272,8 +272,9 @@ def changed_at(document, path, change):
 def test_every_key_of_a_plan_is_caught(case):
     document = json.loads(case.files[PLAN])
     token, site = case.missions.fleet_token, case.show.rules.site
-    rest = read_mission(case.files[MISSION]), site, case.script, token
-    check_plan(case.files[PLAN], *rest)
+    rest = read_mission(case.files[MISSION]), site, case.script
+    whose = {"station": case.log.library, "token": token}
+    check_plan(case.files[PLAN], *rest, **whose)
     free = []
 
     def other(inside, key):
@@ -293,7 +294,7 @@ def test_every_key_of_a_plan_is_caught(case):
         for change in (other, gone, more):
             content = json.dumps(changed_at(document, path, change)).encode()
             try:
-                check_plan(content, *rest)
+                check_plan(content, *rest, **whose)
             except ShowError:
                 continue
             free.append((path, change.__name__))
@@ -343,7 +344,7 @@ def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
     manifest = json.loads(case.manifest)
     manifest["missions"]["prediction"]["clock_lag"] = 0.0
     log = OtherManifest(case.log, json.dumps(manifest).encode())
-    flight = Missions(log, case.show, case.script).flight()
+    flight = Missions(log, case.show, case.script, None).flight()
     found = {check.code: check for check in flight}["VRF414"]
     assert (found.verdict, found.value) == ("fail", None)
     assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
@@ -503,3 +504,61 @@ def test_whatever_is_no_mission_is_refused_in_words(content):
     for text in (content, b"QGC WPL 110\n" + content):
         with pytest.raises(ShowError):
             read_mission(text)
+
+
+def pulses(change):
+    """Change rows of servo items, all of them."""
+
+    def changed(rows):
+        for one in rows:
+            if one[3] == "183":
+                one[4:6] = change(*one[4:6])
+        return rows
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pulses(lambda output, _: (output, "1000")),
+        pulses(lambda output, _: (output, "2000")),
+        pulses(lambda output, pulse: ({"9": "10", "10": "9"}.get(output, "11"), pulse)),
+        lambda rows: [one for one in rows if one[3:6] != ["183", "9", "2000"]],
+        pulses(lambda output, pulse: (output, str(int(pulse) // 2 + 500))),
+        pulses(lambda output, pulse: (str(int(output) + 1), pulse)),
+    ],
+    ids=["dark", "bright", "exchanged", "fewer", "dim", "elsewhere"],
+)
+def test_lights_of_other_colours_are_caught(case, change):
+    assert "VRF409" in case.caught(case.with_row(2, change))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"groundStation": "showc ', b'"groundStation": "showc 9'),
+        (b'"hoverSpeed": 8', b'"hoverSpeed": 5'),
+    ],
+)
+def test_a_plan_of_another_writer_is_caught(case, old, new):
+    changed = case.files[PLAN].replace(old, new, 1)
+    assert changed != case.files[PLAN]
+    assert "VRF406" in case.caught({PLAN: changed})
+
+
+def test_a_corner_of_the_fence_off_by_one_unit_of_its_rounding_is_caught(case):
+    document = json.loads(case.files[PLAN])
+    corner = document["geoFence"]["polygons"][0]["polygon"][0]
+    corner[0] += 1.3e-7
+    assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+
+
+@pytest.mark.parametrize("change", [lambda legs: legs[1:], lambda legs: legs * 2])
+def test_a_prediction_of_other_moves_is_caught(case, change):
+    def edited(manifest):
+        prediction = manifest["missions"]["prediction"]
+        prediction["legs"] = change(prediction["legs"])
+        return manifest
+
+    assert "VRF414" in case.caught(manifest=edited)

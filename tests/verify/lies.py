@@ -13,6 +13,7 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from io import BytesIO
+from math import comb
 from typing import TYPE_CHECKING
 from unittest.mock import patch
 
@@ -921,10 +922,247 @@ def drawn(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
     yield Lie("the fleet in the place of the predicted one", "VRF127|damage", none)
 
 
+def small_numbers(_: Log) -> Iterator[Lie]:
+    """Numbers of the vehicle off by less than a billionth, which is much of them."""
+
+    def more(way):
+        def plant(found):
+            def change(message):
+                *steps, last = way.split(".")
+                for step in steps:
+                    message = getattr(message, step)
+                setattr(message, last, getattr(message, last) + 9e-10)
+
+            found.edit("/show/rules", 0, pb.Rules, change)
+
+        return plant
+
+    for way in (
+        *("thrust_coefficient", "torque_coefficient", "arm_length"),
+        *("inertia.x", "inertia.y", "inertia.z"),
+    ):
+        yield Lie(f"{way} more by 9e-10", "VRF203", more(f"vehicle.{way}"))
+
+    def torque(found):
+        def change(message):
+            for limits in message.limits:
+                limits.torque_max.z += 9e-10
+
+        found.edit("/show/rules", 0, pb.Rules, change)
+
+    yield Lie("torque_max.z more by 9e-10", "VRF203", torque)
+
+
+def wobbles(log: Log) -> Iterator[Lie]:
+    """Holds in which drones fly exactly, keep every limit, and do not hold."""
+    topic = "/drone/0001/trajectory"
+    flights = [pb.Trajectory.FromString(one.data) for one in log.of(topic)]
+    rules = pb.Rules.FromString(log.of("/show/rules")[0].data)
+    for number, flight in enumerate(flights):
+        if flight.state_degree == 0:
+
+            def plant(found, number=number, size=0.02):
+                def change(message):
+                    _wobble(message, rules.vehicle, size)
+
+                found.edit(topic, number, pb.Trajectory, change)
+
+            yield Lie(f"hold {number} is flown up and down", "VRF331", plant)
+
+
+def _wobble(message, vehicle, size: float) -> None:
+    """Fly up and back over the time of a hover: z by a polynomial of degree 6."""
+    time, state = message.breaks[-1], np.array(message.state)
+    height = size * np.polynomial.Polynomial([0, 0, 0, 64, -192, 192, -64])
+    climb, push = (height.deriv(k) / time**k for k in (1, 2))
+    rows = np.tile(state, (7, 1))
+    rows[:, 2] += _bernstein(height)
+    rows[:, 5] += _bernstein(climb)
+    control = np.zeros((7, 4))
+    control[:, 0] = vehicle.mass * (vehicle.gravity + _bernstein(push))
+    message.state_degree = message.control_degree = 6
+    del message.state[:], message.control[:]
+    message.state.extend(rows.ravel())
+    message.control.extend(control.ravel())
+
+
+def _bernstein(polynomial) -> np.ndarray:
+    """Bernstein coefficients of degree 6."""
+    power = np.zeros(7)
+    power[: len(polynomial.coef)] = polynomial.coef
+    return np.array(
+        [
+            sum(comb(j, k) / comb(6, k) * power[k] for k in range(j + 1))
+            for j in range(7)
+        ]
+    )
+
+
+def odd_claims(log: Log) -> Iterator[Lie]:
+    """Certificates that log and manifest claim alike, and that cannot be."""
+    number = 2
+    duration = pb.Segment.FromString(log.of("/show/segments")[number].data).duration
+    for name, code, changes in (
+        ("single drone slower than the fleet", "VRF342", {"single": 2.0 * duration}),
+        ("a negative single-drone minimum", "VRF342", {"single": -1.0}),
+        ("a negative bound", "VRF342", {"bound": -5.0}),
+        ("a bound without a witness", "VRF341", {"bound": 0.1}),
+        ("a witness of nothing", "VRF341", {"drone": 0}),
+        ("a witness of no drone", "VRF341", {"drone": 99}),
+    ):
+
+        def plant(found, changes=changes):
+            def change(message):
+                certificate = message.certificate
+                certificate.single_drone_minimum = changes.get("single", 0.0)
+                certificate.dual_bound = changes.get("bound", 0.0)
+                if "drone" in changes:
+                    certificate.witness.drone = changes["drone"]
+                    certificate.witness.time = 1.0
+
+            def words(whole):
+                certificate = whole["segments"][number]["certificate"]
+                single = changes.get("single", 0.0)
+                gap = duration / single - 1.0 if single > 0.0 else 0.0
+                certificate.update(single_drone_minimum=single, gap=gap)
+                certificate.update(dual_bound=changes.get("bound", 0.0))
+                if "drone" in changes:
+                    certificate["witness"] = {
+                        "drone": changes["drone"] + 1,
+                        "time": 1.0,
+                        "beta": [0.0, 0.0, 0.0],
+                        "knots": [],
+                        "multipliers": [],
+                    }
+
+            found.edit("/show/segments", number, pb.Segment, change)
+            found.manifest(words)
+
+        yield Lie(name, code, plant)
+
+
+def words(_: Log) -> Iterator[Lie]:
+    """Words that nothing fixes, in forms that no compile writes."""
+    for name, change in (
+        ("an assignment of a number", lambda m: m["segments"][2].update(assignment=5)),
+        ("an assignment of its own", lambda m: m["segments"][2].update(assignment={})),
+        ("a version of escapes", lambda m: m["versions"].update(numpy="\x1b[2J")),
+        ("a version of many", lambda m: m["versions"].update(numpy={"a": [1]})),
+        ("a fleet of a number", lambda m: m.update(fleet=5)),
+        ("a fleet of a word", lambda m: m.update(fleet="PROVED")),
+        ("warnings by name", lambda m: m["missions"].update(warnings={"a": 1})),
+        ("warnings of numbers", lambda m: m["missions"].update(warnings=[1])),
+        ("no missions, which start", lambda m: m["missions"].update(start="2030")),
+        ("no missions in files", lambda m: m["missions"].update(files={"a": "b"})),
+        (
+            "no missions, foretold",
+            lambda m: m["missions"].update(prediction={"nearest": 9}),
+        ),
+    ):
+        yield Lie(
+            f"manifest with {name}",
+            "VRF107",
+            lambda found, change=change: found.manifest(change),
+        )
+
+    def foretold(found):
+        found.schemas["/fleet/predicted"] = found.schemas["/fleet/state"]
+        for message in found.of("/fleet/state"):
+            found.messages.append(replace(message, topic="/fleet/predicted"))
+        found.messages.sort(key=lambda message: message.time)
+
+    yield Lie("no missions, whose fleet is drawn", "VRF107", foretold)
+
+
+def codings(log: Log) -> Iterator[Lie]:
+    """Messages that all readers decode alike, and that no compile writes so."""
+    for topic, code in (
+        ("/show/rules", DAMAGE),
+        ("/show/segments", DAMAGE),
+        ("/drone/0001/trajectory", DAMAGE),
+        ("/drone/0001/state", "VRF123"),
+        ("/fleet/state", "VRF122"),
+        ("/tf", "VRF124"),
+        ("/show/scene", "VRF126"),
+    ):
+        for name, before, after in (
+            ("a number that is not known", b"", b"\xf8\x7f\x01"),
+            ("an empty group", b"", b"\xfb\x7f\xfc\x7f"),
+            ("a first field twice", log.of(topic)[0].data[:2], b""),
+        ):
+
+            def plant(found, topic=topic, before=before, after=after):
+                message = found.of(topic)[0]
+                message.data = before + message.data + after
+
+            if name != "a first field twice" or before[:1] == b"\x08":
+                yield Lie(f"{topic} with {name}", code, plant)
+
+    def long(found):
+        message = found.of("/drone/0001/trajectory")[3]
+        assert message.data[0] == 0x08
+        number = message.data[1]
+        message.data = bytes([0x08, number | 0x80, 0]) + message.data[2:]
+
+    yield Lie("a number in more bytes than it takes", DAMAGE, long)
+
+
+def senses(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """Samples that another program would take for the same, or nearly so."""
+    topic = "/fleet/state"
+
+    def every(change):
+        def plant(found):
+            for message in found.of(topic):
+                cloud = PointCloud.FromString(message.data)
+                points = np.frombuffer(cloud.data, dtype=POINT).copy()
+                change(points)
+                cloud.data = points.tobytes()
+                message.data = cloud.SerializeToString(deterministic=True)
+
+        return plant
+
+    def turned(points):
+        for name in ("qx", "qy", "qz", "qw"):
+            points[name] = -points[name]
+
+    def exchanged(points):
+        points[["red", "blue"]] = points[["blue", "red"]].tolist()
+
+    def brighter(points):
+        points["green"] = np.where(points["green"] < 254, points["green"] + 2, 0)
+
+    def endless(points):
+        points["u3"][0] = np.inf
+
+    def nothing(points):
+        points["qx"][0] = np.array([0x7FC12345], "<u4").view("<f4")[0]
+
+    for name, change, code in (
+        ("quaternions of the other sign", turned, "VRF122"),
+        ("red for blue", exchanged, "VRF125"),
+        ("green brighter by two", brighter, "VRF125"),
+        ("an endless torque", endless, "VRF122"),
+        ("a quaternion of no number", nothing, "VRF122"),
+    ):
+        yield Lie(f"{topic} with {name}", code, every(change))
+
+    def hour(found):
+        for message in found.messages:
+            message.time += 3_600_000_000_000
+        for entry in found.attachments:
+            entry[2] += 3_600_000_000_000
+        epoch = int(found.facts["epoch_ns"]) + 3_600_000_000_000
+        found.facts["epoch_ns"] = str(epoch)
+
+    yield Lie("all times an hour later", "VRF105", hour)
+
+
 TABLE = (
     *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
     *(scene, timing, channels, trajectories, script, hostile),
-    *(tails, claims, documents, drawn),
+    *(tails, claims, documents, drawn, small_numbers, wobbles, odd_claims),
+    *(words, codings, senses),
 )
 """Generators of lies."""
 

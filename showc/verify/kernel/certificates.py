@@ -41,7 +41,11 @@ def certified(
 
 def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
     """Every claimed lower bound on a segment's time follows from its witness."""
-    claims = [one for one in moves if one.message.certificate.dual_bound > 0.0]
+    claims = [
+        one
+        for one in moves
+        if (said := one.message.certificate).dual_bound or said.HasField("witness")
+    ]
     if not claims:
         return Statement("VRF341", None, notes=("no segment claims one",))
     excess = [_excess(show, segment) for segment in claims]
@@ -73,13 +77,12 @@ def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
 
 def _excess(show: LoggedShow, segment: Segment) -> float:
     """By how much a claimed bound is beyond what its witness proves [s]."""
-    certificate = segment.message.certificate
-    drone, proved = certificate.witness.drone, 0.0
-    if certificate.HasField("witness") and drone < show.drones:
-        way = segment.goals[drone] - segment.ends()[0][drone, :3]
-        if refuted(segment.message, show.rules, way):
-            proved = certificate.witness.time
-    return certificate.dual_bound - proved
+    certificate, proved = segment.message.certificate, False
+    witness = certificate.witness
+    if certificate.HasField("witness") and witness.drone < show.drones:
+        way = segment.goals[witness.drone] - segment.ends()[0][witness.drone, :3]
+        proved = refuted(segment.message, show.rules, way)
+    return certificate.dual_bound - witness.time if proved else np.inf
 
 
 def _order(moves: list[Segment]) -> Statement:
@@ -88,10 +91,11 @@ def _order(moves: list[Segment]) -> Statement:
     for segment in moves:
         certificate = segment.message.certificate
         bound, single = certificate.dual_bound, certificate.single_drone_minimum
-        if bound > segment.duration or (single > 0.0 and bound > single):
+        flown = segment.duration
+        if not 0.0 <= bound <= (single or flown) <= flown + TOLERANCE:
             bad.append(
                 f"“{segment.message.name}”: bound {bound:.6f} s, single drone "
-                f"{single:.6f} s, flown {segment.duration:.6f} s"
+                f"{single:.6f} s, flown {flown:.6f} s"
             )
             name, time = segment.message.name, segment.start
     return Statement(

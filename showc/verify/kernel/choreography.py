@@ -95,9 +95,12 @@ def _worst(asked: Statement, found: Iterable[_Seen]) -> Statement:
 def _hover(show: LoggedShow) -> Iterator[_Seen]:
     fleet = np.arange(show.drones)
     for one in show.segments:
+        name = one.message.name
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
-            restless = np.abs(state[:, _AT_REST]).max(axis=1)
-            yield _Seen(one.message.name, time, fleet, restless)
+            yield _Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
+        for table in one.tables if one.holds else ():
+            restless = np.abs(table.state[:, :, _AT_REST]).max(axis=(1, 2))
+            yield _Seen(name, one.start + table.start, table.owner, restless)
 
 
 def _heading(show: LoggedShow) -> Iterator[_Seen]:
@@ -111,9 +114,8 @@ def _heading(show: LoggedShow) -> Iterator[_Seen]:
                 yield _Seen(name, one.start + table.start, table.owner, off)
             continue
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
-            yield _Seen(
-                name, time, np.arange(show.drones), _turn(state[:, 8] - heading)
-            )
+            off = _turn(state[:, 8] - heading)
+            yield _Seen(name, time, np.arange(show.drones), off)
 
 
 def _turn(angle: FloatArray) -> FloatArray:
@@ -185,8 +187,6 @@ def _ground(show: LoggedShow) -> Statement:
         return np.array(rows)
 
     fleet = np.arange(show.drones)
-    found = (
-        _Seen("launch", 0.0, fleet, beside(first.ends()[0])),
-        _Seen("landing", show.duration, fleet, beside(last.ends()[1])),
-    )
-    return _worst(Statement("VRF338", None, None, REACHED, "m"), found)
+    launch = _Seen("launch", 0.0, fleet, beside(first.ends()[0]))
+    landing = _Seen("landing", show.duration, fleet, beside(last.ends()[1]))
+    return _worst(Statement("VRF338", None, None, REACHED, "m"), (launch, landing))

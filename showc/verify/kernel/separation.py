@@ -61,8 +61,6 @@ TOLERANCE = 1e-6
 _FURTHEST = 2.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to their polynomials."""
-
-
 _CROWD = 200
 """Pairs for each drone that are looked at in a slice: formations as dense as the
 separation allows have half of them. Where there are more, slices are halved."""
@@ -92,8 +90,6 @@ class Encounter:
 
 def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
     """Return searches for the closest encounter, each over a part of the show."""
-    if show.drones < 2:
-        return []
     return [partial(_searched, one, show.rules.separation) for one in show.segments]
 
 

@@ -379,17 +379,15 @@ def _unlike_found(
     }
     found = {key: said[key] for key in wanted}
     wrong = list(unlike(found, wanted, "prediction", rounding=0.0))
-    names = {(one.message.index, one.message.name) for one in show.segments}
+    messages = [one.message for one in show.segments]
+    moves = [m for m in messages if m.kind in {m.TRANSITION, m.APPROACH}]
     keys = _LEG if start is None else _LEG | {"slots_utc"}
     if said.keys() != wanted.keys() | _PREDICTED:
         odd = sorted(said.keys() ^ (wanted.keys() | _PREDICTED))
         wrong.append(f"prediction has, or lacks, {', '.join(odd)}")
-    wrong += [
-        f"prediction.legs: leg {str(leg['leg'])[:9]} is none of the log's, or has "
-        "other keys"
-        for leg in said["legs"]
-        if leg.keys() != keys or (leg["leg"], leg["name"]) not in names
-    ]
+    told = [(leg["leg"], leg["name"]) for leg in said["legs"] if leg.keys() == keys]
+    if told != [(m.index, m.name) for m in moves] or len(told) != len(said["legs"]):
+        wrong.append("prediction.legs are not the moves of the log, or have other keys")
     # Until when a mission may start, and reach its first slot.
     first = fleet.filled(fleet.release, np.inf)[:, 0]
     latest = float((first - _climbs(fleet)).min())

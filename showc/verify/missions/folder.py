@@ -9,10 +9,13 @@ language; whatever else lies there is a finding.
 from __future__ import annotations
 
 import hashlib
-from itertools import zip_longest
+from itertools import groupby, zip_longest
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from showc import files
+from showc.log import showc_pb2 as pb
 from showc.verify.missions.drawn import Tubes
 from showc.verify.missions.flight import check_flight, mission_clock
 from showc.verify.missions.language import Mission, MissionFormatError, read_mission
@@ -23,9 +26,10 @@ from showc.verify.report import agreement, checked
 from showc.verify.specification.cover import read_manifest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from showc.light.program import LightProgram
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.logfile import LogFile
@@ -33,6 +37,10 @@ if TYPE_CHECKING:
     from showc.verify.report import Check, Verdict
 
 MANIFEST = "manifest.json"
+
+STILL = {pb.Segment.HOLD, pb.Segment.MOTION}
+"""Kinds of legs after which lights of missions stay as they are: moves alone change
+them, at once."""
 
 LARGEST_FILE = 1 << 26
 """A manifest of 10,000 drones has less [bytes]."""
@@ -56,10 +64,14 @@ class Missions:
         The log, and what it says.
     script
         What the script asks for.
+    lights
+        Light of the fleet by the script; None if its legs are not the log's.
     """
 
-    def __init__(self, log: LogFile, show: LoggedShow, script: Show) -> None:
-        self.log, self.show, self.script = log, show, script
+    def __init__(
+        self, log: LogFile, show: LoggedShow, script: Show, lights: LightProgram | None
+    ) -> None:
+        self.log, self.show, self.script, self.lights = log, show, script, lights
         self.folder = log.path.with_suffix("")
         self.manifest = read_manifest(log) or {}
         # A dialect that the script does not name is read as such, and stays unproved.
@@ -199,23 +211,45 @@ class Missions:
     def _lines(self) -> list[Check]:
         """Check every row of the missions, and every key of the plans."""
         script, site = self.script, self.show.rules.site
-        rows, plans, lights = list(self.unread), list[str](), list[str]()
+        rows, plans = list(self.unread), list[str]()
         token = fleet_token(self.contents)
         if token != str(self.manifest.get("fleet")):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
             rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, script)]
-            lights += [f"{name}: {wrong}" for wrong in _wrong_lights(mission, script)]
-            plan = name.replace(".waypoints", ".plan")
+            plan, written = name.replace(".waypoints", ".plan"), self.log.library
             try:
-                check_plan(self.contents.get(plan, b""), mission, site, script, token)
+                content = self.contents.get(plan, b"")
+                check_plan(content, mission, site, script, station=written, token=token)
             except MissionFormatError as error:
                 plans.append(f"{plan}: {error}")
         return [
             agreement("VRF405", rows),
             agreement("VRF406", plans),
-            agreement("VRF409", lights),
+            agreement("VRF409", self._wrong_lights()),
         ]
+
+    def _wrong_lights(self) -> Iterator[str]:
+        """Say which missions show other colours than the moves end in, in order."""
+        options = self.script.mission
+        dark, full = options.light_pwm
+        spans = () if self.lights is None else self.lights.spans
+        ends = [
+            np.rint(dark + np.clip(span.end, 0.0, 1.0) * (full - dark)).astype(int)
+            for span, segment in zip(spans, self.show.segments, strict=False)
+            if segment.message.kind not in STILL
+        ]
+        servos = options.light_servos or ()
+        for drone, (name, mission) in enumerate(self.missions.items()):
+            every = [[dark] * len(servos), *(end[drone].tolist() for end in ends)]
+            wanted = [one for one, _ in groupby(every if servos else every[:1])]
+            try:
+                shown = _shown(mission, servos, dark)
+            except ValueError:
+                yield f"{name}: sets an output that the script does not name"
+            else:
+                if shown != wanted and self.lights is not None:
+                    yield f"{name}: shows {shown}, the moves end in {wanted} us"
 
     def unknown(self) -> Check:
         """Say of missions whose flight is not known whether the script accepts them."""
@@ -285,15 +319,22 @@ def fleet_token(contents: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def _wrong_lights(mission: Mission, script: Show) -> Iterator[str]:
-    """Name servo items that are not the script's."""
-    low, high = sorted(script.mission.light_pwm)
-    for line, item in enumerate(mission.items, start=3):
-        output, pulse = item.parameters[:2]
-        if item.word == "V" and output not in (script.mission.light_servos or ()):
-            yield f"line {line} sets output {output:g}, which the script does not name"
-        elif item.word == "V" and not low <= pulse <= high:
-            yield f"line {line} sets {pulse:g} us, the script has {low} to {high}"
+def _shown(mission: Mission, servos: Sequence[int], dark: int) -> list[list[int]]:
+    """Pulse widths (servos,) [us] that a mission sets one after the other.
+
+    Raises
+    ------
+    ValueError
+        If it sets an output that is not one of them.
+    """
+    found, now = [[dark] * len(servos)], [dark] * len(servos)
+    for word, some in groupby(mission.items, key=lambda item: item.word):
+        if word == "V":
+            for item in some:
+                output, pulse = item.parameters[:2]
+                now[servos.index(int(output))] = int(pulse)
+            found += [list(now)] if now != found[-1] else []
+    return found
 
 
 def _wrong_pause(mission: Mission, script: Show) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,14 +23,18 @@ ARDUPILOT, PX4 = 3, 12
 CRUISE, WINDY = 8.0, 4.2
 """Fastest leg of any mission [m/s], in calm air and where the script states wind."""
 
-CORNER = 0.02
-"""How far a corner of the fence may be off: seven decimals of a degree [m]."""
-
-_STATION = re.compile(r"showc \d[\w.+-]{0,40}")
+CORNER = 0.008
+"""How far a corner may be off: half of 1e-7 degrees, north and east [m]."""
 
 
 def check_plan(
-    content: bytes, mission: Mission, site: Site, script: Show, token: str
+    content: bytes,
+    mission: Mission,
+    site: Site,
+    script: Show,
+    *,
+    station: str,
+    token: str,
 ) -> None:
     """Hold a plan against its mission.
 
@@ -45,8 +48,8 @@ def check_plan(
         Whose fence it carries.
     script
         What is asked for.
-    token
-        The compile it belongs to.
+    station, token
+        The release that wrote the log, and the compile it belongs to.
 
     Raises
     ------
@@ -58,17 +61,14 @@ def check_plan(
     except ValueError as error:
         raise MissionFormatError(f"is not JSON ({str(error)[:80]})") from None
     try:
-        station = plan["groundStation"]
         fence = plan["geoFence"]["polygons"][0]["polygon"]
         height = plan["mission"]["plannedHomePosition"][2]
     except (KeyError, IndexError, TypeError):
-        raise MissionFormatError("has no ground station, fence or home") from None
+        raise MissionFormatError("has no fence or home") from None
     pad = mission.home or mission.items[0]
     # PX4's missions do not say how high the pad is.
     known = mission.home is not None or type(height) not in {int, float}
     home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height if known else height]
-    if not isinstance(station, str) or not _STATION.fullmatch(station):
-        raise MissionFormatError("groundStation is not showc's")
     _check_fence(fence, site)
     cruise = WINDY if script.site.wind else CRUISE
     wanted = {

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
 TOLERANCE = 1e-9
-"""How far two numbers may differ, as a fraction of their size and never less than of 1:
-another library of mathematics may have worked the places of a formation out."""
+"""How far two numbers may differ, as a fraction of their size; in lists never less than
+of 1: another library of mathematics may have worked places near zero out [m]."""
 
 _MOST = 5
 """Differences that are named."""
@@ -46,10 +46,12 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
         raise ValueError("it is nested too deeply") from None
 
 
-def same(found: float, wanted: float, rounding: float = TOLERANCE) -> bool:
+def same(
+    found: float, wanted: float, rounding: float = TOLERANCE, least: float = 0.0
+) -> bool:
     """Whether two numbers are one but for rounding; a whole one may be huge."""
     try:
-        return bool(abs(found - wanted) <= rounding * max(1.0, abs(wanted)))
+        return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
     except OverflowError:
         return False
 
@@ -72,6 +74,7 @@ def unlike(
     wanted: Any,  # noqa: ANN401 - JSON
     path: str,
     rounding: float = TOLERANCE,
+    least: float = 0.0,
 ) -> Iterator[str]:
     """Yield where two JSON values differ, but for the rounding of numbers."""
     if isinstance(wanted, dict) and isinstance(found, dict):
@@ -84,11 +87,11 @@ def unlike(
         if len(found) != len(wanted):
             yield f"{path} has {len(found)} entries, not {len(wanted)}"
         for at, pair in enumerate(zip(found, wanted, strict=False)):
-            yield from unlike(*pair, f"{path}[{at}]", rounding)
+            yield from unlike(*pair, f"{path}[{at}]", rounding, 1.0)
     else:
         # True is no 1 here; 1 and 1.0 are one number.
         numbers = {type(found), type(wanted)} <= {int, float}
-        near = numbers and same(found, wanted, rounding)
+        near = numbers and same(found, wanted, rounding, least)
         if not near and (type(found) is not type(wanted) or found != wanted):
             said = str(found)[:40]
             yield f"{path} is {said if numbers else repr(said)}, not {wanted!r}"

@@ -30,6 +30,9 @@ themselves."""
 MISSIONS = {"autopilot", "files", "prediction", "start", "warnings"}
 """What a manifest says of its missions."""
 
+PREDICTED = "/fleet/predicted"
+
+_TOKEN = re.compile("[0-9a-f]{64}")
 _RELEASE = re.compile(r"showc \d[\w.+-]{0,40}")
 
 _MEDIA = {
@@ -202,8 +205,8 @@ def _manifest(
     found = dict(manifest)
     if isinstance(found.get("segments"), list):
         found["segments"] = [
-            {key: value for key, value in leg.items() if key != "assignment"}
-            if isinstance(leg, dict)
+            {key: leg[key] for key in leg if key != "assignment"}
+            if isinstance(leg, dict) and isinstance(leg.get("assignment"), str)
             else leg
             for leg in found["segments"]
         ]
@@ -222,6 +225,18 @@ def _releases(found: Mapping[str, Any], log: LogFile) -> Iterator[str]:
     missions = found.get("missions")
     if not isinstance(missions, dict) or missions.keys() != MISSIONS:
         yield f"missions says other things than {', '.join(sorted(MISSIONS))}"
+    elif missions["autopilot"] is None and (
+        missions["files"] or missions["prediction"] or missions["start"] is not None
+    ):
+        yield "there are no missions, and something is said of them"
+    elif missions["autopilot"] is None and PREDICTED in {
+        channel.topic for channel in log.channels.values()
+    }:
+        yield f"there are no missions, and {PREDICTED} draws them"
+    elif not _texts(missions["warnings"]):
+        yield "warnings on missions are no texts"
+    if not _TOKEN.fullmatch(str(found.get("fleet"))):
+        yield "fleet is no hash"
     if not _RELEASE.fullmatch(log.library):
         yield f"{log.library!r} is no release of showc's"
     versions = found.get("versions")
@@ -230,6 +245,12 @@ def _releases(found: Mapping[str, Any], log: LogFile) -> Iterator[str]:
         or f"showc {versions.get('showc')}" != log.library
     ):
         yield "it is of another version of showc than the log"
+    elif not all(_RELEASE.fullmatch(f"showc {one}") for one in versions.values()):
+        yield "versions holds what is no version"
+
+
+def _texts(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
 
 
 def _leg(segment: Segment) -> dict[str, Any]:
