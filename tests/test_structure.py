@@ -76,9 +76,9 @@ ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.layout", "log.sample"},
-    # What missions must be follows from the script.
-    "verify/missions": {"verify", "errors", "files", "script"}
-    | {"log.showc_pb2", "log.sample"},
+    # What missions must be follows from the script, and so do their lights.
+    "verify/missions": {"verify", "errors", "files", "script", "light"}
+    | {"log.showc_pb2"},
     "verify/samples.py": {"verify", "script", "light", "log.scene", "log.sample"},
     "verify": {"verify", "errors", "_version", "files", "processes", "progress"}
     | {"log.showc_pb2", "log.schema"},
