@@ -524,7 +524,7 @@ def pulses(change):
         pulses(lambda output, _: (output, "1000")),
         pulses(lambda output, _: (output, "2000")),
         pulses(lambda output, pulse: ({"9": "10", "10": "9"}.get(output, "11"), pulse)),
-        lambda rows: [one for one in rows if one[3:6] != ["183", "9", "2000"]],
+        lambda rows: [one for one in rows if one[3] != "183" or one[5] == "1000"],
         pulses(lambda output, pulse: (output, str(int(pulse) // 2 + 500))),
         pulses(lambda output, pulse: (str(int(output) + 1), pulse)),
     ],
