@@ -8,6 +8,8 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 import gallery  # noqa: E402
+import ocp_reference  # noqa: E402
+import tutorial  # noqa: E402
 
 from showc.safety.codes import codes_reference as safety_reference  # noqa: E402
 from showc.script.codes import codes_reference  # noqa: E402
@@ -23,6 +25,12 @@ GENERATED = {
     ),
     ROOT / "showc" / "docs" / "gallery.md": gallery.page,
     **{
+        ROOT / "showc" / "docs" / ocp_reference.FOLDER / f"{name}.md": (
+            lambda text=text: text
+        )
+        for name, text in ocp_reference.pages().items()
+    },
+    **{
         ROOT / "showc" / "docs" / gallery.file_of(group, piece): partial(
             gallery.picture, piece
         )
@@ -35,3 +43,4 @@ if __name__ == "__main__":
     for path, text in GENERATED.items():
         path.parent.mkdir(exist_ok=True)
         path.write_text(text(), encoding="utf-8")
+    tutorial.draw()

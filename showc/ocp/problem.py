@@ -191,6 +191,8 @@ class Phase:
         StatementError
             If it is no state of this phase, or the shapes differ.
         """
+        if not isinstance(state, casadi.SX):
+            self._name_of(state)
         symbols = casadi.SX(state)
         if symbols.numel() != 1:
             rates = casadi.SX(expression)
@@ -254,6 +256,12 @@ class Phase:
         every instant.
         """
         names = tuple(self._name_of(state) for state in states)
+        missing = [state for state in names if state not in self.derivatives]
+        if missing:
+            raise StatementError(
+                f"{', '.join(map(repr, missing))} of phase {self.name!r} has no "
+                "derivative yet; call derivative before constrain_rate"
+            )
         found = [self.derivatives[state] for state in names]
         expression = found[0] if len(found) == 1 else sum(rate**2 for rate in found)
         self.constrain(expression, lower, upper, name=name, scale=scale)
@@ -373,8 +381,9 @@ class Phase:
 
     def _name_of(self, symbol: Expression) -> str:
         name = str(symbol)
-        if isinstance(symbol, casadi.MX):
-            raise StatementError(f"{name} is a CasADi MX; wanted a symbol of state()")
+        if not isinstance(symbol, casadi.SX):
+            kind = "a CasADi MX" if isinstance(symbol, casadi.MX) else f"{symbol!r}"
+            raise StatementError(f"{kind} is given; wanted a symbol of state()")
         for table in (self.states, self.controls):
             if name in table and casadi.is_equal(
                 table[name].quantity.symbol,
@@ -464,6 +473,10 @@ class Problem:
             raise StatementError(f"problem {self.name!r} has two phases named {name!r}")
         check_name(name, f"a phase of problem {self.name!r}")
         low, high = interval(duration, f"the duration of phase {name!r}")
+        if isinstance(high, (int, float)) and high < 0.0:
+            raise StatementError(
+                f"the duration of phase {name!r} is at most {high:g}; wanted above 0"
+            )
         if isinstance(low, (int, float)) and low < 0.0:
             low = 0.0
         begin = interval(start, f"the start of phase {name!r}")

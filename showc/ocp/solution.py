@@ -11,6 +11,8 @@ import numpy as np
 from showc.ocp.export import ROWS, Drawing, arrays, drawing, frame, table
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from showc.arrays import FloatArray
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh, PhaseMesh
@@ -129,6 +131,10 @@ class Solution:
     times the distances to the bounds and equations they belong to, summed."""
     optima: tuple[Optimum, ...] = ()
     """All optima that the starts led to, the best first; empty for a single start."""
+
+    sensitivities: Mapping[str, float] = field(default_factory=dict)
+    """Derivative of the optimum by each parameter of the problem, from the multipliers
+    (Fiacco 1983); as exact as the mesh. Empty for a solve on a mesh of the caller's."""
 
     @property
     def duration(self) -> float:

@@ -415,3 +415,39 @@ def test_an_optimum_that_hangs_on_exact_ends_reports_its_error(solved):
     off = abs(solution.objective / ALL["oscillator"].optimum - 1.0)
     assert 10.0 * solution.error.objective >= off
     assert off < 1e-6
+
+
+def test_sensitivities_are_the_slopes_of_the_optimum():
+    """A cart over a distance d with push up to p takes 2 sqrt(d / p)."""
+    problem = ocp.Problem("cart")
+    distance = problem.parameter("distance", 2.0)
+    push = problem.parameter("push", 0.5)
+    phase = problem.phase(duration=(0.1, 50.0))
+    x = phase.state("x", start=0.0, end=distance)
+    v = phase.state("v", start=0.0, end=0.0)
+    u = phase.control("u", -push, push)
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.duration)
+    least = ocp.solve(problem)
+    assert least.objective == pytest.approx(4.0, rel=1e-6)
+    assert least.sensitivities["distance"] == pytest.approx(1.0, rel=1e-5)
+    assert least.sensitivities["push"] == pytest.approx(-4.0, rel=1e-5)
+
+
+def test_sensitivities_count_limits_on_states_and_the_sense_of_the_objective():
+    """Bryson, Denham 1963: the least effort is 4 / (9 l) while l <= 1 / 6."""
+    problem = ocp.Problem("wall")
+    limit = problem.parameter("limit", 1.0 / 9.0)
+    price = problem.parameter("price", 1.0)
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", None, limit, start=0.0, end=0.0)
+    v = phase.state("v", start=1.0, end=-1.0)
+    u = phase.control("u")
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.maximise(-price * phase.integral(0.5 * u**2))
+    most = ocp.solve(problem)
+    assert most.objective == pytest.approx(-4.0, rel=1e-6)
+    assert most.sensitivities["limit"] == pytest.approx(36.0, rel=1e-4)
+    assert most.sensitivities["price"] == pytest.approx(-4.0, rel=1e-6)

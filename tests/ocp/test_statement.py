@@ -66,6 +66,7 @@ def test_a_missing_derivative_names_the_line_of_its_state():
             "shape 2 x 1",
         ),
         (lambda p: p.derivative(ca.SX.sym("x"), 1.0), "is no state or control"),
+        (lambda p: p.derivative("x", 1.0), "'x' is given; wanted a symbol of state"),
         (lambda p: p.constrain(ca.MX.sym("m"), 0.0), "is a CasADi MX"),
         (lambda p: p.constrain(ca.SX.sym("m", 2), 0.0), "shape 2 x 1"),
         (lambda p: p.integral(np.ones(3)), "shape 3 x 1"),

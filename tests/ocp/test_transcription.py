@@ -157,9 +157,9 @@ def test_wrong_names_and_missing_parameters_are_refused():
     built = ocp.Transcription(problem, ocp.Mesh.uniform(2, 3))
     with pytest.raises(ValueError, match="'load' has no value and no default"):
         built.solve()
-    with pytest.raises(ValueError, match="no parameter wind"):
+    with pytest.raises(ValueError, match="of a parameter names 'wind'; there is"):
         built.solve(parameters={"wind": 1.0})
-    with pytest.raises(ValueError, match="no state or control z"):
+    with pytest.raises(ValueError, match="names 'z'; there is"):
         built.solve(
             parameters={"load": 1.0}, overrides=ocp.Overrides(starts={"z": 1.0})
         )

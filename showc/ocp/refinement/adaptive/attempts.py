@@ -22,8 +22,12 @@ if TYPE_CHECKING:
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.adaptive.switches import Structure
-    from showc.ocp.transcription.collocation.limits import Overrides
+    from showc.ocp.transcription.collocation.limits import Overrides, Table
     from showc.ocp.transcription.collocation.solver import SolverOptions
+
+_STEP = 1e-4
+"""Step of a parameter over its size: what a central difference errs by, its square,
+is as small as the solver's tolerance."""
 
 
 class Attempts:
@@ -79,7 +83,7 @@ class Attempts:
         )
         solution = transcription.solve(
             parameters=self.parameters,
-            overrides=self._fixed_at_bounds(mesh, structures),
+            overrides=self._fixed_at_bounds(mesh, structures, self.table),
             guess=guess,
             arcs=arcs,
             former=self.former if isinstance(guess, Solution) else None,
@@ -88,7 +92,35 @@ class Attempts:
         unknowns = self.unknowns(mesh)
         self.effort += solution.iterations * unknowns if unknowns > CHEAP else 0.0
         self.latest = transcription
-        return solution
+        if not solution.result.usable or not self.problem.parameters:
+            return solution
+        slopes = self._sensitivities(transcription, solution, structures)
+        return replace(solution, sensitivities=slopes)
+
+    def _sensitivities(
+        self,
+        transcription: Transcription,
+        solution: Solution,
+        structures: Sequence[Structure | None] | None,
+    ) -> dict[str, float]:
+        """Differentiate the optimum by each parameter, by central differences."""
+        statement = Statement(self.problem)
+        values = statement.parameters(self.parameters)
+        sign = -1.0 if self.problem.maximises else 1.0
+        slopes: dict[str, float] = {}
+        for number, name in enumerate(statement.names):
+            step = _STEP * max(abs(values[number]), _STEP)
+            sides = []
+            for way in (-1.0, 1.0):
+                moved = values.copy()
+                moved[number] += way * step
+                table = statement.table(moved).with_bounds(self.problem, self.overrides)
+                held = self._fixed_at_bounds(solution.mesh, structures, table)
+                sides.append(
+                    transcription.lagrangian(solution.multipliers, moved, held)
+                )
+            slopes[name] = sign * (sides[1] - sides[0]) / (2.0 * step)
+        return slopes
 
     def _limited(self, solver: SolverOptions, mesh: Mesh) -> SolverOptions:
         """Fewer iterations for a large program: a good start needs few."""
@@ -103,7 +135,10 @@ class Attempts:
         )
 
     def _fixed_at_bounds(
-        self, mesh: Mesh, structures: Sequence[Structure | None] | None
+        self,
+        mesh: Mesh,
+        structures: Sequence[Structure | None] | None,
+        table: Table,
     ) -> Overrides:
         """Hold controls at their bounds on the arcs found so.
 
@@ -119,7 +154,7 @@ class Attempts:
             arcs = np.array(mesh.phases[i].arcs)
             for j, name in enumerate(phase.controls):
                 kinds = np.where(structure.leaning, 0, structure.classes)[arcs, j]
-                low, high = self.table["bounds", phase.name, name]
+                low, high = table["bounds", phase.name, name]
                 bounds.pop(name, None)
                 bounds[f"{phase.name}.{name}"] = (
                     np.where(kinds == 1, high, low),

@@ -21,6 +21,7 @@ from showc.ocp.fault import StatementError
 from showc.ocp.guess import check_guess
 from showc.ocp.mesh import Mesh
 from showc.ocp.outcome import Result
+from showc.ocp.problem import Problem
 from showc.ocp.refinement.adaptive.loop import solve as solve_adaptively
 from showc.ocp.refinement.adaptive.multistart import solve_from_many
 from showc.ocp.refinement.adaptive.nudge import nudged
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from showc.ocp.guess import Guess
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import PhaseMesh
-    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution
 
 ROUNDS = 20
@@ -209,6 +209,9 @@ def solve(
     ValueError
         If the problem is not completely stated or a name is unknown.
     """
+    if not isinstance(problem, Problem):
+        kind = type(problem).__name__
+        raise StatementError(f"what is to be solved is of type {kind}; wanted Problem")
     chosen = options or Options()
     if not isinstance(chosen, Options):
         kind = type(chosen).__name__

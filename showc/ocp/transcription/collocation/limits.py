@@ -9,7 +9,7 @@ import casadi
 import numpy as np
 
 from showc.ocp import scaling
-from showc.ocp.fault import check_known, check_scale
+from showc.ocp.fault import StatementError, check_known, check_scale
 from showc.ocp.scaling import GOLDEN
 from showc.ocp.transcription.collocation.builder import Scales
 
@@ -224,17 +224,12 @@ class Statement:
         ValueError
             If one is unknown or has neither a value nor a default.
         """
-        unknown = set(given) - set(self.names)
-        if unknown:
-            raise ValueError(
-                f"no parameter {', '.join(sorted(unknown))} in problem "
-                f"{self.problem.name!r}; it has {', '.join(self.names) or 'none'}"
-            )
+        check_known(given, self.names, "a value of a parameter")
         values = []
         for name in self.names:
             value = given.get(name, self.problem.parameters[name][1])
             if value is None:
-                raise ValueError(f"parameter {name!r} has no value and no default")
+                raise StatementError(f"parameter {name!r} has no value and no default")
             values.append(float(value))
         return np.array(values)
 
@@ -379,14 +374,10 @@ def known_names(problem: Problem) -> set[str]:
 
 
 def _check_names(problem: Problem, overrides: Overrides) -> None:
-    known = known_names(problem)
-    for given in (overrides.bounds, overrides.starts, overrides.ends):
-        unknown = set(given) - known
-        if unknown:
-            raise ValueError(
-                f"no state or control {', '.join(sorted(unknown))} in problem "
-                f"{problem.name!r}"
-            )
+    known = sorted(known_names(problem))
+    check_known([*overrides.bounds], known, "an override of bounds")
+    check_known([*overrides.starts], known, "an override of starts")
+    check_known([*overrides.ends], known, "an override of ends")
 
 
 def box(

@@ -223,6 +223,56 @@ class Transcription:
             iterations=int(statistics["iter_count"]),
         )
 
+    def lagrangian(
+        self, point: Multipliers, parameters: FloatArray, overrides: Overrides
+    ) -> float:
+        """Return the minimised objective plus multipliers times violations.
+
+        Parameters
+        ----------
+        point
+            A primal-dual point of this program.
+        parameters
+            Values of the problem's parameters, in order.
+        overrides
+            As :meth:`solve` takes them.
+
+        Returns
+        -------
+        float
+            In the unit of the objective. Its derivative by a parameter, all else kept,
+            is that of the optimum (Fiacco 1983, theorem 3.4.1).
+        """
+        built, unit = self.discretisation, point.objective_scale
+        table = self._statement.table(parameters)
+        limits = box(self.problem, self.mesh, built, table, overrides)
+        vector = parameter_vector(
+            built, parameters, overrides, built.program.parameters
+        )
+        vector[-1] = 1.0 / unit
+        objective, rows = built.program.values(point.unknowns, vector)
+        total = float(objective)
+        for value, force, low, high, scale in (
+            (
+                point.unknowns,
+                point.of_bounds,
+                limits.lower,
+                limits.upper,
+                built.unknown_scale,
+            ),
+            (
+                np.asarray(rows).ravel(),
+                point.of_constraints,
+                limits.row_lower,
+                limits.row_upper,
+                built.row_scale,
+            ),
+        ):
+            away = value - np.where(force > 0.0, high, low) / scale
+            held = np.isfinite(away)
+            total += float(force[held] @ away[held])
+        return unit * total
+
     def _guess_integrals(self, point: FloatArray, vector: FloatArray) -> None:
         """Start integrals from their values along the guess, not from zero."""
         built = self.discretisation
