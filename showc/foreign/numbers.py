@@ -76,13 +76,13 @@ def places(value: FloatArray, what: str) -> FloatArray:
     return value
 
 
-def rising(times: FloatArray, what: str) -> FloatArray:
+def rising(times: FloatArray, what: str, *, strictly: bool = True) -> FloatArray:
     """Check instants (n,) [s].
 
     Raises
     ------
     DamagedFileError
-        If they do not rise strictly, or lie beyond any show.
+        If they do not rise (``strictly``: or two are equal), or lie beyond any show.
     """
     bad = ~((times >= -LONGEST) & (times <= LONGEST))
     if bad.any():
@@ -91,7 +91,8 @@ def rising(times: FloatArray, what: str) -> FloatArray:
             f"{what}: the time of point {index + 1} is {times[index]:g} s; wanted at "
             f"most {LONGEST:g} s"
         )
-    back = np.flatnonzero(np.diff(times) <= 0.0)
+    steps = np.diff(times)
+    back = np.flatnonzero(steps <= 0.0 if strictly else steps < 0.0)
     if back.size:
         index = int(back[0])
         raise DamagedFileError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePosixPath
@@ -210,7 +211,8 @@ class _Reading:
         shift = number(trajectory.get("takeoffTime") or 0.0, f"{what}: takeoffTime")
         times = array([point[0] for point in points], (-1,), f"{what}: times") + shift
         knots = array([point[1] for point in points], (-1, 3), f"{what}: points")
-        rising(times, what)
+        # The firmware skips pieces without duration; what jumps there is found later.
+        rising(times, what, strictly=False)
         places(knots, what)
         inner = [
             list(point[2]) if len(point) > 2 and point[2] else [] for point in points
@@ -221,8 +223,10 @@ class _Reading:
                 f"{what}: a segment has {counts.max()} inner control points; wanted at "
                 f"most {MOST_INNER}"
             )
-        if times.size == 1:
-            return Course(np.array([times[0], times[0] + 1e-3]), knots[None]), flown
+        lasting = np.diff(times) > 0.0
+        if not lasting.any():
+            still = Course(np.array([times[0], times[0] + 1e-3]), knots[None, -1:])
+            return still, flown
         top = int(counts[1:].max()) + 1
         body = np.empty((times.size - 1, top + 1, 3))
         for count in np.unique(counts[1:]).tolist():
@@ -235,7 +239,8 @@ class _Reading:
                     array(given, (-1, count, 3), f"{what}: controls"), what
                 )
             body[rows] = elevate(part, top)
-        return Course(times, body), flown
+        borders = np.append(times[:-1][lasting], times[-1])
+        return Course(borders, body[lasting]), flown
 
     def _lights(
         self,
@@ -317,7 +322,7 @@ class _Reading:
             values[0] * 1e-7,
             values[1] * 1e-7,
             float(values[2]) / 1000.0 if values.size > 2 else None,
-            number(location.get("orientation") or 0.0, f"{what}: orientation"),
+            _bearing(location.get("orientation"), f"{what}: orientation"),
         )
 
     def _cues(self, settings: dict[str, Any]) -> tuple[Cue, ...]:
@@ -328,6 +333,14 @@ class _Reading:
             time = number(cue.get("time"), f"{self.path}: time of a cue")
             found.append(Cue(time, str(cue.get("name") or "")[:200]))
         return tuple(sorted(found, key=lambda cue: cue.time))
+
+
+def _bearing(value: Any, what: str) -> float:  # noqa: ANN401 - anything may come
+    """Return a bearing [deg]; Skybrush itself writes some as text."""
+    if isinstance(value, str):
+        with suppress(ValueError):
+            value = float(value)
+    return number(value or 0.0, what)
 
 
 def read_skyc(path: Path) -> ForeignShow:

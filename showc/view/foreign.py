@@ -221,7 +221,9 @@ def _chapters(shown: list[Held], end: float, *, landed: bool) -> tuple[Chapter, 
 def _move(before: str, after: str, begin: float, end: float) -> Chapter:
     """Return the chapter of a flight from one picture, or the ground, to another."""
     name, kind, label = f"{before} → {after}", "transition", after
-    if before == GROUND != after:
+    if before == GROUND == after:
+        name = label = "flight"
+    elif before == GROUND:
         kind = label = "launch"
     elif after == GROUND:
         kind = label = "land"

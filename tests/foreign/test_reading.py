@@ -88,6 +88,24 @@ def test_references_of_all_kinds_are_followed(skyc):
     assert place_at(tracks, 6.0)[0] == pytest.approx(place_at(tracks, 6.0)[1])
 
 
+def test_pieces_without_duration_are_skipped_and_their_jumps_found(skyc):
+    points = [[0, [0, 0, 0], []], [10, [0, 0, 10], []], [10, [0, 0, 10], []]]
+    same = trajectory(*points, [20, [0, 0, 0], []])
+    assert "VRF502" not in findings(skyc(show_of(same)))
+    points[2] = [10, [2, 0, 10], []]
+    moved = trajectory(*points, [20, [2, 0, 0], []])
+    jump = findings(skyc(show_of(moved)))["VRF502"]
+    assert (jump.value, jump.where.time) == (pytest.approx(2.0), pytest.approx(10.0))
+
+
+def test_a_bearing_may_be_text(skyc):
+    location = {"origin": [474733505, 190620195], "orientation": "59.5"}
+    show = show_of(UP) | {"environment": {"location": location}}
+    assert read_show(skyc(show)).location.orientation == 59.5
+    location["orientation"] = "north"
+    assert "wanted a number" in findings(skyc(show))["VRF501"].notes[0]
+
+
 def test_an_encounter_between_two_samples_is_found(skyc):
     # Five samples a second see 5 m and more; in between they come to 2.5 m.
     speed = 60.0

@@ -333,7 +333,7 @@ function listen() {
 function describe() {
   document.title = show.name;
   $("#title").textContent = show.name;
-  $("#subtitle").textContent = `${show.drones} ${show.drones === 1 ? "drone" : "drones"} · ${clockText(show.duration)} · ${show.chapters} moves`;
+  $("#subtitle").textContent = `${show.drones} ${show.drones === 1 ? "drone" : "drones"} · ${clockText(show.duration)} · ${show.chapters} ${show.chapters === 1 ? "move" : "moves"}`;
   $("#length").textContent = `/ ${clockText(show.duration)}`;
   const tightest = show.encounters.find((encounter) => encounter.tightest);
   if (tightest) {
