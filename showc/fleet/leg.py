@@ -51,8 +51,9 @@ TOLERANCE = 1e-6
 _STILL = 1e-9
 SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
-_GROWTH = 4.0
-"""Growth of the time allowed over the least one after a failure."""
+_GROWTH, _SLOWLY, _NEARLY = 4.0, 2.0, 3.0
+"""Growth of the time allowed over the least one after a failure, and where a crowd was
+nearly parted: with fewer times what may be wrong."""
 _FOLLOWED = 128
 """Drones up to which flights that kept apart are followed at a quicker pace: that takes
 a solve for each of them."""
@@ -64,7 +65,7 @@ and a share of what is flown beyond it."""
 _BOLD = 0.3
 """Where a slow flight is the best so far, share of the time between a failed one and it
 that is tried: ways flown slowly take far longer than they need."""
-_SOLVES, _SOLVES_EACH = 500, 10
+_SOLVES, _SOLVES_EACH = 200, 4
 """Flights behind half-spaces that are solved at most while shorter times are looked
 for, and how many more for each drone."""
 _SLOWER = 4
@@ -409,7 +410,10 @@ class _Solver:
                 best = self._slowly(shared)
                 if best is None:
                     raise self._parted(time, limiting, repair.trouble)
-            gap = min(_GROWTH * gap, longest)
+            # Where that is seen early and nearly parts, the next time is near.
+            nearly = 0.0 < repair.tangled < _NEARLY
+            growth = _SLOWLY if nearly else _GROWTH
+            gap = min(growth * gap, longest)
         lowest = 0.9 * least if self.detours else limiting.time
         best = self._narrowed(best, max(failed, lowest), limiting, shared)
         return self._finish(best, limiting)

@@ -2,14 +2,21 @@
 
 import numpy as np
 import pytest
+from fleet.handmade import LIMITS
 
-from showc.fleet.deconfliction.untangling import Crowd, Planes, sampled, untangle
+from showc.fleet.deconfliction.untangling import (
+    Allowed,
+    Crowd,
+    Planes,
+    sampled,
+    untangle,
+)
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 
 DURATION = 6.0
-FAR = np.array([np.full((3, 3), -1e3), np.full((3, 3), 1e3)])
 NONE = np.zeros(0, dtype=np.int64)
+FAR = Allowed.of(LIMITS, 9.80665, 0.0)
 NO_PLANES = Planes(NONE, NONE, np.zeros((0, 3)), np.zeros(0))
 
 
@@ -24,7 +31,18 @@ def crowd_of(start, goal, separation, planes=NO_PLANES):
     hovers = np.linalg.norm(goal - start, axis=1) < 1e-9
     pulls = np.gradient(speeds, times, axis=1)
     return Crowd(
-        places, speeds, pulls, DURATION, separation, give, hovers, planes, {}, FAR
+        places,
+        speeds,
+        pulls,
+        DURATION,
+        20,
+        separation,
+        give,
+        hovers,
+        ~hovers,
+        planes,
+        {},
+        FAR,
     )
 
 

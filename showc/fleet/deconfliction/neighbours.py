@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
 
 
-FEW = 200
-"""Points up to which looking at all pairs costs less than loading SciPy's k-d trees."""
+FEW = 60
+"""Points up to which looking at all pairs costs less than a k-d tree."""
 
 
 def near_pairs(
@@ -29,7 +29,11 @@ def near_pairs(
         In which it is measured: 2, or infinity for the greatest of the axes.
     """
     if points.shape[0] <= FEW:
-        return all_pairs(points.shape[0])
+        first, second = all_pairs(points.shape[0])
+        gap = np.abs(points[first] - points[second])
+        # Both norms are at most this far from each other, whichever is meant.
+        near = np.all(gap <= reach, axis=1)
+        return first[near], second[near]
     from scipy.spatial import cKDTree  # noqa: PLC0415 - only for many points
 
     pairs = cKDTree(points).query_pairs(reach, p=norm, output_type="ndarray")

@@ -14,14 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.fleet.deconfliction.changed import fly_changed
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.untangling import (
+    Allowed,
     Crowd,
     Planes,
+    Untangled,
     sampled,
     untangle,
+    untangle_near,
 )
 from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
 from showc.fleet.shared_profile.flat import keeps_limits
@@ -75,15 +79,16 @@ _HALTING = 3
 """Walls that were not enough, after which a drone stops at every corner."""
 _ALONG = 0.8
 """How much less readily drones change along their ways: there they have no time."""
+_NOT_AT_ALL, _FEW_DRONES = 10.0, 40
+"""How far from parted a crowd counts whose flights did not follow their changes, and
+one of few drones: with these another time costs little."""
 _LEFT = 0.75
 """Share of the conflicts that the first flights may leave: else time is too short."""
 _HOVERING = 0.1
 """How readily a drone that hovers moves, where others cannot go round it."""
-_FALL, _CLIMB = -4.0, 5.0
-"""Vertical accelerations that any drone is thought to fly [m/s²]: a guess, which the
-flights themselves correct."""
-_TANGLED = 0.35
-"""Pairs for each drone that no change keeps apart, from which on none is flown."""
+_TANGLED = ((0.35, 0.0), (0.0, 8.0), (0.03, 0.0))
+"""Pairs too near and drones beyond limits after all changes, from which on no change is
+flown: for each drone, and besides. The middle one of these is meant."""
 _LEAST = 1e-3
 """Changes, over the separation, below which a flight stays as it is."""
 _MISSED, _STIFFER = 0.05, 0.6
@@ -156,12 +161,13 @@ class Repair:
         self.names = move.names
         self.trouble = ""
         self.done = False
-        # Whether no change parts the crowd, so that no flight was solved for it.
-        self.tangled = False
+        # How far from parting the crowd its changes are: beyond 1 none was flown.
+        self.tangled = 0.0
         # Of a drone that finds no flight, however far the others are.
         self.late: int | None = None
         self.counts: dict[str, float] = {}
-        self.intervals = int(np.clip(np.ceil(duration / _INTERVAL), 16, 72))
+        # Of splines; of changes half as many, so that both fit together.
+        self.intervals = 2 * int(np.clip(np.ceil(0.5 * duration / _INTERVAL), 10, 36))
         self.flown: list[Trajectory] = []
         self.kind: list[str] = []
         self._positions: dict[int, FloatArray] = {}
@@ -322,12 +328,17 @@ class Repair:
             # Pairs keep their order on every axis: there is no way round.
             pairs = zip(met.first.tolist(), met.second.tolist(), strict=True)
             return self._bend(list(pairs), self._often, astray)
-        known = self._known() if round_ == 0 else None
-        found = untangle(self._crowd(met), known, anew=round_ == 0)
+        if round_ == 0:
+            found = untangle(self._crowd(met), self._known())
+        else:
+            wrong = np.concatenate([met.first, met.second, list(astray)])
+            found = untangle_near(self._crowd(met), np.unique(wrong.astype(np.int64)))
         self._count("untangled", 1)
-        if round_ == 0 and found.wrong > _TANGLED * len(self.flown):
+        many = sorted(each * len(self.flown) + more for each, more in _TANGLED)[1]
+        if round_ == 0 and found.wrong > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
-            self.tangled = True
+            few = len(self.flown) <= _FEW_DRONES
+            self.tangled = _NOT_AT_ALL if few else found.wrong / many
             return False
         least = _LEAST * self.separation.distance
         size = np.abs(found.coefficients).max(axis=(1, 2))
@@ -346,14 +357,32 @@ class Repair:
         # One that makes way for others is no obstacle any more.
         self._hovers[rows] = False
         near = zip(found.near[0].tolist(), found.near[1].tolist(), strict=True)
-        done = self._bend(
-            [], dict.fromkeys(near, 1), dict.fromkeys(rows.tolist(), 0.0) | dict(astray)
-        )
+        left = self._changed(rows, found)
+        busy = dict.fromkeys(left, 0.0) | dict(astray)
+        done = bool(busy) and self._bend([], dict.fromkeys(near, 1), busy)
+        done |= len(left) < rows.size
         for row, there in wanted.items():
             missed = np.abs(self._sampled(row) - there).max()
             if missed > _MISSED * self.separation.distance:
                 self._stiff[row] *= _STIFFER
         return done
+
+    def _changed(self, rows: IntArray, found: Untangled) -> list[int]:
+        """Fly changes as they are where that keeps all limits; return other rows."""
+        flat = [row for row in rows.tolist() if self.kind[row] != OPTIMAL]
+        left = set(rows.tolist())
+        if flat:
+            change = found.curves(np.array(flat))
+            flights = [self.flown[row] for row in flat]
+            flown = fly_changed(self.aircraft, flights, change)
+            for row, flight in zip(flat, flown, strict=True):
+                if flight is not None:
+                    self.flown[row], self.kind[row] = flight, SPLINE
+                    self._positions.pop(row, None)
+                    self._kept.discard(row)
+                    left.remove(row)
+        self._count("changed_in_closed_form", rows.size - len(left))
+        return sorted(left)
 
     def _known(self) -> FloatArray | None:
         """Return changes that kept all apart at another pace, at the crowd's times."""
@@ -385,25 +414,23 @@ class Repair:
         parked = np.zeros((0, 3)) if self.parked is None else self.parked
         still = np.repeat(parked[:, None], times.size, axis=1)
         nothing = np.zeros_like(still)
-        limits = self.aircraft.limits
-        level = self.aircraft.vehicle.gravity * np.tan(limits.tilt)
-        box = np.array(
-            [
-                [limits.position_min, limits.velocity_min, (-level, -level, _FALL)],
-                [limits.position_max, limits.velocity_max, (level, level, _CLIMB)],
-            ]
-        )
         return Crowd(
             np.concatenate([places, still]),
             np.concatenate([rates, nothing]),
             np.concatenate([pulls, nothing]),
             self.duration,
+            self.intervals // 2,
             self.separation,
             np.concatenate([give, np.zeros((len(parked), 3, 3))]),
             np.append(self._hovers, np.zeros(len(parked), dtype=bool)),
+            np.array([kind != OPTIMAL for kind in self.kind] + [False] * len(parked)),
             self._planes(found, times),
             self._often,
-            box,
+            Allowed.of(
+                self.aircraft.limits,
+                self.aircraft.vehicle.gravity,
+                self.aircraft.heading,
+            ),
         )
 
     def _planes(self, found: Encounters, times: FloatArray) -> Planes:
@@ -445,10 +472,10 @@ class Repair:
             self.progress.note(
                 f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
             )
-            if number == 1 and count > _LEFT * self.counts["first_conflicts"]:
-                self.tangled = True
-                return False
             many = count > _FEW_LEFT
+            if number == 1 and many and count > _LEFT * self.counts["first_conflicts"]:
+                self.tangled = _NOT_AT_ALL
+                return False
             wanted = (1.0 - _FALLING) * fewest if many else fewest - 1
             stalled = stalled + 1 if count > wanted else 0
             fewest = min(fewest, count)

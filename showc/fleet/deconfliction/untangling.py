@@ -35,33 +35,43 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from showc.arrays import BoolArray, FloatArray, IntArray
-    from showc.vehicle import Separation
+    from showc.vehicle import Limits, Separation
 
 
-_KNOTS, _SAMPLES = 0.3, 0.15
-"""Length of a change's intervals, and time between samples [s]: attitude takes about as
-long to change. Between samples, motion counts as straight."""
+_SAMPLES = 0.15
+"""Time between samples [s]. Between them, motion counts as straight."""
+_CLOSER = (0.25, 0.5)
+"""Where there are more within the first and the last of them, as shares: there a pair
+that stands at the separation may draw nearer before it comes to rest."""
 _LAG = 0.35
 """Time in which a drone changes its acceleration [s]: weighs jerk in the energy."""
 _MARGIN, _ENOUGH = 0.015, 0.004
 """Share of the separation that is aimed at beyond it, and that is enough, away from
 the ends: what following a change may cost."""
+_SLIGHT = 0.003
+"""Share of the separation by which less than enough leaves few conflicts."""
 _AGAIN = 6
 """Times that this share is added at most where a pair comes too near all the same."""
 _CALM = 0.2
 """Share of the time at either end over which that share rises from nothing."""
+_AROUND = 2.0
+"""Distance within which drones make way for some that come too near, in separations:
+those about these stay as they are."""
 _REACH = 1.08
 """Distance of pairs that are looked at, over what is aimed at."""
 _TRUST = 0.5
 """Greatest move of a change from one program to the next, in separations."""
-_PROGRAMS, _FEWER, _STEPS = 30, 8, 40
-"""Programs posed one after the other, for few drones and for many, and steps of the
-dual of each."""
+_PROGRAMS, _FEWER = 30, 10
+"""Programs posed one after the other, and for many drones."""
+_STEPS, _FURTHER = 40, 150
+"""Steps of the dual of each, and for many drones, where forces have far to go. Where
+few contradict each other, more steps let forces grow for nothing."""
 _PATIENCE = 12
 """Programs after which a search ends that does not get better."""
-_STARTS, _MANY = 4, 200
-"""Beginnings tried for a few drones, and drones from which on there is one."""
-_WANDER = 0.6
+_STARTS, _MORE, _FEW, _MANY = 4, 10, 40, 200
+"""Beginnings tried, those for a few drones, and how many are few; and drones from which
+on there is one beginning."""
+_WANDER = 0.3
 """Size of a random beginning, in separations."""
 _HEAD_ON = 0.15
 """Share of the separation below which a pair meets head-on, each on its own right."""
@@ -76,11 +86,18 @@ _ROOM = 0.02
 """Distance from planes and the flight volume from which on they count [m]."""
 _ROUNDING = 1e-6
 """What distances may lack by rounding [m]."""
-_FLOOR = 1e-4
+_NEAR = 0.02
+"""Share of a limit below it from which on it counts."""
+_FALL, _CLIMB = 4.0, 5.0
+"""Vertical accelerations that any drone is thought to fly [m/s²]: a guess, which the
+flights themselves correct."""
+_INSIDE = 4e-3
+"""Share by which changed flights stay within limits, for what lies between samples."""
+_FLOOR = 1e-5
 """Least part of the greatest give of a row by which it is scaled."""
-_EXCESS = 0.25
-"""How far accelerations may lie beyond their limits in a beginning that is kept at
-once, as a share."""
+_EXCESS, _FAR_BEYOND = 0.15, 0.25
+"""Shares by which speeds and accelerations may lie beyond their limits in what can be
+flown nearly as it is, where drones are many, and where they are few."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,35 +115,118 @@ class Planes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Allowed:
+    """Limits as half-spaces ``normal . v >= offset``, f of them, and as discs."""
+
+    order: IntArray
+    """Of what: 0 places, 1 velocities, 2 accelerations; shape (f,)."""
+    normal: FloatArray
+    """Shape (f, 3)."""
+    offset: FloatArray
+    """Below zero for velocities and accelerations, shape (f,), SI."""
+    level: tuple[float, float, float]
+    """Greatest level size of each order, infinite where there is none, SI."""
+
+    @classmethod
+    def of(cls, limits: Limits, gravity: float, heading: float) -> Allowed:
+        """Return what an aircraft's limits allow.
+
+        Tilt limits accelerations along and across the heading, the more the less the
+        drone lifts; of the vertical ones, thrust aside, the present limits count.
+        """
+        order, normal, offset = [], [], []
+        boxes = (
+            (limits.position_min, limits.position_max),
+            (limits.velocity_min, limits.velocity_max),
+            (
+                (-np.inf, -np.inf, -min(limits.acceleration_down or np.inf, _FALL)),
+                (np.inf, np.inf, min(limits.acceleration_up or np.inf, _CLIMB)),
+            ),
+        )
+        for number, box in enumerate(boxes):
+            for sign, bounds in zip((1.0, -1.0), box, strict=True):
+                for axis in np.nonzero(np.isfinite(bounds))[0].tolist():
+                    order.append(number)
+                    normal.append(sign * np.eye(3)[axis])
+                    offset.append(sign * bounds[axis])
+        tangent = float(np.tan(limits.tilt))
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        left = np.array([-ahead[1], ahead[0], 0.0])
+        for side in (ahead, -ahead, left, -left):
+            order.append(2)
+            normal.append(side + tangent * np.eye(3)[2])
+            offset.append(-tangent * gravity)
+        speed = limits.level_speed if limits.rounds_speed else np.inf
+        return cls(
+            np.array(order),
+            np.array(normal),
+            np.array(offset),
+            (np.inf, speed, limits.acceleration or np.inf),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Crowd:
     """Flights that each drone would fly alone, and how far they may be changed."""
 
     places: FloatArray
-    """Positions at even instants, ends included, shape (n, m, 3) [m]."""
+    """Positions at instants, as of :func:`sampled`, shape (n, m, 3) [m]."""
     speeds: FloatArray
     """Velocities there, shape (n, m, 3) [m/s]."""
     pulls: FloatArray
     """Accelerations there, shape (n, m, 3) [m/s²]."""
     duration: float
     """[s]."""
+    intervals: int
+    """Of the changes' splines, at least 6."""
     separation: Separation
     give: FloatArray
     """How readily each drone is moved, and to which side, symmetric, (n, 3, 3)."""
     hovers: BoolArray
     """Drones that stay where they are if others can go round them, shape (n,)."""
+    supple: BoolArray
+    """Drones whose changes can be flown as they are, within limits, shape (n,)."""
     planes: Planes
     """What the crowd is to stay behind."""
     often: Mapping[tuple[int, int], int]
     """How often each pair has come too near all the same: it has to part the more."""
-    limits: FloatArray
-    """Greatest size of place, velocity and acceleration on each axis, lower and upper,
-    shape (2, 3, 3)."""
+    allowed: Allowed
+    """Places, speeds and accelerations that drones may have."""
+
+    def part(self, rows: IntArray, free: BoolArray) -> Crowd:
+        """Return some of the drones, (k,) sorted, of which not all may be moved."""
+        planes = self.planes
+        mine = np.isin(planes.drone, rows)
+        number = {row: index for index, row in enumerate(rows.tolist())}
+        often = {
+            (number[pair[0]], number[pair[1]]): count
+            for pair, count in self.often.items()
+            if pair[0] in number and pair[1] in number
+        }
+        return replace(
+            self,
+            places=self.places[rows],
+            speeds=self.speeds[rows],
+            pulls=self.pulls[rows],
+            give=np.where(free[:, None, None], self.give[rows], 0.0),
+            hovers=self.hovers[rows],
+            supple=self.supple[rows],
+            planes=Planes(
+                np.searchsorted(rows, planes.drone[mine]),
+                planes.instant[mine],
+                planes.normal[mine],
+                planes.offset[mine],
+            ),
+            often=often,
+        )
 
 
 def sampled(duration: float) -> FloatArray:
     """Instants at which a crowd is looked at, shape (m,) [s]."""
     count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
-    return np.linspace(0.0, duration, count + 1)
+    even = np.linspace(0.0, duration, count + 1)
+    close = even[1] * np.array(_CLOSER)
+    return np.sort(np.concatenate([even, close, duration - close]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,8 +246,32 @@ class Untangled:
 
     @property
     def wrong(self) -> float:
-        """What is wrong with it: pairs, and limits far beyond what can be flown."""
-        return self.broken + float(np.maximum(self.excess - _EXCESS, 0.0).sum())
+        """What is wrong with it: pairs, and drones that use too much of limits.
+
+        Of a few drones it is by how much: optimal control may find what a change of a
+        smooth flight does not.
+        """
+        if self.excess.size <= _FEW:
+            beyond = float(np.maximum(self.excess - _FAR_BEYOND, 0.0).sum())
+        else:
+            beyond = float(np.count_nonzero(self.excess > _EXCESS))
+        return self.broken + beyond
+
+    def among(self, rows: IntArray, drones: int) -> Untangled:
+        """Return the same of a whole crowd, of which these were the ``rows``."""
+        whole = np.zeros((drones, *self.coefficients.shape[1:]))
+        excess = np.zeros(drones)
+        whole[rows], excess[rows] = self.coefficients, self.excess
+        near = rows[self.near[0]], rows[self.near[1]]
+        return replace(self, coefficients=whole, excess=excess, near=near)
+
+    def curves(self, rows: IntArray) -> FloatArray:
+        """Return Bernstein coefficients of some drones' changes, (rows, K, 6, 3)."""
+        intervals = self.coefficients.shape[1] + 8 - DEGREE
+        whole = np.pad(self.coefficients[rows], ((0, 0), (4, 4), (0, 0)))
+        local = whole[:, np.arange(intervals)[:, None] + np.arange(LOCAL)]
+        basis = spline_basis(intervals, self.duration)
+        return np.asarray(np.einsum("kij,nkja->nkia", basis.position, local))
 
     def aside(self, rows: IntArray, times: FloatArray) -> FloatArray:
         """Return changes of some drones at times (t,), shape (rows, t, 3) [m]."""
@@ -168,14 +292,16 @@ def untangle(
         Changes at the crowd's instants to begin with, shape (n, m, 3) [m]: those of
         the same crowd at another pace.
     """
-    first = _Programs(_staying(crowd), limited=False, gently=not anew)
+    many = crowd.places.shape[0] >= _MANY
+    first = _Programs(_staying(crowd), limited=many, gently=not anew)
     if known is not None:
         first.change[:] = known
     best = first.run()
     if best.wrong and crowd.hovers.any():
         first = _Programs(crowd, limited=False, gently=not anew)
         best = min(best, first.run(), key=lambda one: one.wrong)
-    starts = _STARTS if anew and crowd.places.shape[0] < _MANY else 0
+    starts = _MORE if crowd.places.shape[0] <= _FEW else _STARTS
+    starts = 0 if many or not anew else starts
     for number in range(starts):
         if not best.wrong:
             break
@@ -186,6 +312,35 @@ def untangle(
             program.wander(number)
         best = min(best, program.run(), key=lambda one: one.wrong)
     return best
+
+
+def untangle_near(crowd: Crowd, rows: IntArray) -> Untangled:
+    """Change flights of some drones, and of those about them, around all others.
+
+    Parameters
+    ----------
+    rows
+        Drones that come too near others, all else being well.
+    """
+    reach = _AROUND * crowd.separation.distance
+    scaled = crowd.places * np.asarray(crowd.separation.metric_scale)
+    pairs = [near_pairs(scaled[:, k], reach, 2.0) for k in range(scaled.shape[1])]
+    drones = scaled.shape[0]
+    first = np.concatenate([pair[0] for pair in pairs])
+    second = np.concatenate([pair[1] for pair in pairs])
+
+    def about(some: BoolArray) -> BoolArray:
+        found = some.copy()
+        found[first[some[second]]] = True
+        found[second[some[first]]] = True
+        return found
+
+    wrong = np.zeros(drones, dtype=bool)
+    wrong[rows] = True
+    free = about(wrong)
+    chosen = np.nonzero(about(free))[0]
+    found = untangle(crowd.part(chosen, free[chosen]), anew=False)
+    return found.among(chosen, drones)
 
 
 def _staying(crowd: Crowd) -> Crowd:
@@ -268,9 +423,9 @@ class _Programs:
         self.crowd, self.limited, self.gently = crowd, limited, gently
         self.drones, self.samples = crowd.places.shape[:2]
         duration = crowd.duration
-        intervals = int(np.clip(np.ceil(duration / _KNOTS), 10, 48))
-        count = intervals + DEGREE - 8
-        times = np.linspace(0.0, duration, self.samples)
+        count = crowd.intervals + DEGREE - 8
+        times = sampled(duration)
+        self.share = times / duration
         factor = _energy(duration, count)
         self.factor = factor
         # Places, velocities and accelerations, one below the other.
@@ -285,6 +440,9 @@ class _Programs:
         ends = crowd.places[:, [0, -1]]
         self.ends = ends
         self.moving = np.any(crowd.give != 0.0, axis=(1, 2))
+        share, axes = np.linalg.eigh(crowd.give)
+        share = np.sqrt(np.maximum(share, 0.0))
+        self.root = np.einsum("nab,nb,ncb->nac", axes, share, axes)
         # Forces found, by contact, and the axes that part pairs.
         self.known = np.zeros(0, dtype=np.int64)
         self.forces = np.zeros(0)
@@ -313,7 +471,8 @@ class _Programs:
                 break
             self._solve(near, wanted, trusting=number == 0)
         near = self._contacts()
-        wrong = near.only(near.distance < self._wanted(near)[1])
+        slight = _SLIGHT * self.crowd.separation.distance
+        wrong = near.only(near.distance < self._wanted(near)[1] - slight)
         broken = np.unique(wrong.first * self.drones + wrong.second).size
         pairs = np.unique(near.first * self.drones + near.second)
         return Untangled(
@@ -326,22 +485,24 @@ class _Programs:
 
     def _outside(self) -> int:
         """Count places beyond the flight volume, or on the wrong side of a plane."""
-        rows, bounds = self._limit_rows()
-        places = rows.sample[:, 0] < self.samples
         flown = self.alone + self.reach @ self.inner
+        rows, bounds = self._limit_rows(flown)
+        places = rows.sample[:, 0] < self.samples
         return int(np.count_nonzero((rows.on(flown) < bounds - _ROOM) & places))
 
     def _excess(self) -> FloatArray:
-        flown = self.used + self.whole @ self.inner
-        count, most = self.samples, np.zeros(self.drones)
-        for block in (1, 2):
-            part = slice(block * count, (block + 1) * count)
-            low, top = self.crowd.limits[:, block]
-            use = np.maximum(flown[:, part] / low, flown[:, part] / top)
-            before = np.maximum(self.used[:, part] / low, self.used[:, part] / top)
-            beyond = use - np.maximum(before, 1.0)
-            most = np.maximum(most, beyond.max(axis=(1, 2)))
-        return most
+        most = np.ones(self.drones)
+        flown, allowed = self.used + self.whole @ self.inner, self.crowd.allowed
+        before = most.copy()
+        for order in (1, 2):
+            part = slice(order * self.samples, (order + 1) * self.samples)
+            for values, use in ((flown[:, part], most), (self.used[:, part], before)):
+                mine = allowed.order == order
+                shares = values @ allowed.normal[mine].T / allowed.offset[mine]
+                level = np.hypot(values[..., 0], values[..., 1]) / allowed.level[order]
+                np.maximum(use, shares.max(axis=(1, 2)), out=use)
+                np.maximum(use, level.max(axis=1), out=use)
+        return np.asarray(most - before)
 
     def _contacts(self) -> _Contacts:
         """Find pairs that come near each other, and those with a force."""
@@ -350,14 +511,15 @@ class _Programs:
         norm = np.inf if square else 2.0
         reach = _REACH * (1.0 + _MARGIN) * self.crowd.separation.distance
         segments = self.samples - 1
-        keys = [self.known]
+        keys = []
         for k in range(segments):
             middle = 0.5 * (points[:, k] + points[:, k + 1])
             step = points[:, k + 1] - points[:, k]
             half = 0.5 * float(np.linalg.norm(step, axis=1).max())
             first, second = near_pairs(middle, reach + 2.0 * half, norm)
             keys.append((first * self.drones + second) * segments + k)
-        key = np.unique(np.concatenate(keys))
+        key = np.concatenate(keys)
+        key = np.sort(np.concatenate([key, np.setdiff1d(self.known, key)]))
         pair, sample = key // segments, key % segments
         first, second = pair // self.drones, pair % self.drones
         begin = points[first, sample] - points[second, sample]
@@ -382,18 +544,22 @@ class _Programs:
         ends = self.ends[near.first] - self.ends[near.second]
         # No change can keep a pair further apart than it stands at the ends.
         standing = measure(ends, self.crowd.separation).min(axis=1) * (1.0 - 1e-7)
-        at = (near.sample + near.share) / (self.samples - 1)
+        step = np.diff(self.share)[near.sample]
+        at = self.share[near.sample] + near.share * step
         calm = np.clip(np.minimum(at, 1.0 - at) / _CALM, 0.0, 1.0)
         often = self.crowd.often
         pairs = zip(near.first.tolist(), near.second.tolist(), strict=True)
-        again = np.array([max(often.get(pair, 1), 1) - 1.0 for pair in pairs])
-        more = _MARGIN * (1.0 + np.minimum(again, _AGAIN))
+        times = np.array([often.get(pair, 0) for pair in pairs], dtype=np.float64)
+        again = np.clip(times - 1.0, 0.0, _AGAIN)
+        # What came too near between samples needs more at the ends as well.
+        calm = np.where(again > 0.0, 1.0, calm)
+        more = _MARGIN * (1.0 + again)
         wanted = np.minimum(least * (1.0 + more * calm), standing)
         enough = np.minimum(least * (1.0 + _ENOUGH * calm), standing)
         if self.gently:
             # Pairs that keep apart need not move.
             before = self._before(near)
-            kept = before >= least
+            kept = (before >= least) & (times == 0.0)
             wanted = np.where(kept, np.minimum(wanted, before), wanted)
             enough = np.where(kept, np.minimum(enough, before - _ROUNDING), enough)
         return wanted, enough - 1e-5 * least
@@ -443,26 +609,19 @@ class _Programs:
 
     def _solve(self, near: _Contacts, wanted: FloatArray, *, trusting: bool) -> None:
         """Solve the program about the present change, as far as steps allow."""
-        pairs, bounds = self._pair_rows(near, wanted)
-        single, most = self._limit_rows()
-        rows = _Rows.joined(pairs, single)
-        wanted = np.concatenate([bounds, most])
-        scaled, size = self._scaled(rows)
-        goal = (wanted - rows.on(self.alone)) * size
+        pairs = self._pair_rows(near)
         segments = self.samples - 1
         key = (near.first * self.drones + near.second) * segments + near.sample
-        force = np.zeros(goal.size)
-        at = np.searchsorted(self.known, key)
-        at = np.minimum(at, max(self.known.size - 1, 0))
-        if self.known.size:
-            same = self.known[at] == key
-            force[: key.size] = np.where(same, self.forces[at], 0.0)
-        force /= size
-        force, inner = self._dual(scaled, goal, size, force)
-        held = force[: key.size] > 0.0
-        order = np.argsort(key[held], kind="stable")
-        self.known = key[held][order]
-        self.forces = (force * size)[: key.size][held][order]
+        flown = self.alone + np.concatenate(
+            [self.change, (self.reach @ self.inner)[:, self.samples :]], axis=1
+        )
+        force, inner = self._forced(pairs, wanted, key, self._limit_rows(flown))
+        if trusting:
+            # Nothing has moved before: which limits count shows only now.
+            self._keep(key, force)
+            limits = self._limit_rows(self.alone + self.reach @ inner)
+            force, inner = self._forced(pairs, wanted, key, limits)
+        self._keep(key, force)
         change = self.reach[: self.samples] @ inner
         moved = np.linalg.norm(change - self.change, axis=2).max(axis=1)
         room = _TRUST * self.crowd.separation.distance
@@ -472,9 +631,36 @@ class _Programs:
         self.inner += step * (inner - self.inner)
         self.change += step * (change - self.change)
 
-    def _pair_rows(
-        self, near: _Contacts, wanted: FloatArray
-    ) -> tuple[_Rows, FloatArray]:
+    def _keep(self, key: IntArray, force: FloatArray) -> None:
+        """Keep the forces found, for the programs to come."""
+        held = force > 0.0
+        order = np.argsort(key[held], kind="stable")
+        self.known, self.forces = key[held][order], force[held][order]
+
+    def _forced(
+        self,
+        pairs: _Rows,
+        wanted: FloatArray,
+        key: IntArray,
+        limits: tuple[_Rows, FloatArray],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Find forces of pairs (c,), and the coefficients (n, k, 3) they lead to."""
+        rows = _Rows.joined(pairs, limits[0])
+        lack = np.concatenate([wanted, limits[1]]) - rows.on(self.alone)
+        # Pushes act through the root of what a drone gives, so that it counts once.
+        rows = replace(
+            rows, value=np.einsum("rpa,rpab->rpb", rows.value, self.root[rows.drone])
+        )
+        size = self._scaled(rows)
+        force = np.zeros(lack.size)
+        if self.known.size:
+            at = np.minimum(np.searchsorted(self.known, key), self.known.size - 1)
+            same = self.known[at] == key
+            force[: key.size] = np.where(same, self.forces[at], 0.0)
+        force, inner = self._dual(rows, lack * size, size, force / size)
+        return (force * size)[: key.size], inner
+
+    def _pair_rows(self, near: _Contacts) -> _Rows:
         normal = self._normals(near) * self.scale
         late, early = near.share[:, None], 1.0 - near.share[:, None]
         drone = np.stack([near.first, near.first, near.second, near.second], axis=1)
@@ -482,37 +668,53 @@ class _Programs:
         value = np.stack(
             [early * normal, late * normal, -early * normal, -late * normal], axis=1
         )
-        return _Rows(drone, sample, value), wanted
+        return _Rows(drone, sample, value)
 
-    def _limit_rows(self) -> tuple[_Rows, FloatArray]:
+    def _limit_rows(self, flown: FloatArray) -> tuple[_Rows, FloatArray]:
         """Rows of limits that are passed, or nearly."""
         count = self.samples
-        flown = self.alone + np.concatenate(
-            [self.change, (self.reach @ self.inner)[:, count:]], axis=1
-        )
-        drones, samples, axes, signs, bounds = [], [], [], [], []
-        for block in range(3 if self.limited else 1):
-            part = slice(block * count, (block + 1) * count)
-            for side, sign in ((0, 1.0), (1, -1.0)):
-                alone = sign * self.alone[:, part]
-                # What a drone uses when it flies alone it may use.
-                limit: FloatArray = np.minimum(
-                    sign * self.crowd.limits[side, block], alone
-                )
-                size = np.abs(self.crowd.limits[side, block])
-                room = 0.02 * size if block else np.full(3, _ROOM)
-                passed = (sign * flown[:, part] < limit + room) & (size < np.inf)
-                passed &= self.moving[:, None, None]
-                passed[:, [0, -1]] = False
-                drone, sample, axis = np.nonzero(passed)
-                drones.append(drone)
-                samples.append(sample + block * count)
-                axes.append(axis)
-                signs.append(np.full(drone.size, sign))
-                bounds.append(limit[drone, sample, axis])
+        held = np.unique(self.known // (count - 1))
+        changed = np.zeros(self.drones, dtype=bool)
+        changed[held // self.drones] = changed[held % self.drones] = True
+        changed &= self.crowd.supple
+        changed, allowed = changed[:, None], self.crowd.allowed
+        drones, samples, normals, bounds = [], [], [], []
+
+        def add(
+            passed: BoolArray, order: int, normal: FloatArray, at: FloatArray
+        ) -> None:
+            passed &= self.moving[:, None]
+            passed[:, [0, -1]] = False
+            drone, sample = np.nonzero(passed)
+            drones.append(drone)
+            samples.append(sample + order * count)
+            normals.append(np.broadcast_to(normal, (*passed.shape, 3))[drone, sample])
+            bounds.append(at[drone, sample])
+
+        def inside(limit: FloatArray) -> FloatArray:
+            return np.where(changed, limit * (1.0 - _INSIDE), limit)
+
+        for order, normal, offset in zip(
+            allowed.order.tolist(), allowed.normal, allowed.offset, strict=True
+        ):
+            if order and not self.limited:
+                continue
+            part = slice(order * count, (order + 1) * count)
+            # What a drone uses when it flies alone it may use.
+            limit: FloatArray = np.minimum(offset, self.alone[:, part] @ normal)
+            room = _NEAR * abs(offset) if order else _ROOM
+            passed = flown[:, part] @ normal < limit + room
+            add(passed, order, normal, inside(limit) if order else limit)
+        for order in (1, 2) if self.limited else ():
+            part = slice(order * count, (order + 1) * count)
+            level = flown[:, part] * [1.0, 1.0, 0.0]
+            size = np.linalg.norm(level, axis=2)
+            alone = np.hypot(self.alone[:, part, 0], self.alone[:, part, 1])
+            limit = np.maximum(allowed.level[order], alone)
+            toward = -level / np.maximum(size, 1e-9)[..., None]
+            add(size > (1.0 - _NEAR) * limit, order, toward, inside(-limit))
         row, sample = np.concatenate(drones), np.concatenate(samples)
-        value = np.concatenate(signs)[:, None] * np.eye(3)[np.concatenate(axes)]
-        bound = np.concatenate(bounds)
+        value, bound = np.concatenate(normals), np.concatenate(bounds)
         planes = self.crowd.planes
         there = flown[planes.drone, planes.instant]
         near = np.einsum("pa,pa->p", planes.normal, there) < planes.offset + _ROOM
@@ -522,10 +724,9 @@ class _Programs:
         bound = np.append(bound, planes.offset[near])
         return _Rows(row[:, None], sample[:, None], value[:, None]), bound
 
-    def _scaled(self, rows: _Rows) -> tuple[csr_matrix, FloatArray]:
-        """Rows as a sparse matrix, each scaled by what it gives; and the scales."""
+    def _scaled(self, rows: _Rows) -> FloatArray:
+        """Scales of rows: each then gives as much as any other."""
         give = np.zeros(rows.count)
-        pulled = np.einsum("rpa,rpab->rpb", rows.value, self.crowd.give[rows.drone])
         for one in range(rows.drone.shape[1]):
             for other in range(rows.drone.shape[1]):
                 same = rows.drone[:, one] == rows.drone[:, other]
@@ -534,32 +735,34 @@ class _Programs:
                     self.reach[rows.sample[:, one]],
                     self.reach[rows.sample[:, other]],
                 )
-                both = np.einsum("ra,ra->r", pulled[:, one], rows.value[:, other])
+                both = np.einsum("ra,ra->r", rows.value[:, one], rows.value[:, other])
                 give += np.where(same, reach * both, 0.0)
         block = rows.sample[:, 0] // self.samples
         floor = np.ones(rows.count)
         for number in range(3):
             mine = block == number
             floor[mine] = _FLOOR * give[mine].max(initial=0.0)
-        size = 1.0 / np.sqrt(np.maximum(np.maximum(give, floor), 1e-30))
-        return rows.matrix(size, self.drones, self.reach.shape[0]), size
-
-    def _moved(self, push: FloatArray) -> FloatArray:
-        """Coefficients (n, k, 3) that forces on samples (n, 3 m, 3) lead to."""
-        return np.asarray(np.matmul(self.reach.T, push) @ self.crowd.give)
+        return np.asarray(1.0 / np.sqrt(np.maximum(np.maximum(give, floor), 1e-30)))
 
     def _dual(
-        self, rows: csr_matrix, goal: FloatArray, size: FloatArray, force: FloatArray
+        self, rows: _Rows, goal: FloatArray, size: FloatArray, force: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Raise forces where distance lacks; return them and the coefficients."""
-        back = rows.T.tocsr()
-        shape = (self.drones, self.reach.shape[0], 3)
+        """Raise forces where distance lacks; return them and the coefficients.
+
+        Values of ``rows`` are those that meet unit forces: see ``root``.
+        """
+        drones, local = np.unique(rows.drone, return_inverse=True)
+        local = local.reshape(rows.drone.shape)
+        moments, count = self.reach.shape
+        forward = rows.matrix(size, local, moments, drones.size)
+        back = forward.T.tocsr()
+        there = np.ascontiguousarray(self.reach.T)
 
         def moved(push: FloatArray) -> FloatArray:
-            return self._moved((back @ push).reshape(shape))
+            return np.asarray(there @ (back @ push).reshape(moments, -1))
 
         def reached(inner: FloatArray) -> FloatArray:
-            return np.asarray(rows @ (self.reach @ inner).ravel())
+            return np.asarray(forward @ (self.reach @ inner).ravel())
 
         # Power iteration, from a vector that no symmetry of the crowd makes blind.
         trial = np.random.default_rng(0).standard_normal(goal.size)
@@ -571,7 +774,7 @@ class _Programs:
         length *= _SURELY
         ahead, pace = force, 1.0
         close = _CLOSE * self.crowd.separation.distance
-        for _ in range(_STEPS):
+        for _ in range(_STEPS if self.drones <= _FEW else _FURTHER):
             lack = goal - reached(moved(ahead))
             if float((lack / size).max(initial=0.0)) < close and ahead is not force:
                 break
@@ -581,7 +784,10 @@ class _Programs:
             faster = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * pace * pace))
             ahead = raised + (pace - 1.0) / faster * (raised - force)
             force, pace = raised, faster
-        return force, moved(force)
+        inner = np.zeros((self.drones, count, 3))
+        found = moved(force).reshape(count, drones.size, 3)
+        inner[drones] = np.matmul(np.moveaxis(found, 1, 0), self.root[drones])
+        return force, inner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -615,12 +821,18 @@ class _Rows:
             np.einsum("rpa,rpa->r", self.value, values[self.drone, self.sample])
         )
 
-    def matrix(self, size: FloatArray, drones: int, samples: int) -> csr_matrix:
-        """Sparse matrix of the rows times ``size`` (r,), compressed by rows."""
+    def matrix(
+        self, size: FloatArray, drone: IntArray, samples: int, drones: int
+    ) -> csr_matrix:
+        """Sparse matrix of the rows times ``size`` (r,), compressed by rows.
+
+        Its columns are samples, in each the drones (as numbered by ``drone``, of the
+        shape of ``self.drone``), of each the axes.
+        """
         from scipy.sparse import csr_matrix  # noqa: PLC0415 - for crowds alone
 
         value = self.value * size[:, None, None]
-        column = (self.drone * samples + self.sample)[..., None] * 3 + np.arange(3)
+        column = (self.sample * drones + drone)[..., None] * 3 + np.arange(3)
         head = np.arange(self.count + 1) * value[0].size if self.count else [0]
         shape = (self.count, drones * samples * 3)
         return csr_matrix((value.ravel(), column.ravel(), head), shape=shape)

@@ -1,0 +1,62 @@
+"""Changed flights in closed form: exactly the sum, or none."""
+
+import numpy as np
+import pytest
+from fleet.handmade import LIMITS, VEHICLE
+
+from showc.fleet.deconfliction.changed import fly_changed
+from showc.fleet.shared_profile.profile import Profile
+from showc.fleet.shared_profile.straight import fly_straight
+from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.basis import DEGREE, LOCAL, spline_basis
+from showc.fleet.single_drone.judgement import KEPT
+from showc.fleet.single_drone.replay import replay
+from showc.fleet.single_drone.single import Aircraft
+from showc.trajectory import PiecewisePolynomial
+
+INTERVALS, DURATION = 20, 6.0
+
+
+def bump(size):
+    """Return a hump in y that begins and ends at rest, its jerk too: (1, K, 6, 3)."""
+    whole = np.zeros(INTERVALS + DEGREE)
+    whole[8:-8] = size
+    local = whole[np.arange(INTERVALS)[:, None] + np.arange(LOCAL)]
+    change = np.zeros((1, INTERVALS, LOCAL, 3))
+    basis = spline_basis(INTERVALS, DURATION)
+    change[0, :, :, 1] = np.einsum("kij,kj->ki", basis.position, local)
+    return change
+
+
+@pytest.fixture(scope="module")
+def aircraft():
+    return Aircraft(VEHICLE, LIMITS, "held", 0.0)
+
+
+@pytest.fixture(scope="module")
+def straight(aircraft):
+    ends = np.array([[0.0, 0.0, 20.0]]), np.array([[10.0, 3.0, 21.0]])
+    profile = Profile(DURATION, 2.7, 1.1)
+    flights = fly_straight(aircraft.vehicle, aircraft.heading, *ends, profile)
+    return flights.trajectory(0)
+
+
+def test_a_changed_flight_is_the_sum_and_keeps_what_a_flight_must(aircraft, straight):
+    change = bump(0.3)
+    (found,) = fly_changed(aircraft, [straight], change)
+    assert found is not None
+    at = np.linspace(0.0, DURATION, 501)
+    even = PiecewisePolynomial(np.linspace(0.0, DURATION, INTERVALS + 1), change[0])
+    np.testing.assert_allclose(
+        found.state(at)[:, :3], straight.state(at)[:, :3] + even(at), atol=1e-11
+    )
+    assert greatest_excess(aircraft, found).relative <= KEPT
+    assert replay(aircraft.vehicle, (found,)).position.max() < 5e-4
+    again = fly_changed(aircraft, [found], -change)[0]
+    np.testing.assert_allclose(
+        again.state(at)[:, :3], straight.state(at)[:, :3], atol=1e-10
+    )
+
+
+def test_a_change_beyond_the_limits_is_not_flown(aircraft, straight):
+    assert fly_changed(aircraft, [straight], bump(30.0)) == [None]
