@@ -65,7 +65,7 @@ and a share of what is flown beyond it."""
 _BOLD = 0.3
 """Where a slow flight is the best so far, share of the time between a failed one and it
 that is tried: ways flown slowly take far longer than they need."""
-_SOLVES, _SOLVES_EACH = 400, 4
+_SOLVES, _SOLVES_EACH = 200, 4
 """Flights behind half-spaces that are solved at most while shorter times are looked
 for, and how many more for each drone."""
 _SLOWER = 4
