@@ -12,7 +12,7 @@ from showc.log import schema
 from showc.safety.codes import codes
 from showc.safety.energy import Energy, flight_energy
 from showc.safety.failure import Failures, failures
-from showc.safety.fall import Fall, FallTable
+from showc.safety.fall import Fall
 from showc.safety.ground import (
     Footing,
     Place,
@@ -26,6 +26,7 @@ from showc.safety.ground import (
     widened,
     within,
 )
+from showc.safety.landing import FallTable
 from showc.safety.pieces import flight_pieces
 from showc.safety.stop import Stops, authority_within, stops
 from showc.safety.volumes import Buffers, Flying, buffers
@@ -308,7 +309,7 @@ class _Assessment:
         speed = float(boxes.speed_high.max())
         climbs = float(boxes.climb_low.min()), float(boxes.climb_high.max())
         self.falls = FallTable.covering(fall, climbs, speed, self.highest)
-        self.impact_speed = float(self.falls(boxes).speed.max())
+        self.impact_speed = float(self.falls.impact_speed(boxes).max())
         self.flying = Flying(
             speed + self.risk.wind,
             self.highest,

@@ -4,6 +4,13 @@ A drone that loses its thrust at some second falls through a cone that wind and 
 widen. Time runs on: another drone matters if it is in the cone at the moment at which
 the falling one may be. The cone is enclosed, and so is the way of each other drone
 between two moments; drones that are not named cannot be met.
+
+With E the share of the level velocity through the air that drag has left: of a whole
+box of climbs, airspeeds and drag areas, E, the climb and the height lie between the
+solutions of a second system, in which each right-hand side takes its least or greatest
+value over the box (Müller 1927, Über das Fundamentaltheorem in der Theorie der
+gewöhnlichen Differentialgleichungen; Walter 1970, Differential and Integral
+Inequalities).
 """
 
 from __future__ import annotations
@@ -12,8 +19,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from showc.safety.fall import Bounding
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,6 +75,75 @@ class _Cones:
     """Greatest height, shape (n,) [m]."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bounding:
+    """The system whose solutions bound all falls from boxes of states, (n,) of them.
+
+    Its state has 8 rows: climb low and high, E low and high, height low and high, and
+    the integral M of E, low and high.
+    """
+
+    slow: FloatArray
+    """Least level airspeed at the start, shape (n,) [m/s]."""
+    fast: FloatArray
+    """Greatest level airspeed at the start, shape (n,) [m/s]."""
+    drag: tuple[float, float]
+    """Least and greatest k [1/m]."""
+    gravity: float
+    """[m/s²]."""
+
+    def start(self, climb_low: FloatArray, climb_high: FloatArray) -> FloatArray:
+        """Return the first state, (8, n), of climbs between two bounds (n,) [m/s]."""
+        zero, one = np.zeros(climb_low.size), np.ones(climb_low.size)
+        return np.stack([climb_low, climb_high, one, one, zero, zero, zero, zero])
+
+    def after(self, state: FloatArray, step: float) -> FloatArray:
+        """Return the state (8, n) a ``step`` [s] later, by classical Runge-Kutta."""
+        first = self._slope(state)
+        second = self._slope(state + 0.5 * step * first)
+        third = self._slope(state + 0.5 * step * second)
+        fourth = self._slope(state + step * third)
+        return np.asarray(
+            state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+        )
+
+    def _slope(self, now: FloatArray) -> FloatArray:
+        little, much = self.drag
+        slow, fast = self.slow, self.fast
+        sinking, rising, less, more = now[:4]
+        nearest = np.where(
+            (sinking < 0.0) & (rising > 0.0),
+            0.0,
+            np.minimum(np.abs(sinking), np.abs(rising)),
+        )
+        farthest = np.maximum(np.abs(sinking), np.abs(rising))
+        # What drags least and most on the way, given which side of zero a bound is.
+        up = rising > 0.0
+        rising_drag = np.where(
+            up,
+            little * np.hypot(slow * less, rising),
+            much * np.hypot(fast * more, rising),
+        )
+        up = sinking > 0.0
+        sinking_drag = np.where(
+            up,
+            much * np.hypot(fast * more, sinking),
+            little * np.hypot(slow * less, sinking),
+        )
+        return np.stack(
+            [
+                -self.gravity - sinking_drag * sinking,
+                -self.gravity - rising_drag * rising,
+                -much * np.hypot(fast * less, farthest) * less,
+                -little * np.hypot(slow * more, nearest) * more,
+                sinking,
+                rising,
+                less,
+                more,
+            ]
+        )
+
+
 def failures(
     states: Sequence[PiecewisePolynomial], fall: Fall, size: float, ground: float
 ) -> Failures:
@@ -120,7 +194,7 @@ def _fall(state: FloatArray, fall: Fall) -> list[_Cones]:
     level, climb = state[:, 3:5], state[:, 5]
     speed = np.linalg.norm(level, axis=1)
     slow, fast = np.maximum(speed - fall.wind, 0.0), speed + fall.wind
-    system = Bounding(slow, fast, fall.drag, fall.gravity)
+    system = _Bounding(slow, fast, fall.drag, fall.gravity)
     now = system.start(climb, climb)
     cones: list[_Cones] = []
     time = 0.0

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.fall import Boxes
+from showc.safety.landing import Boxes
 from showc.script.fence import fence_distance, inside_polygon
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.arrays import FloatArray
-    from showc.safety.fall import FallTable
+    from showc.safety.landing import FallTable
     from showc.safety.pieces import Pieces
 
     Measure = Callable[[FloatArray], FloatArray]

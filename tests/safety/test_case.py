@@ -47,22 +47,28 @@ def sampled_states(logged, count, rng):
     return np.concatenate(states)
 
 
-def test_no_sampled_fall_leaves_the_footprint(logged, show):
+@pytest.mark.slow
+def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
     case = safety_case(logged, show)
     rng = np.random.default_rng(1)
-    states = sampled_states(logged, 4000, rng)
-    count = len(states)
-    angle = rng.uniform(0.0, 2.0 * np.pi, count)
-    wind = 8.0 * np.column_stack([np.cos(angle), np.sin(angle)])
-    drag = rng.choice(show.body.drag_area, count)
-    ground = landings(states[:, 3:6], np.maximum(states[:, 2], 0.0), wind, drag, 0.02)
-    hits = states[:, :2] + ground
-    outward = np.stack([np.cos(angle[:90]), np.sin(angle[:90])], axis=1)
+    angle = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    farthest = np.full(90, -np.inf)
+    for _ in range(10):
+        states = sampled_states(logged, 100_000, rng)
+        count = len(states)
+        bearing = rng.uniform(0.0, 2.0 * np.pi, count)
+        wind = 8.0 * np.column_stack([np.cos(bearing), np.sin(bearing)])
+        drag = rng.choice(show.body.drag_area, count)
+        high = np.maximum(states[:, 2], 0.0)
+        ground = landings(states[:, 3:6], high, wind, drag, 0.04)
+        hits = states[:, :2] + ground
+        farthest = np.maximum(farthest, (hits @ outward.T).max(axis=0))
+    # A drone's own size is around the point that falls.
+    farthest += 0.5 * show.body.size
     reach = (case.footprint @ outward.T).max(axis=0)
-    farthest = (hits @ outward.T).max(axis=0)
     assert (farthest <= reach).all()
-    # Not far outside either: samples miss the farthest falls by a metre or two.
-    assert (reach - farthest).max() < 5.0
+    assert (reach <= 1.05 * farthest).all()
 
 
 def test_the_flight_is_inside_its_geography(logged, show):
