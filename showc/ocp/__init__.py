@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     )
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.outcome import ErrorEstimate, Result
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.quantity import HalfSpaces
     from showc.ocp.refinement.adaptive.constraint_generation import solve
     from showc.ocp.refinement.adaptive.options import Options
@@ -94,7 +95,7 @@ _HOMES = {
     "Step": "history",
     "Mesh": "mesh",
     "PhaseMesh": "mesh",
-    "Phase": "problem",
+    "Phase": "phase",
     "Problem": "problem",
     "HalfSpaces": "quantity",
     "ErrorEstimate": "outcome",

@@ -21,7 +21,8 @@ from showc.trajectory import bernstein_basis, bernstein_basis_inverse, restrict
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 

@@ -27,7 +27,8 @@ from showc.trajectory import bernstein_basis
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAuditor
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 

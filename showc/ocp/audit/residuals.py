@@ -28,7 +28,8 @@ from showc.ocp.audit.optimality import (
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 

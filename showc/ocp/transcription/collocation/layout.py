@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from showc.arrays import IntArray
     from showc.ocp.mesh import Mesh, PhaseMesh
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
     from showc.ocp.mesh import Mesh
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.quantity import Control, Quantity, State
     from showc.ocp.transcription.collocation.builder import Discretisation
     from showc.ocp.transcription.collocation.layout import PhaseLayout

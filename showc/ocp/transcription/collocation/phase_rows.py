@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.mesh import PhaseMesh
-    from showc.ocp.problem import Phase
+    from showc.ocp.phase import Phase
     from showc.ocp.quantity import HalfSpaces
     from showc.ocp.transcription.collocation.builder import Builder
     from showc.ocp.transcription.collocation.layout import PhaseLayout

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import FloatArray
-    from showc.ocp.problem import Phase
+    from showc.ocp.phase import Phase
     from showc.ocp.transcription.collocation.limits import Box, Overrides, Table
     from showc.ocp.transcription.collocation.transcription import Transcription
 

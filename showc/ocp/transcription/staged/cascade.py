@@ -28,7 +28,7 @@ from showc.trajectory import bernstein_basis, bernstein_basis_inverse
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.ocp.problem import Phase
+    from showc.ocp.phase import Phase
 
 Symbol = Any
 """A CasADi ``SX`` scalar."""

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import FloatArray
-    from showc.ocp.problem import Phase, Problem
+    from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.quantity import HalfSpaces, Quantity
 
 
