@@ -336,7 +336,7 @@ class _Reading:
 
 
 def _bearing(value: Any, what: str) -> float:  # noqa: ANN401 - anything may come
-    """Return a bearing [deg]; Skybrush itself writes some as text."""
+    """Return a bearing [deg]; text too: Skybrush Live keeps them so."""
     if isinstance(value, str):
         with suppress(ValueError):
             value = float(value)
