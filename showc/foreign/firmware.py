@@ -139,11 +139,10 @@ def as_stored(show: ForeignShow) -> tuple[Tracks, tuple[Stored, ...], list[str]]
     )
     # In place: the numbers of a long show are hundreds of megabytes.
     steps = tracks.position[keep]
-    steps /= grid[keep]
+    steps *= (1000.0 / scale)[owner[keep]][:, None, None]
     parts = np.array_split(steps, 1 + keep.size // ROWS_AT_ONCE)
     degrees = np.concatenate([_degrees(part) for part in parts])
-    # Numbers on the grid must not fall a step by the last bit of a float.
-    steps += np.copysign(1e-6, steps)
+    # Numbers on the grid may fall a step by the last bit of a float, there as here.
     np.trunc(steps, out=steps)
     steps *= grid[keep]
     played = Tracks(0.0, float(ends.max()), first, starts[keep], ends[keep], steps)

@@ -12,6 +12,7 @@ import pytest
 
 from showc.errors import DamagedFileError, UsageError
 from showc.foreign.facts import Asked
+from showc.foreign.firmware import as_stored
 from showc.foreign.motion import derivative, place_at
 from showc.foreign.reading import read_show
 from showc.foreign.verdict import Questions, verify_foreign
@@ -96,6 +97,13 @@ def test_pieces_without_duration_are_skipped_and_their_jumps_found(skyc):
     moved = trajectory(*points, [20, [2, 0, 0], []])
     jump = findings(skyc(show_of(moved)))["VRF502"]
     assert (jump.value, jump.where.time) == (pytest.approx(2.0), pytest.approx(10.0))
+
+
+def test_the_firmware_gets_what_the_server_cuts_off(skyc):
+    # 1.001 times 1000 is 1000.9999999999999, of which the server keeps 1000.
+    points = [0, [0, 0, 0], []], [5, [1.001, 1.002, 10], []], [9, [0, 0, 0], []]
+    played, _, _ = as_stored(read_show(skyc(show_of(trajectory(*points)))))
+    assert place_at(played, 5.0)[0] == pytest.approx([1.0, 1.002, 10.0], abs=1e-9)
 
 
 def test_a_bearing_may_be_text(skyc):
