@@ -51,7 +51,7 @@ TOLERANCE = 1e-6
 _STILL = 1e-9
 SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
-_GROWTH, _SLOWLY, _NEARLY = 4.0, 2.0, 3.0
+_GROWTH, _SLOWLY, _NEARLY = 4.0, 2.0, 1.5
 """Growth of the time allowed over the least one after a failure, and where a crowd was
 nearly parted: with fewer times what may be wrong."""
 _FOLLOWED = 128

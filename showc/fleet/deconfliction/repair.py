@@ -79,7 +79,7 @@ _HALTING = 3
 """Walls that were not enough, after which a drone stops at every corner."""
 _ALONG = 0.8
 """How much less readily drones change along their ways: there they have no time."""
-_NOT_AT_ALL, _FEW_DRONES = 10.0, 40
+_NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 """How far from parted a crowd counts whose flights did not follow their changes, and
 one of few drones: with these another time costs little."""
 _LEFT = 0.75
@@ -335,10 +335,10 @@ class Repair:
             found = untangle_near(self._crowd(met), np.unique(wrong.astype(np.int64)))
         self._count("untangled", 1)
         many = sorted(each * len(self.flown) + more for each, more in _TANGLED)[1]
-        if round_ == 0 and found.wrong > many:
+        if round_ == 0 and found.beyond > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
             few = len(self.flown) <= _FEW_DRONES
-            self.tangled = _NOT_AT_ALL if few else found.wrong / many
+            self.tangled = _NOT_AT_ALL if few else found.beyond / many
             return False
         least = _LEAST * self.separation.distance
         size = np.abs(found.coefficients).max(axis=(1, 2))

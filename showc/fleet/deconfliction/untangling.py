@@ -68,7 +68,7 @@ _STEPS, _FURTHER = 40, 150
 few contradict each other, more steps let forces grow for nothing."""
 _PATIENCE = 12
 """Programs after which a search ends that does not get better."""
-_STARTS, _MORE, _FEW, _MANY = 4, 10, 40, 200
+_STARTS, _MORE, _FEW, _MANY = 4, 10, 30, 200
 """Beginnings tried, those for a few drones, and how many are few; and drones from which
 on there is one beginning."""
 _WANDER = 0.3
@@ -245,17 +245,20 @@ class Untangled:
     """Greatest share by which each drone passes a limit of speed or acceleration."""
 
     @property
-    def wrong(self) -> float:
-        """What is wrong with it: pairs, and drones that use too much of limits.
+    def wrong(self) -> int:
+        """What is wrong with it: pairs, and drones that use too much of limits."""
+        return self.broken + int(np.count_nonzero(self.excess > _EXCESS))
 
-        Of a few drones it is by how much: optimal control may find what a change of a
-        smooth flight does not.
+    @property
+    def beyond(self) -> float:
+        """How far it is from what can be flown; as ``wrong``, unless drones are few.
+
+        Of these it is by how much: optimal control may find what a change of a smooth
+        flight does not.
         """
-        if self.excess.size <= _FEW:
-            beyond = float(np.maximum(self.excess - _FAR_BEYOND, 0.0).sum())
-        else:
-            beyond = float(np.count_nonzero(self.excess > _EXCESS))
-        return self.broken + beyond
+        if self.excess.size > _FEW:
+            return self.wrong
+        return self.broken + float(np.maximum(self.excess - _FAR_BEYOND, 0.0).sum())
 
     def among(self, rows: IntArray, drones: int) -> Untangled:
         """Return the same of a whole crowd, of which these were the ``rows``."""
