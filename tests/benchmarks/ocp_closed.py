@@ -515,3 +515,15 @@ def l_inf_cost():
     phase.constrain(x - ca.sin(phase.time) + z, 0.0, None)
     problem.minimise(z)
     return problem
+
+
+@add(5.0 / 6.0)
+def above_a_hill():
+    problem = ocp.Problem("above_a_hill")
+    phase = problem.phase(duration=3.0)
+    x = phase.state("x", start=1.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, u)
+    phase.constrain(x - (0.25 - (phase.time - 2.0) ** 2 / 4.0), 0.0, None)
+    problem.minimise(phase.integral(x))
+    return problem

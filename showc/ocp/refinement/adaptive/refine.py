@@ -409,8 +409,11 @@ def arc_mesh(
         count = max(LEAST_POINTS, int(own.max()) if own.size else 4)
         edges = np.concatenate([[left], inner, [left + width]])
         degrees = {}
+        # A state that is held all along determines a control at every point.
+        led = bool(held_at[arc][~mixed].any())
         for j, name, degree in free_controls:
-            degrees[name] = 0 if structure.classes[arc, j] != 0 else degree
+            inner = -1 if led else degree
+            degrees[name] = 0 if structure.classes[arc, j] != 0 else inner
         all_held = bool(held_at[arc].all())
         held = [(c, int(h)) for c, h in zip(constraints, held_at[arc], strict=True)]
         for a, b in pairwise(edges):
