@@ -476,8 +476,8 @@ class _Programs:
         near = self._contacts()
         slight = _SLIGHT * self.crowd.separation.distance
         wrong = near.only(near.distance < self._wanted(near)[1] - slight)
-        broken = np.unique(wrong.first * self.drones + wrong.second).size
-        pairs = np.unique(near.first * self.drones + near.second)
+        broken = _distinct(wrong.first * self.drones + wrong.second).size
+        pairs = _distinct(near.first * self.drones + near.second)
         return Untangled(
             self.crowd.duration,
             self.factor @ self.inner,
@@ -522,7 +522,9 @@ class _Programs:
             first, second = near_pairs(middle, reach + 2.0 * half, norm)
             keys.append((first * self.drones + second) * segments + k)
         key = np.concatenate(keys)
-        key = np.sort(np.concatenate([key, np.setdiff1d(self.known, key)]))
+        key = np.sort(
+            np.concatenate([key, np.setdiff1d(self.known, key, assume_unique=True)])
+        )
         pair, sample = key // segments, key % segments
         first, second = pair // self.drones, pair % self.drones
         begin = points[first, sample] - points[second, sample]
@@ -539,7 +541,9 @@ class _Programs:
         distance = np.linalg.norm(gap, axis=1, ord=norm)
         found = _Contacts(first, second, sample, share, gap, motion, distance)
         moves = self.moving[first] | self.moving[second]
-        return found.only(((distance < reach) & moves) | np.isin(key, self.known))
+        return found.only(
+            ((distance < reach) & moves) | np.isin(key, self.known, assume_unique=True)
+        )
 
     def _wanted(self, near: _Contacts) -> tuple[FloatArray, FloatArray]:
         """Distances that are aimed at and that are enough, each (c,) [m]."""
@@ -676,7 +680,7 @@ class _Programs:
     def _limit_rows(self, flown: FloatArray) -> tuple[_Rows, FloatArray]:
         """Rows of limits that are passed, or nearly."""
         count = self.samples
-        held = np.unique(self.known // (count - 1))
+        held = _distinct(self.known // (count - 1))
         changed = np.zeros(self.drones, dtype=bool)
         changed[held // self.drones] = changed[held % self.drones] = True
         changed &= self.crowd.supple
@@ -839,3 +843,13 @@ class _Rows:
         head = np.arange(self.count + 1) * value[0].size if self.count else [0]
         shape = (self.count, drones * samples * 3)
         return csr_matrix((value.ravel(), column.ravel(), head), shape=shape)
+
+
+def _distinct(keys: IntArray) -> IntArray:
+    """Return the different keys in order.
+
+    NumPy 2.3 and later finds them with a table of hashes, which takes 25 times as long
+    as sorting them (57,000 keys: 6.5 ms for 0.25 ms).
+    """
+    ordered = np.sort(keys)
+    return np.asarray(ordered[np.diff(ordered, prepend=-1) > 0])
