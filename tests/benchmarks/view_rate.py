@@ -1,8 +1,8 @@
 """Frames a second of a page that plays a show, and what one of them costs.
 
-Run as ``python tests/benchmarks/view_rate.py OUTPUT.mcap``. The page is drawn in
-software by a headless Chromium; the cost is the processor time of all its processes,
-which other work on the machine changes less than the rate.
+Run as ``python tests/benchmarks/view_rate.py OUTPUT.mcap``, or with a page that `view`
+made. A headless Chromium draws it in software; the cost is the processor time of all
+its processes, which other work on the machine changes less than the rate.
 """
 
 import sys
@@ -53,9 +53,9 @@ def main(log):
             frames = tab.evaluate("window.frames_") - first
             taken = time.perf_counter() - begin
             used = processor_time(profile) - used
-    print(
-        f"{frames / taken:.1f} frames a second, "
-        f"{1000.0 * used / max(frames, 1):.1f} ms of processor time each"
+    cost = 1000.0 * used / max(frames, 1)
+    sys.stdout.write(
+        f"{frames / taken:.1f} frames a second, {cost:.1f} ms of processor time each\n"
     )
 
 
