@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 from fleet.handmade import LIMITS
 
-from showc.fleet.deconfliction.untangling import (
-    Allowed,
-    Crowd,
-    Planes,
-    sampled,
-    untangle,
-)
+from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
+from showc.fleet.deconfliction.untangling import untangle
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 

@@ -16,14 +16,11 @@ import numpy as np
 
 from showc.fleet.deconfliction.changed import fly_changed
 from showc.fleet.deconfliction.conflicts import conflicts
+from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.untangling import (
-    Allowed,
-    Crowd,
-    Planes,
     Untangled,
-    sampled,
     untangle,
     untangle_near,
 )

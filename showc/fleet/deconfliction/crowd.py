@@ -1,0 +1,153 @@
+"""What a crowd would fly, what it may fly, and how readily it is changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.vehicle import Limits, Separation
+
+
+_SAMPLES = 0.15
+"""Time between samples [s]. Between them, motion counts as straight."""
+_CLOSER = (0.25, 0.5)
+"""Where there are more within the first and the last of them, as shares: there a pair
+that stands at the separation may draw nearer before it comes to rest."""
+_FALL, _CLIMB = 4.0, 5.0
+"""Vertical accelerations that any drone is thought to fly [m/s²]: a guess, which the
+flights themselves correct."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planes:
+    """Half-spaces ``normal . x >= offset`` for drones at instants, p of them."""
+
+    drone: IntArray
+    """Shape (p,)."""
+    instant: IntArray
+    """Shape (p,)."""
+    normal: FloatArray
+    """Shape (p, 3)."""
+    offset: FloatArray
+    """Shape (p,) [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Allowed:
+    """Limits as half-spaces ``normal . v >= offset``, f of them, and as discs."""
+
+    order: IntArray
+    """Of what: 0 places, 1 velocities, 2 accelerations; shape (f,)."""
+    normal: FloatArray
+    """Shape (f, 3)."""
+    offset: FloatArray
+    """Below zero for velocities and accelerations, shape (f,), SI."""
+    level: tuple[float, float, float]
+    """Greatest level size of each order, infinite where there is none, SI."""
+
+    @classmethod
+    def of(cls, limits: Limits, gravity: float, heading: float) -> Allowed:
+        """Return what an aircraft's limits allow.
+
+        Tilt limits accelerations along and across the heading, the more the less the
+        drone lifts; of the vertical ones, thrust aside, the present limits count.
+        """
+        order, normal, offset = [], [], []
+        boxes = (
+            (limits.position_min, limits.position_max),
+            (limits.velocity_min, limits.velocity_max),
+            (
+                (-np.inf, -np.inf, -min(limits.acceleration_down or np.inf, _FALL)),
+                (np.inf, np.inf, min(limits.acceleration_up or np.inf, _CLIMB)),
+            ),
+        )
+        for number, box in enumerate(boxes):
+            for sign, bounds in zip((1.0, -1.0), box, strict=True):
+                for axis in np.nonzero(np.isfinite(bounds))[0].tolist():
+                    order.append(number)
+                    normal.append(sign * np.eye(3)[axis])
+                    offset.append(sign * bounds[axis])
+        tangent = float(np.tan(limits.tilt))
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        left = np.array([-ahead[1], ahead[0], 0.0])
+        for side in (ahead, -ahead, left, -left):
+            order.append(2)
+            normal.append(side + tangent * np.eye(3)[2])
+            offset.append(-tangent * gravity)
+        speed = limits.level_speed if limits.rounds_speed else np.inf
+        return cls(
+            np.array(order),
+            np.array(normal),
+            np.array(offset),
+            (np.inf, speed, limits.acceleration or np.inf),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crowd:
+    """Flights that each drone would fly alone, and how far they may be changed."""
+
+    places: FloatArray
+    """Positions at instants, as of :func:`sampled`, shape (n, m, 3) [m]."""
+    speeds: FloatArray
+    """Velocities there, shape (n, m, 3) [m/s]."""
+    pulls: FloatArray
+    """Accelerations there, shape (n, m, 3) [m/s²]."""
+    duration: float
+    """[s]."""
+    intervals: int
+    """Of the changes' splines, at least 6."""
+    separation: Separation
+    give: FloatArray
+    """How readily each drone is moved, and to which side, symmetric, (n, 3, 3)."""
+    hovers: BoolArray
+    """Drones that stay where they are if others can go round them, shape (n,)."""
+    supple: BoolArray
+    """Drones whose changes can be flown as they are, within limits, shape (n,)."""
+    planes: Planes
+    """What the crowd is to stay behind."""
+    often: Mapping[tuple[int, int], int]
+    """How often each pair has come too near all the same: it has to part the more."""
+    allowed: Allowed
+    """Places, speeds and accelerations that drones may have."""
+
+    def part(self, rows: IntArray, free: BoolArray) -> Crowd:
+        """Return some of the drones, (k,) sorted, of which not all may be moved."""
+        planes = self.planes
+        mine = np.isin(planes.drone, rows)
+        number = {row: index for index, row in enumerate(rows.tolist())}
+        often = {
+            (number[pair[0]], number[pair[1]]): count
+            for pair, count in self.often.items()
+            if pair[0] in number and pair[1] in number
+        }
+        return replace(
+            self,
+            places=self.places[rows],
+            speeds=self.speeds[rows],
+            pulls=self.pulls[rows],
+            give=np.where(free[:, None, None], self.give[rows], 0.0),
+            hovers=self.hovers[rows],
+            supple=self.supple[rows],
+            planes=Planes(
+                np.searchsorted(rows, planes.drone[mine]),
+                planes.instant[mine],
+                planes.normal[mine],
+                planes.offset[mine],
+            ),
+            often=often,
+        )
+
+
+def sampled(duration: float) -> FloatArray:
+    """Instants at which a crowd is looked at, shape (m,) [s]."""
+    count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
+    even = np.linspace(0.0, duration, count + 1)
+    close = even[1] * np.array(_CLOSER)
+    return np.sort(np.concatenate([even, close, duration - close]))
