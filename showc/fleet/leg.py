@@ -59,9 +59,10 @@ _FOLLOWED = 128
 a solve for each of them."""
 _TRIES = 8
 """Common times tried at most, unless none of them has led to a flight."""
-_CLOSE, _CLOSE_SHARE = 0.0015, 0.2
+_CLOSE, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.0015, 0.2, 0.8
 """Time between a failed and a flown one that is near enough: a share of the least time,
-and a share of what is flown beyond it."""
+and a share of what is flown beyond it; of many drones, of which each try costs as much
+as all before it, a greater one, over the effort."""
 _BOLD = 0.3
 """Where a slow flight is the best so far, share of the time between a failed one and it
 that is tried: ways flown slowly take far longer than they need."""
@@ -428,7 +429,9 @@ class _Solver:
         """Halve what lies between a time that failed [s] and the best one flown."""
         while self._may_try():
             beyond = best.duration - limiting.time
-            near = max(_CLOSE * limiting.time, _CLOSE_SHARE * beyond)
+            many = self.leg.drones.size > _FOLLOWED
+            part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
+            near = max(_CLOSE * limiting.time, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
             middle = whole_milliseconds(middle)
