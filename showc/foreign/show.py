@@ -195,8 +195,12 @@ def polyline(times: FloatArray, places: FloatArray) -> Course:
 
 
 MOST_CONTROLS = 6_000_000
-"""Coefficients of a fleet, three numbers each: a thousand drones of twelve minutes, two
-cubics a second."""
+"""Coefficients of a fleet, three numbers each, that a file of any size may have: a
+thousand drones of twelve minutes, two cubics a second."""
+
+BYTES_EACH = 6
+"""Bytes of a file on disk for each further coefficient: numbers that are written out
+take more even when packed, so memory stays in proportion to what is there."""
 
 
 class Courses:
@@ -210,6 +214,9 @@ class Courses:
 
     def __init__(self, path: Path) -> None:
         self._path, self._courses = path, list[Course]()
+        files = path.iterdir() if path.is_dir() else [path]
+        size = sum(file.stat().st_size for file in files if file.is_file())
+        self._most = max(MOST_CONTROLS, size // BYTES_EACH)
         self._pieces, self._width = 0, 0
 
     def add(self, course: Course) -> None:
@@ -224,11 +231,11 @@ class Courses:
         self._pieces, self._width = self._pieces + pieces, max(self._width, width)
         # One degree serves all: what is lower is raised.
         controls = self._pieces * self._width
-        if controls > MOST_CONTROLS:
+        if controls > self._most:
             raise DamagedFileError(
                 f"{self._path}: up to drone {len(self._courses) + 1} there are "
                 f"{self._pieces:,} pieces of degree {self._width - 1}, {controls:,} "
-                f"coefficients; wanted at most {MOST_CONTROLS:,}"
+                f"coefficients; wanted at most {self._most:,}"
             )
         self._courses.append(course)
 

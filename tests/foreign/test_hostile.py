@@ -14,7 +14,7 @@ import pytest
 from confined import run_confined
 
 from showc.errors import DamagedFileError
-from showc.foreign.show import MOST_CONTROLS, Course, Courses
+from showc.foreign.show import BYTES_EACH, MOST_CONTROLS, Course, Courses
 
 POLY7 = "duration," + ",".join(f"{axis}^{n}" for axis in "xyzw" for n in range(8))
 
@@ -210,4 +210,16 @@ def test_a_fleet_has_no_more_coefficients_than_are_read(tmp_path):
     with pytest.raises(
         DamagedFileError, match="6,008,000 coefficients; wanted at most"
     ):
+        courses.add(course)
+
+
+def test_a_file_that_is_long_on_disk_may_have_more(tmp_path):
+    path = tmp_path / "long.skyc"
+    with path.open("wb") as stream:
+        stream.truncate(2 * BYTES_EACH * MOST_CONTROLS)
+    course = Course(np.arange(1001.0), np.zeros((1000, 8, 3)))
+    courses = Courses(path)
+    for _ in range(2 * MOST_CONTROLS // 8000):
+        courses.add(course)
+    with pytest.raises(DamagedFileError, match="wanted at most 12,000,000"):
         courses.add(course)
