@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 MOMENT = 1e-8
 """Times nearer to each other than this are one [s]: rounding of times of day-long
 shows. What a drone flies in it is part of every error bound that uses tracks."""
+_SLICES = 1_000  # of a stretch at most: no speed that a log claims takes hours
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,16 +281,14 @@ def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
     float, float
         Show times between which a slice lies [s]; none if nothing moves.
     """
-    ends = np.array([positions.begin, positions.end])
     speed = positions.speed
     if speed == 0.0:
         return
     times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
     inside = (times > positions.begin) & (times < positions.end)
     common = inside & (counts >= 0.25 * counts[inside].max(initial=1))
-    cuts = np.union1d(ends, times[common])
-    longest = distance / speed
+    cuts = np.union1d([positions.begin, positions.end], times[common])
+    longest = max(distance / speed, (positions.end - positions.begin) / _SLICES)
     for low, high in pairwise(cuts.tolist()):
         parts = max(1, int(np.ceil((high - low) / longest)))
-        inner = np.linspace(low, high, parts + 1)
-        yield from pairwise(inner.tolist())
+        yield from pairwise(np.linspace(low, high, parts + 1).tolist())
