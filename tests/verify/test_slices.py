@@ -144,3 +144,8 @@ def test_even_flight_is_its_chord(seed, most_rows, low):
     assert piece.away.max() < 1e-12
     way = MEASURES[0](piece.end - piece.begin)
     np.testing.assert_allclose(piece.radius, 0.5 * way, atol=1e-12)
+
+
+def test_a_distance_of_nothing_does_not_cut_for_ever():
+    tracks = random_tracks(np.random.default_rng(1), 3, 3)
+    assert len(list(edges(tracks, 1e-9))) <= 1_000 + tracks.starts.size
