@@ -9,7 +9,7 @@ MOST_PARAMETERS = 7
 
 MANY = {
     # Fields of what they make, all but three by keyword and all optional.
-    "ocp/problem.py": {"control"},
+    "ocp/phase.py": {"control"},
     "script/reader.py": {"say"},
     # Parts of one worker's task, and of one mesh's audit.
     "fleet/single_drone/avoiding.py": {"avoid"},

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from showc import ocp
 from showc.ocp.refinement.adaptive.refine import (
     MOST_POINTS,
+    IntervalErrors,
     cells_of,
     curvature_ratio,
     cut_places,
@@ -44,10 +45,11 @@ def solution_of(function, breaks, degree) -> PhaseSolution:
     )  # fmt: skip
 
 
-def apply(part, indicator, **options):
+def apply(part, indicator, must_cut=None, jumps=(), **options):
     none = np.zeros(part.mesh.intervals, dtype=bool)
-    options = {"scale": np.ones(1), "must_cut": none} | options
-    return refine(part.mesh, part, np.asarray(indicator, dtype=float), **options)
+    cut = none if must_cut is None else must_cut
+    errors = IntervalErrors(np.asarray(indicator, dtype=float), cut, jumps)
+    return refine(part.mesh, part, errors, **{"scale": np.ones(1)} | options)
 
 
 def test_smooth_intervals_get_a_higher_degree_and_kinks_are_cut():

@@ -23,7 +23,12 @@ from showc.ocp.refinement.adaptive.options import (
     ROUGH,
     VAGUE,
 )
-from showc.ocp.refinement.adaptive.refine import arc_mesh, refine, summary
+from showc.ocp.refinement.adaptive.refine import (
+    IntervalErrors,
+    arc_mesh,
+    refine,
+    summary,
+)
 from showc.ocp.refinement.adaptive.switches import border_reasons, detect
 
 if TYPE_CHECKING:
@@ -178,11 +183,9 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
         mesh, chosen = refine(
             constrained,
             part,
-            judgement.indicators[i],
+            IntervalErrors(judgement.indicators[i], judgement.must_cut[i], audit.jumps),
             rule=options.rule,
             scale=ranges(part.states),
-            must_cut=judgement.must_cut[i],
-            jumps=audit.jumps,
             most=growth * part.mesh.point_count,
         )
         complete &= not any(

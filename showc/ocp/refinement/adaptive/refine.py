@@ -172,29 +172,40 @@ def cut_places(coefficients: FloatArray, scale: FloatArray, pieces: int) -> Floa
     return np.asarray(np.clip(places, 0.02, 0.98))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class IntervalErrors:
+    """What an audit found on the intervals of one phase."""
+
+    indicator: FloatArray
+    """Error over tolerance, shape (K,)."""
+    must_cut: BoolArray
+    """Where a higher degree cannot help, because it is the control that errs and its
+    degree is given, shape (K,)."""
+    jumps: Sequence[tuple[float, ...]] = ()
+    """Where rates jump, as shares of each interval; empty: nowhere."""
+
+
 def refine(
     mesh: PhaseMesh,
     phase: PhaseSolution,
-    indicator: FloatArray,
+    errors: IntervalErrors,
     *,
     rule: Rule = "decay",
     scale: FloatArray,
-    must_cut: BoolArray,
-    jumps: Sequence[tuple[float, ...]] = (),
     most: float = np.inf,
 ) -> tuple[PhaseMesh, tuple[Decision, ...]]:
-    """Change the intervals by their ``indicator`` (error over tolerance).
+    """Change the intervals by their errors.
 
-    ``must_cut`` marks intervals where a higher degree cannot help, because it is the
-    control that errs and its degree is given. ``most`` is about the number of points
-    that the new mesh may have: the intervals that err most come first, the others
-    wait for the next mesh, when their errors will be known better.
+    ``most`` is about the number of points that the new mesh may have: the intervals
+    that err most come first, the others wait for the next mesh, when their errors will
+    be known better.
 
     Returns
     -------
     tuple
         The new mesh, and for each interval of the old one what was done and why.
     """
+    indicator, must_cut, jumps = errors.indicator, errors.must_cut, errors.jumps
     out: list[Cell] = []
     decisions: list[Decision] = []
     fine = -1
