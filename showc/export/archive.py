@@ -21,8 +21,8 @@ _LOCAL, _DIRECTORY, _END = "<4s5H3I2H", "<4s6H3I5H2I", "<4s4H2IH"
 """Fields of the three kinds of record."""
 
 _VERSION, _UNIX, _DEFLATED, _DATE = 20, 3, 8, (1 << 5) | 1
-"""Version 2.0 of the format; who wrote it; the method; 1980-01-01, the oldest it knows,
-that equal shows have equal bytes."""
+"""Version 2.0 of the format; the system it comes from; the method; 1980-01-01, the
+oldest day it knows, so that equal shows have equal bytes."""
 
 _MODE = 0o100644 << 16
 """A plain file that its owner may write."""

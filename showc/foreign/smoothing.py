@@ -60,7 +60,7 @@ _ANGLE, _THRUST, _LENGTH = 1e-3, 1e-3, 1e-4
 """Widths of the enclosures of tilt [rad], thrust over weight, and lengths [m]."""
 
 NAMED = 3
-"""Drones whose greatest difference from the file is told."""
+"""Drones whose greatest difference from the file is given."""
 
 _MANY = 4
 """Portions of a fleet from which on they are smoothed side by side."""
