@@ -19,7 +19,7 @@ from showc.errors import ShowError
 from showc.verify import verify_log
 
 COUNT = int(os.environ.get("SHOWC_MUTATIONS", "60"))
-SHARES = 4
+SHARES = 16
 MOVED = np.repeat([1e-3, 1e-3, np.radians(0.01), np.radians(0.01)], 3)
 """What may not pass: metres, metres a second, radians, radians a second."""
 
