@@ -60,7 +60,7 @@ def test_slots_wait_for_drones_that_wind_delays(tmp_path):
     assert slots[0.0] < slots[3.0] == slots[5.0] < slots[8.0]
     # Less wind than the script states makes a slot that is reached too late.
     calm = Case(tmp_path / "calm", shift_flight(3))
-    windy = replace(calm.terms, wind=8.0)
+    windy = replace(calm.script, site=replace(calm.script.site, wind=8.0))
     failed = {c for c, check in calm.checks(windy).items() if check.verdict == "fail"}
     assert "VRF408" in failed
 

@@ -82,7 +82,7 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
     """
     degree = coefficients.shape[1] - 1
     # Pieces last: each step then runs along memory, three times as fast.
-    result = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1))
+    result = np.moveaxis(coefficients, 0, -1).copy(order="C")
     rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
     beyond = 1.0 - np.clip((upper - lower) / rest, 0.0, 1.0)
     for last in range(degree, 0, -1):
