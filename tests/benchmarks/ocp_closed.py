@@ -476,10 +476,9 @@ def mass_drop():
     return problem
 
 
-@add(lambda: riccati(UNSTABLE, [np.eye(2), 1], [1, 0], 10))
-def unstable():
-    problem = ocp.Problem("unstable")
-    phase = problem.phase(duration=10.0)
+def _unstable(name, duration):
+    problem = ocp.Problem(name)
+    phase = problem.phase(duration=duration)
     x = phase.state("x", start=1.0)
     v = phase.state("v", start=0.0)
     u = phase.control("u")
@@ -487,19 +486,16 @@ def unstable():
     phase.derivative(v, 2 * x + u)
     problem.minimise(phase.integral(x**2 + v**2 + u**2))
     return problem
+
+
+@add(lambda: riccati(UNSTABLE, [np.eye(2), 1], [1, 0], 10))
+def unstable():
+    return _unstable("unstable", 10.0)
 
 
 @add(lambda: riccati(UNSTABLE, [np.eye(2), 1], [1, 0], 50))
 def unstable_long():
-    problem = ocp.Problem("unstable_long")
-    phase = problem.phase(duration=50.0)
-    x = phase.state("x", start=1.0)
-    v = phase.state("v", start=0.0)
-    u = phase.control("u")
-    phase.derivative(x, v)
-    phase.derivative(v, 2 * x + u)
-    problem.minimise(phase.integral(x**2 + v**2 + u**2))
-    return problem
+    return _unstable("unstable_long", 50.0)
 
 
 @add(sin(pi / 3) - pi / 6)

@@ -179,21 +179,6 @@ def test_a_linear_equation_for_an_unbounded_control_is_kept_between_the_points()
     assert solution.objective == pytest.approx(optimum, rel=1e-8)
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e6])
-def test_controls_without_bounds_are_scaled_by_what_they_move(unit):
-    problem = ocp.Problem("bryson_denham")
-    phase = problem.phase(duration=unit)
-    x = phase.state("x", None, 1.0 / 9.0, start=0.0, end=0.0)
-    v = phase.state("v", start=1.0 / unit, end=-1.0 / unit)
-    u = phase.control("u")
-    phase.derivative(x, v)
-    phase.derivative(v, u)
-    problem.minimise(phase.integral(0.5 * u**2))
-    solution = ocp.solve(problem)
-    assert solution.result is ocp.Result.SOLVED, solution.message
-    assert solution.objective == pytest.approx(4.0 / unit**3, rel=1e-6)
-
-
 def test_a_start_at_which_all_slopes_vanish_is_left():
     problem = ocp.Problem("string")
     phase = problem.phase(duration=1.0)
