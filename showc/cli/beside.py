@@ -46,6 +46,9 @@ def read_beside(
         content = json.loads(read_file(place_of(log, ending), LARGEST))
         if content["sha256"] == sha256(log.read_bytes()).hexdigest():
             return build(content)
-    except (UnreadableFileError, ValueError, KeyError, TypeError, AttributeError):
+    except (
+        UnreadableFileError, ValueError, LookupError, TypeError, AttributeError,
+        RecursionError,
+    ):  # fmt: skip
         pass
     return otherwise
