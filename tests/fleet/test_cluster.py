@@ -13,6 +13,7 @@ from fleet.handmade import Listening, make_itinerary, make_leg, make_options
 
 from showc.errors import UsageError
 from showc.fleet import solve_itinerary
+from showc.fleet.execution import pool
 from showc.fleet.execution.pool import Cluster
 from showc.progress import Silent
 
@@ -138,14 +139,15 @@ def test_adaptive_workers_behind_tls_give_what_one_process_gives(growing):
 
 @pytest.mark.slow
 def test_no_client_without_a_certificate_of_the_clusters_authority(
-    growing, certificates, certify
+    growing, certificates, certify, monkeypatch
 ):
+    monkeypatch.setattr(pool, "PATIENCE", "2s")
     for owner, said in (
         (certify("another"), "no Dask scheduler answers"),
         (None, "configuration does not fit"),
     ):
         with client_of(certificates, owner), pytest.raises(UsageError, match=said):
-            Cluster(growing, patience="2s")
+            Cluster(growing)
 
 
 @pytest.fixture

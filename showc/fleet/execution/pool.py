@@ -33,6 +33,8 @@ _THREAD_VARIABLES = (
     "MKL_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
+PATIENCE = "20s"
+"""For which a scheduler is waited for: it may be starting."""
 _DEATHS = 3
 _PRELOAD = (
     "showc.fleet.single_drone.staying",
@@ -257,7 +259,7 @@ def _started(jobs: int) -> ProcessPoolExecutor:
 class Cluster:
     """Works on a Dask cluster; needs the ``distributed`` package."""
 
-    def __init__(self, address: str, patience: str = "20s") -> None:
+    def __init__(self, address: str) -> None:
         try:
             from distributed import Client  # noqa: PLC0415 - optional dependency
         except ImportError as error:
@@ -266,7 +268,7 @@ class Cluster:
                 "pip install 'showc-compiler[cluster]'"
             ) from error
         try:
-            self._client = Client(address, timeout=patience, set_as_default=False)
+            self._client = Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             raise UsageError(
                 f"no Dask scheduler answers at {address!r} ({error}); "
