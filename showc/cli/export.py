@@ -37,13 +37,22 @@ def written(log: Path, solved: SolvedShow, wish: Export, folder: Path) -> Export
     return export(solved, source, wish.to, folder, options)
 
 
-def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:
-    """Write what a script asks for; return lines, and whether all is proved."""
+def _solved(log: Path) -> SolvedShow:
+    """Read what there is to write."""
     from showc.export.solved import solved_show
-    from showc.export.stage import folder_for
     from showc.log.reader import read_log
 
-    solved = solved_show(read_log(log))
+    logged = read_log(log)
+    show = logged.read_script().show
+    # A script that this version cannot read leaves no room for drones that stray.
+    return solved_show(logged, 0.0 if show is None else show.tracking)
+
+
+def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:
+    """Write what a script asks for; return lines, and whether all is proved."""
+    from showc.export.stage import folder_for
+
+    solved = _solved(log)
     lines, proved = [], True
     for wish in wishes:
         folder = folder_for(log, wish.to)
@@ -127,13 +136,11 @@ def command(
       showc export output.mcap --to skyc -o night-skyc
     """
     from showc.cli.console import colour_wanted
-    from showc.export.solved import solved_show
     from showc.export.stage import folder_for
     from showc.foreign.folder import DRAWINGS, MANIFEST
-    from showc.log.reader import read_log
     from showc.verify.report import Verification, render_text
 
-    solved = solved_show(read_log(log))
+    solved = _solved(log)
     folder = folder or folder_for(log, form)
     exported = written(log, solved, Export(form, separation, lead, tolerance), folder)
     if as_json:

@@ -87,14 +87,13 @@ def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
-    from showc.script import read_show
     from showc.verify import verify_log
     from showc.view import render_page
     from showc.view.scene import Soundtrack
 
     logged = read_log(log)
     verdict = None if no_verify else verify_log(log, jobs=None).to_json()
-    script = read_show(logged.script, attached=logged.attachments).show
+    script = logged.read_script().show
     soundtrack = Soundtrack.of(None if script is None else script.music)
     recording = b""
     if music:

@@ -59,7 +59,7 @@ def verify_beside(log: Path) -> list[Check]:
     if show is None or not show.exports:
         return []
     digest = sha256(log.read_bytes()).hexdigest()
-    solved = solved_show(read_log(log))
+    solved = solved_show(read_log(log), show.tracking)
     return [
         replace(check, group=f"export {wish.to}")
         for wish in show.exports

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
+import zipfile
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.export.archive import Entry, archive, packed
 from showc.export.skyb import runs, waiting
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
+
+STAMP = (1980, 1, 1, 0, 0, 0)
+"""Date of every entry: the oldest a zip knows, that equal shows have equal bytes."""
+
+LEVEL = 5
+"""Of compression: beyond it the file shrinks by a per cent."""
 
 PARTS = 4
 """Parts of a fleet that are written side by side: lights are sought for many drones
@@ -54,7 +61,7 @@ def skyc_file(
     """
     strings = _Decimals()
 
-    def written(drones: Sequence[int]) -> list[Entry]:
+    def written(drones: Sequence[int]) -> list[tuple[str, str]]:
         entries = []
         for drone, (program, yaw) in zip(drones, beside(drones), strict=True):
             folder = f"drones/{drone_name(drone)}"
@@ -62,9 +69,9 @@ def skyc_file(
             turns = {"version": 1, "setpoints": yaw}
             flight = _trajectory(fitted, drone, strings)
             entries += [
-                packed(f"{folder}/trajectory.json", flight),
-                packed(f"{folder}/lights.json", _json(lights)),
-                packed(f"{folder}/yaw.json", _json(turns)),
+                (f"{folder}/trajectory.json", flight),
+                (f"{folder}/lights.json", _json(lights)),
+                (f"{folder}/yaw.json", _json(turns)),
             ]
         return entries
 
@@ -72,12 +79,24 @@ def skyc_file(
     most = -(-fitted.drones // PARTS)
     parts = [partial(written, every[low : low + most]) for low in every[::most]]
     entries = [
-        packed("show.json", _json(_top(show, fitted))),
-        packed("cues.json", _json(_cues(show, fitted))),
+        ("show.json", _json(_top(show, fitted))),
+        ("cues.json", _json(_cues(show, fitted))),
     ]
     for some in side_by_side(parts):
         entries += some
     return archive(entries)
+
+
+def archive(entries: Iterable[tuple[str, str]]) -> bytes:
+    """Return a zip of texts by name, the same bytes at any time of day."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as out:
+        for name, text in entries:
+            entry = zipfile.ZipInfo(name, STAMP)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            out.writestr(entry, text)
+    return stream.getvalue()
 
 
 def _json(value: Any) -> str:  # noqa: ANN401 - any JSON

@@ -11,7 +11,6 @@ import numpy as np
 from showc.geodesy import SiteFrame
 from showc.light.colour import drive_bytes, linear_light
 from showc.log.showc_pb2 import Separation
-from showc.script import read_show
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
@@ -126,9 +125,12 @@ class SolvedShow:
         )
 
 
-def solved_show(log: LoggedShow) -> SolvedShow:
-    """Take from a log what other formats can carry."""
-    show = read_show(log.script, attached=log.attachments).show
+def solved_show(log: LoggedShow, tracking: float = 0.0) -> SolvedShow:
+    """Take from a log what other formats can carry.
+
+    ``tracking`` is how far a drone may stray, by the script [m]: the log's separation
+    has room for it.
+    """
     site = log.rules.site
     pieces: list[list[PiecewisePolynomial]] = [[] for _ in range(log.drones)]
     for segment in log.segments:
@@ -155,5 +157,5 @@ def solved_show(log: LoggedShow) -> SolvedShow:
             )
             for segment in log.segments
         ),
-        0.0 if show is None else show.tracking,
+        tracking,
     )

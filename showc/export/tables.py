@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
-from showc.export.archive import Entry, archive, packed
 from showc.export.fit import error_of, states, tracks_of
 from showc.export.skyb import trajectory_block
-from showc.export.skyc import drone_name
+from showc.export.skyc import archive, drone_name
 from showc.foreign.motion import derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers
@@ -45,7 +44,7 @@ def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, 
     times, place, light = sampled(show, lead, CSV_STEP)
     whole = np.rint(times * 1000.0).astype(np.int64).tolist()
 
-    def table(drone: int) -> Entry:
+    def table(drone: int) -> tuple[str, str]:
         rows = [HEADING]
         rows += [
             f"{time},{x:.4f},{y:.4f},{z:.4f},{r},{g},{b}"
@@ -56,7 +55,7 @@ def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, 
                 strict=True,
             )
         ]
-        return packed(f"{drone_name(drone)}.csv", "\n".join(rows) + "\n")
+        return f"{drone_name(drone)}.csv", "\n".join(rows) + "\n"
 
     content = archive(table(drone) for drone in range(show.drones))
     lines = np.round(place, 4)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
+    from showc.script import LoadResult
 
 
 _HEAD = struct.Struct("<BQ")
@@ -158,6 +159,19 @@ class LoggedShow:
     def script(self) -> bytes:
         """The show script."""
         return self.attachments.get(self.metadata.get("script", ""), b"")
+
+    def read_script(self) -> LoadResult:
+        """Read the show script, with the files that are attached to it."""
+        from showc.script import read_show  # noqa: PLC0415 - few readers need it
+
+        own = {
+            self.metadata.get("script", ""),
+            schema.MANIFEST_NAME,
+            schema.LAYOUT_NAME,
+        }
+        inputs = {n: data for n, data in self.attachments.items() if n not in own}
+        path = self.metadata.get("script", "script")
+        return read_show(self.script, path=path, attached=inputs)
 
     @cached_property
     def manifest(self) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import UsageError
-from showc.log import schema
 from showc.safety.codes import codes
 from showc.safety.energy import Energy, flight_energy
 from showc.safety.failure import Failures, failures
@@ -30,7 +29,6 @@ from showc.safety.landing import FallTable
 from showc.safety.pieces import flight_pieces
 from showc.safety.stop import Stops, authority_within, stops
 from showc.safety.volumes import Buffers, Flying, buffers
-from showc.script import read_show
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -229,13 +227,7 @@ def show_of(logged: LoggedShow) -> Show:
     UsageError
         If it is no show, for example because another version wrote it.
     """
-    own = {logged.metadata.get("script", ""), schema.MANIFEST_NAME, schema.LAYOUT_NAME}
-    inputs = {
-        name: data for name, data in logged.attachments.items() if name not in own
-    }
-    result = read_show(
-        logged.script, path=logged.metadata.get("script", "script"), attached=inputs
-    )
+    result = logged.read_script()
     if result.show is None:
         said = "; ".join(f"{item.code}: {item.message}" for item in result.errors[:3])
         raise UsageError(
