@@ -13,7 +13,6 @@ from showc.verify.decode import check_schemas, read_show
 from showc.verify.kernel.certificates import certified
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
-from showc.verify.kernel.fence import Nearest, fenced, nearest
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import Missions
@@ -150,15 +149,10 @@ class Examined:
 
     radius: NDArray[np.float64]
     extremes: list[Extreme]
-    nearest: Nearest | None
 
 
 def _examined(segment: Segment, rules: Rules) -> Examined:
-    return Examined(
-        radius(segment, rules.vehicle),
-        extremes(segment, rules),
-        nearest(segment, rules.site),
-    )
+    return Examined(radius(segment, rules.vehicle), extremes(segment, rules))
 
 
 def flight_checks(
@@ -167,14 +161,12 @@ def flight_checks(
     """Join what the parts found, in the order of the segments."""
     radii = [one.radius for one in examined]
     limits = kept(show, radii, [one.extremes for one in examined])
-    fence = fenced(show, radii, [one.nearest for one in examined])
     apart = separated(show, radii, closest_of(encounters))
     return [
         _check(one)
         for one in (
             *ties(show, radii),
             *limits,
-            fence,
             apart,
             *certified(show, encounters),
         )

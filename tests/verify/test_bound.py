@@ -9,7 +9,7 @@ from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.log import showc_pb2 as pb
 from showc.vehicle import Limits, Quadrotor
-from showc.verify.kernel.bound import Relaxed, refuted
+from showc.verify.kernel.certificates import Relaxed, refuted
 
 VEHICLE = Quadrotor(
     name="seed",

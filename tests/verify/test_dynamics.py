@@ -20,7 +20,7 @@ from showc.verify.kernel.dynamics import (
     RATE,
     VELOCITY,
     _chebyshev,
-    _Rows,
+    _rows_last,
     _scheme,
     _sides,
     _transform,
@@ -65,8 +65,7 @@ def slope(vehicle, state, control):
 def clipped(vehicle, control):
     """What rotors between rest and full speed give."""
     matrix = allocation(vehicle)
-    top = vehicle.rotor_speed_max**2
-    return matrix @ np.clip(np.linalg.solve(matrix, control), 0.0, top)
+    return matrix @ np.clip(np.linalg.solve(matrix, control), 0.0, 1.0)
 
 
 def flown_elsewhere(vehicle, controls, breaks, nodes, first=None):
@@ -306,7 +305,9 @@ def test_what_interpolation_leaves_out_is_bounded_in_balls(seed, degree, turn):
         np.array([0]), np.array([0, 1]), np.zeros(1), np.ones(1), state, control
     )
     scheme = _scheme(degree, 4)
-    value, error, size = _sides(_Rows.of(table), VEHICLE, scheme)
+    value, error, size = _sides(
+        _rows_last(table.state), _rows_last(table.control), VEHICLE, scheme
+    )
     found = np.tensordot(_transform(scheme.degree), value, axes=1)[:, :3, 0]
     allowed = (error + GAMMA * scheme.gain * size)[:3, 0]
     flint.ctx.prec = 200

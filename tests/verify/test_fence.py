@@ -9,7 +9,8 @@ from verified import with_table
 from showc.log import showc_pb2 as pb
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.dynamics import radius
-from showc.verify.kernel.fence import RESOLUTION, _inside, enclosed, fenced, nearest
+from showc.verify.kernel.fence import RESOLUTION, _inside, enclosed
+from showc.verify.kernel.limits import extremes, kept
 
 ELL = np.array(
     [[-9.0, -9.0], [9.0, -9.0], [9.0, 0.0], [0.0, 0.0], [0.0, 9.0], [-9.0, 9.0]]
@@ -68,32 +69,38 @@ def test_flight_along_a_wall_is_settled_exactly(height):
     assert lower <= -height
 
 
+def nearest(segment, rules, fence, margin=0.0):
+    """The distance to a fence among the extremes of a segment; None without one."""
+    asked = pb.Rules()
+    asked.CopyFrom(rules)
+    del asked.site.fence[:]
+    asked.site.fence.extend(np.ravel(fence).tolist())
+    asked.site.fence_margin = margin
+    found = [one for one in extremes(segment, asked) if one.bound.family == "fence"]
+    return (asked, found[0]) if found else None
+
+
 def test_a_flight_over_the_missing_quarter_is_found(log_and_show):
     """Ends lie inside, the way between does not."""
     _, show = log_and_show
     state = show.segments[0].tables[0].state.copy()
     state[0, :, :2] = np.linspace([0.0, 8.0], [8.0, 0.0], state.shape[1])
     spoilt = with_table(show, 0, state=state)
-    site = pb.Site(fence=(ELL + 2.0).ravel().tolist())
-    assert nearest(show.segments[0], site).lower > 0.0
-    found = nearest(spoilt.segments[0], site)
-    assert found.lower <= 0.0
+    assert nearest(show.segments[0], show.rules, ELL + 2.0)[1].upper < 0.0
+    found = nearest(spoilt.segments[0], show.rules, ELL + 2.0)[1]
+    assert found.upper >= 0.0
     assert found.drone == 0
 
 
 @pytest.mark.parametrize(("margin", "holds"), [(1.0, True), (7.6, False)])
 def test_the_margin_is_held_in_flight(log_and_show, margin, holds):
     _, show = log_and_show
-    rules = pb.Rules()
-    rules.CopyFrom(show.rules)
     square = [-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0]
-    del rules.site.fence[:]
-    rules.site.fence.extend(square)
-    rules.site.fence_margin = margin
-    asked = type(show)(rules, show.segments, show.epoch)
-    radii = [radius(one, rules.vehicle) for one in show.segments]
-    found = [nearest(one, rules.site) for one in show.segments]
-    statement = fenced(asked, radii, found)
+    found = [nearest(one, show.rules, square, margin) for one in show.segments]
+    asked = type(show)(found[0][0], show.segments, show.epoch)
+    radii = [radius(one, show.rules.vehicle) for one in show.segments]
+    statement = kept(asked, radii, [[one] for _, one in found])[-1]
+    assert statement.code == "VRF319"
     assert statement.holds is holds
     # Four drones on a square of 3 m.
     assert statement.value == pytest.approx(7.5, abs=1e-5)
@@ -101,4 +108,6 @@ def test_the_margin_is_held_in_flight(log_and_show, margin, holds):
 
 def test_without_a_fence_there_is_nothing_to_prove(log_and_show):
     _, show = log_and_show
-    assert nearest(show.segments[0], pb.Site()) is None
+    assert nearest(show.segments[0], show.rules, []) is None
+    nothing = [[] for _ in show.segments]
+    assert kept(show, nothing, nothing)[-1].holds is None

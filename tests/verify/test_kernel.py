@@ -32,7 +32,7 @@ def test_the_whole_only_shrinks():
     """6,500 lines are the aim; what is left to it is more than a reader wants."""
     files = KERNEL.parent.rglob("*.py")
     lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
-    assert lines <= 8692
+    assert lines <= 8531
 
 
 def test_the_kernel_imports_numpy_and_the_logs_messages_only():
@@ -48,7 +48,7 @@ def test_the_kernel_imports_numpy_and_the_logs_messages_only():
 
 
 def test_every_proof_states_its_theorem_its_rounding_and_its_source():
-    for name in ("dynamics", "limits", "fence", "separation", "slices", "bound"):
+    for name in ("dynamics", "limits", "fence", "separation", "slices", "certificates"):
         text = ast.get_docstring(
             ast.parse((KERNEL / f"{name}.py").read_text(encoding="utf-8"))
         )

@@ -1,8 +1,43 @@
-"""What each segment claims of itself, held against what is proved here.
+"""What segments claim: lower bounds on their times, and their closest encounters.
 
-The bound on a segment's time is proved by :mod:`showc.verify.kernel.bound`; a claimed
-encounter is the distance of two polynomials at one instant, right to rounding (Higham
-2002, section 3.1), far below the tolerance.
+**Theorem.** Where :func:`refuted` is true, no flight within the segment's limits makes
+the way of the witness's drone, from hover to hover, in the witness's time or less.
+
+Proof. Between two hovers, t after the first and T - t before the second, roll is at
+most ``c(s)``, s = min(t, T - t): with a the greatest angular acceleration and w the
+greatest rate, a s² / 2 until a s = w, then w s - w² / (2 a), and never more than the
+tilt limit; pitch alike. Thrust over mass times the body z axis is then a point of the
+set U(t), and the velocity a point of the box V of its limits. For any constant beta and
+any continuous, piecewise linear lambda, integrating x' = v and v' = u - g e_z by parts
+between the hovers gives
+
+    beta . d = integral of (beta + lambda') . v + lambda . (u - g e_z)
+            <= integral of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z,
+
+h being the support functions and d the way. Where the left side is the greater, no
+flight takes that time T, nor a shorter one, since a drone may hover.
+
+Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
+u_z, |u_y| <= q u_z, p and q by the caps, u_x² + u_y² <= r², low <= u_z <= high. At
+height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
+concave function of z: x p z + y q z while the corner lies in the disc, r |(x, y)| while
+the disc's own point lies in the rectangle, else x p z + y sqrt(r² - p² z²) or the same
+with axes changed. So the best z is an end, a change of form, or where the slope of a
+form vanishes. The least of both support functions bounds ``lambda . u``.
+
+The integral is rounded upward: on each cell the caps are taken at their greatest, h_U
+is convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
+
+A claimed encounter is the distance of two polynomials at one instant, right to rounding
+far below its tolerance.
+
+*Rounding.* Each value of a support function is right to 100 u of the sizes of what goes
+into it; a sum of n of them adds n u (Higham 2002, Accuracy and Stability of Numerical
+Algorithms, section 3.1): the left side must exceed the right one by gamma_m of all
+sizes, m being the number of cells and knots plus 200.
+
+Source: weak duality for a relaxed optimal control problem (Vinter 1993, Convex duality
+and nonlinear optimal control, SIAM J. Control Optim. 31); its proof stands above.
 """
 
 from __future__ import annotations
@@ -11,21 +46,239 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bound import refuted
-from showc.verify.kernel.show import Statement
+from showc.verify.kernel.show import Seen, Statement, worst, xyz
 from showc.verify.kernel.slices import Tracks, measures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from showc.arrays import FloatArray
+    from showc.log.showc_pb2 import Limits, Rules
+    from showc.log.showc_pb2 import Segment as SegmentMessage
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.show import LoggedShow, Segment
+
+
+CELLS = 4096
+"""Cells on each stretch between two knots."""
+
+UNIT = 2.0**-53
+"""Unit roundoff u of float64."""
 
 TOLERANCE = 1e-6
 """How far a claimed bound may lie above the time of its witness [s]."""
 
 DISTANCE_TOLERANCE = 1e-3
 """How far a claimed closest encounter may be from the distance at its time [m]."""
+
+
+class Relaxed:
+    """What a drone can do at most: its support functions."""
+
+    def __init__(self, rules: Rules, limits: Limits) -> None:
+        vehicle = rules.vehicle
+        squared = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
+        self.gravity = vehicle.gravity
+        self.least = limits.thrust_min / vehicle.mass
+        self.most = min(limits.thrust_max, 4.0 * squared) / vehicle.mass
+        self.slowest = xyz(limits.velocity_min)
+        self.fastest = xyz(limits.velocity_max)
+        self.tilt = limits.tilt
+        self.held = rules.yaw_held
+        self.heading = rules.heading
+        self.rate = xyz(limits.body_rate)
+        inertia = xyz(vehicle.inertia)
+        torque = np.minimum(xyz(limits.torque_max)[:2], squared * vehicle.arm_length)
+        turn = vehicle.torque_factor * torque / inertia[:2]
+        if not self.held:
+            # Gyroscopic moments; with yaw held r is zero and they vanish.
+            lever = np.abs([inertia[1] - inertia[2], inertia[2] - inertia[0]])
+            turn = turn + lever / inertia[:2] * self.rate[[1, 0]] * self.rate[2]
+        self.acceleration = turn
+        self.level_speed = limits.level_speed or np.inf
+        self.cylinder = self._cylinder(limits)
+
+    def _cylinder(self, limits: Limits) -> tuple[float, float, float] | None:
+        """Greatest level thrust, least and greatest vertical thrust [m/s²]."""
+        up, down = limits.acceleration_up, limits.acceleration_down
+        if not (limits.acceleration or up or down):
+            return None
+        level = min(limits.acceleration or self.most, self.most)
+        upright = np.cos(self.tilt) ** 2
+        # What thrust there is at least and does not go level goes up.
+        rest = np.sqrt(max(self.least**2 - level**2, 0.0))
+        low = max(self.least * upright, rest, self.gravity - (down or np.inf))
+        return level, low, min(self.most, self.gravity + (up or np.inf))
+
+    def caps(self, since: FloatArray) -> list[FloatArray]:
+        """Greatest |roll| and |pitch| [rad] at times ``since`` [s] after a hover."""
+        found = []
+        for axis in (0, 1):
+            rate, acceleration = self.rate[axis], self.acceleration[axis]
+            ramp = rate / acceleration
+            angle = np.where(
+                since < ramp,
+                0.5 * acceleration * since**2,
+                rate * since - 0.5 * rate * ramp,
+            )
+            found.append(np.minimum(angle, self.tilt))
+        return found
+
+    def velocity_support(self, direction: FloatArray) -> FloatArray:
+        """Greatest ``direction . v``; (..., 3) to (...)."""
+        best = np.maximum(direction * self.slowest, direction * self.fastest)
+        box = np.asarray(best.sum(axis=-1))
+        if not np.isfinite(self.level_speed):
+            return box
+        level = self.level_speed * np.hypot(direction[..., 0], direction[..., 1])
+        return np.asarray(np.minimum(box, level + best[..., 2]))
+
+    def thrust_supports(
+        self, direction: FloatArray, roll: FloatArray, pitch: FloatArray
+    ) -> list[FloatArray]:
+        """Greatest ``direction . u`` over each set that u lies in; (..., 3) to (...).
+
+        |roll| and |pitch| are capped.
+
+        With yaw held, u over its length is (cos phi sin theta, -sin phi, cos phi cos
+        theta) in the frame of the heading: the best pitch first, then the best roll.
+        With yaw free, u lies within the cone of tilt arccos(cos phi cos theta).
+        """
+        x, y, up = direction[..., 0], direction[..., 1], direction[..., 2]
+        if self.held:
+            cosine, sine = np.cos(self.heading), np.sin(self.heading)
+            ahead, left = cosine * x + sine * y, cosine * y - sine * x
+            inner = _within(up, np.abs(ahead), pitch)
+            length = _within(inner, np.abs(left), roll)
+        else:
+            cone = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+            length = _within(up, np.hypot(x, y), cone)
+        found = [np.where(length > 0.0, self.most * length, self.least * length)]
+        if self.cylinder is not None:
+            level, low, high = self.cylinder
+            if self.held:
+                slopes = np.tan(pitch), np.tan(roll) / np.cos(pitch)
+            else:
+                ahead, left = np.hypot(x, y), 0.0 * x
+                slopes = np.tan(cone), 0.0 * cone
+            ends = np.full_like(up, low), np.full_like(up, high)
+            found.append(
+                _within_cylinder((np.abs(ahead), np.abs(left), up), slopes, level, ends)
+            )
+        return found
+
+
+def _within_cylinder(
+    direction: tuple[FloatArray, FloatArray, FloatArray],
+    slopes: tuple[FloatArray, FloatArray],
+    radius: float,
+    ends: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Greatest ``direction . u`` over the cone within the cylinder; see above.
+
+    Parameters
+    ----------
+    direction
+        x and y, at least 0, and up, each (...).
+    slopes
+        p and q, each (...).
+    radius
+        r [m/s²].
+    ends
+        Least and greatest u_z, each (...) [m/s²].
+    """
+    (x, y, up), (p, q), size = direction, slopes, np.hypot(*direction[:2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        heights = [
+            *ends,
+            radius / np.hypot(p, q),
+            radius * x / (size * p),
+            radius * y / (size * q),
+            radius * (x * p + up) / (p * np.hypot(x * p + up, y * p)),
+            radius * (y * q + up) / (q * np.hypot(y * q + up, x * q)),
+        ]
+    best = np.full_like(size, -np.inf)
+    for height in heights:
+        z = np.clip(np.nan_to_num(height), *ends)
+        a, b = np.minimum(p * z, radius), np.minimum(q * z, radius)
+        # The rectangle's corner, cut back to the disc along either side.
+        along_a = x * a + y * np.minimum(b, np.sqrt(radius**2 - a**2))
+        along_b = y * b + x * np.minimum(a, np.sqrt(radius**2 - b**2))
+        own = (radius * x <= a * size) & (radius * y <= b * size)
+        level = np.where(own, radius * size, np.maximum(along_a, along_b))
+        best = np.maximum(best, up * z + level)
+    return np.asarray(best)
+
+
+def _within(along: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
+    """Greatest ``along cos a + across sin a`` for 0 <= a <= cap <= pi."""
+    angle = np.minimum(np.arctan2(across, along), cap)
+    return np.asarray(along * np.cos(angle) + across * np.sin(angle))
+
+
+def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
+    """Whether the segment's witness proves its drone's move impossible in its time.
+
+    Parameters
+    ----------
+    message
+        Segment with a witness: T [s], beta, knots (k,) as fractions of T, and
+        multipliers (k, 3).
+    rules
+        Rules of the show.
+    way
+        Displacement of the witness's drone, shape (3,) [m].
+    """
+    witness, beta = message.certificate.witness, xyz(message.certificate.witness.beta)
+    knots, time = np.array(witness.knots), witness.time
+    multipliers = np.array(witness.multipliers)
+    relaxed = Relaxed(rules, rules.limits[message.limits])
+    if not (
+        knots.size >= 2
+        and multipliers.size == 3 * knots.size
+        and np.all(np.isfinite(multipliers))
+        and np.all(np.isfinite(beta))
+        and knots[0] == 0.0
+        and knots[-1] == 1.0
+        and np.all(np.diff(knots) > 0.0)
+        and np.isfinite(time)
+        and time > 0.0
+        and relaxed.tilt < 0.5 * np.pi
+    ):
+        return False
+    multipliers = multipliers.reshape(-1, 3)
+    instants = knots * time
+    widths = np.diff(instants)
+    slope = np.diff(multipliers, axis=0) / widths[:, None]
+    cruise = float(relaxed.velocity_support(beta + slope) @ widths)
+    middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])
+    weight = relaxed.gravity * float(middle @ widths)
+    thrust = size = 0.0
+    edge = np.arange(CELLS + 1) / CELLS
+    for k, width in enumerate(widths):
+        at = instants[k] + width * edge
+        vector = multipliers[k] + edge[:, None] * (multipliers[k + 1] - multipliers[k])
+        low, high = at[:-1], at[1:]
+        # The latest moment from a hover within the cell: there the caps are widest.
+        latest = np.minimum(np.minimum(high, time - low), 0.5 * time)
+        roll, pitch = relaxed.caps(latest)
+        sides = zip(
+            relaxed.thrust_supports(vector[:-1], roll, pitch),
+            relaxed.thrust_supports(vector[1:], roll, pitch),
+            strict=True,
+        )
+        # Each is convex, their least is not: it is taken after the trapezoids.
+        heights = np.min([before + after for before, after in sides], axis=0)
+        thrust += 0.5 * width / CELLS * float(heights.sum())
+        size += width * float(np.abs(multipliers[k : k + 2]).sum())
+    gain = float(beta @ way)
+    # No thrust is greater than the greatest, no speed than that of the box's corner.
+    fastest = np.maximum(np.abs(relaxed.slowest), np.abs(relaxed.fastest))
+    size *= 2.0 * (relaxed.most + relaxed.gravity)
+    size += float(np.abs(beta) @ np.abs(way))
+    size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
+    steps = (CELLS + knots.size + 200) * UNIT
+    return bool(gain - (cruise + thrust - weight) > steps / (1.0 - steps) * size)
 
 
 def certified(
@@ -35,44 +288,32 @@ def certified(
 
     ``encounters`` are the closest ones, one for each segment.
     """
-    moves = [segment for segment in show.segments if not segment.holds]
-    return [_witnesses(show, moves), _order(moves), _encounters(show, encounters)]
+    bounds, order, closest = [], [], []
+    for one, near in zip(show.segments, encounters, strict=True):
+        said = one.message.certificate
+        if one.holds:
+            continue
+        if said.dual_bound or said.HasField("witness"):
+            bounds.append(_seen(one, said.witness.drone, _excess(show, one)))
+        # Bound <= greatest single-drone minimum <= time flown.
+        single = said.single_drone_minimum or one.duration
+        late = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
+        order.append(_seen(one, 0, late))
+        if near is not None:
+            closest.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
+    return [
+        worst(Statement(code, None, None, limit, unit), found)
+        for code, limit, unit, found in (
+            ("VRF341", TOLERANCE, "s", bounds),
+            ("VRF342", TOLERANCE, "s", order),
+            ("VRF343", DISTANCE_TOLERANCE, "m", closest),
+        )
+    ]
 
 
-def _witnesses(show: LoggedShow, moves: list[Segment]) -> Statement:
-    """Every claimed lower bound on a segment's time follows from its witness."""
-    claims = [
-        one
-        for one in moves
-        if (said := one.message.certificate).dual_bound or said.HasField("witness")
-    ]
-    if not claims:
-        return Statement("VRF341", None, notes=("no segment claims one",))
-    excess = [_excess(show, segment) for segment in claims]
-    worst = int(np.argmax(excess))
-    where = claims[worst]
-    failed = [
-        f"“{one.message.name}” claims {one.message.certificate.dual_bound:.6f} s, its "
-        f"witness proves {over:.6f} s less"
-        for one, over in zip(claims, excess, strict=True)
-        if over > TOLERANCE
-    ]
-    shares = [one.message.certificate.dual_bound / one.duration for one in claims]
-    note = (
-        f"{len(claims)} witnesses; the bounds are {min(shares):.1%} to "
-        f"{max(shares):.1%} of the times flown (tolerance {TOLERANCE:.0e} s)"
-    )
-    return Statement(
-        "VRF341",
-        not failed,
-        max(excess[worst], 0.0),
-        TOLERANCE,
-        "s",
-        (where.message.certificate.witness.drone,),
-        where.message.name,
-        where.start,
-        (note, *failed[:5]),
-    )
+def _seen(segment: Segment, drone: int, value: float) -> Seen:
+    name, values = segment.message.name, np.array([max(value, 0.0)])
+    return Seen(name, segment.start, np.array([drone]), values)
 
 
 def _excess(show: LoggedShow, segment: Segment) -> float:
@@ -83,54 +324,6 @@ def _excess(show: LoggedShow, segment: Segment) -> float:
         way = segment.goals[witness.drone] - segment.ends()[0][witness.drone, :3]
         proved = refuted(segment.message, show.rules, way)
     return certificate.dual_bound - witness.time if proved else np.inf
-
-
-def _order(moves: list[Segment]) -> Statement:
-    """Bound <= greatest single-drone minimum <= time flown."""
-    bad, name, time = [], None, None
-    for segment in moves:
-        certificate = segment.message.certificate
-        bound, single = certificate.dual_bound, certificate.single_drone_minimum
-        flown = segment.duration
-        if not 0.0 <= bound <= (single or flown) <= flown + TOLERANCE:
-            bad.append(
-                f"“{segment.message.name}”: bound {bound:.6f} s, single drone "
-                f"{single:.6f} s, flown {flown:.6f} s"
-            )
-            name, time = segment.message.name, segment.start
-    return Statement(
-        "VRF342",
-        not bad,
-        segment=name,
-        time=time,
-        notes=tuple(bad[:5]),
-    )
-
-
-def _encounters(show: LoggedShow, found: Sequence[Encounter | None]) -> Statement:
-    """Claimed encounters are the closest ones, and there at their times."""
-    moves = [
-        (segment, encounter)
-        for segment, encounter in zip(show.segments, found, strict=True)
-        if encounter is not None and not segment.holds
-    ]
-    if not moves:
-        return Statement("VRF343", None, notes=("no segment claims one",))
-    off = [_off(show, *move) for move in moves]
-    worst = int(np.argmax(off))
-    segment = moves[worst][0]
-    closest = segment.message.certificate.closest
-    return Statement(
-        "VRF343",
-        off[worst] <= DISTANCE_TOLERANCE,
-        off[worst],
-        DISTANCE_TOLERANCE,
-        "m",
-        (closest.drone_a, closest.drone_b),
-        segment.message.name,
-        segment.start + closest.time,
-        (f"{len(moves)} encounters",),
-    )
 
 
 def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
@@ -151,5 +344,4 @@ def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
         for measure in measures(show.rules.separation)
     )
     claimed = closest.distance
-    gap = max(abs(distance - claimed), abs(nearest.upper - claimed))
-    return gap if gap >= 0.0 else np.inf
+    return max(abs(distance - claimed), abs(nearest.upper - claimed))

@@ -10,18 +10,17 @@ the hull of its coefficients (Farouki 2012, section 4).
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.verify.kernel.show import Statement
+from showc.verify.kernel.show import Seen, Statement, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import FloatArray
     from showc.verify.kernel.show import LoggedShow
 
 
@@ -39,17 +38,6 @@ _AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
 """States that are zero at a hover: all but position and yaw."""
 
 
-class _Seen(NamedTuple):
-    """What is found of some drones at some time of a segment."""
-
-    segment: str
-    time: FloatArray | float
-    """One show time, or one for each value [s]."""
-    drones: IntArray
-    values: FloatArray
-    """Shape of ``drones``."""
-
-
 def joined_up(show: LoggedShow) -> list[Statement]:
     """State everything about how the show joins up."""
     found = (
@@ -62,48 +50,25 @@ def joined_up(show: LoggedShow) -> list[Statement]:
     )
     return [
         *(
-            _worst(Statement(code, None, None, limit, unit), seen(show))
+            worst(Statement(code, None, None, limit, unit), seen(show))
             for code, limit, unit, seen in found
         ),
         _ground(show),
     ]
 
 
-def _worst(asked: Statement, found: Iterable[_Seen]) -> Statement:
-    """State whether all values keep the limit, and which is the worst."""
-    worst, drone, where, time, count = -1.0, 0, "", 0.0, 0
-    limit = asked.limit or 0.0
-    for one in found:
-        values = np.where(np.isnan(one.values), np.inf, one.values)
-        count += int(np.sum(values > limit))
-        if values.max(initial=-1.0) > worst:
-            index = int(np.argmax(values))
-            worst, drone = float(values[index]), int(one.drones[index])
-            where = one.segment
-            time = float(np.broadcast_to(one.time, values.shape)[index])
-    return replace(
-        asked,
-        holds=worst <= limit,
-        value=worst,
-        drones=(drone,),
-        segment=where,
-        time=time,
-        notes=(f"{count:,} findings of this kind",) if count > 1 else (),
-    )
-
-
-def _hover(show: LoggedShow) -> Iterator[_Seen]:
+def _hover(show: LoggedShow) -> Iterator[Seen]:
     fleet = np.arange(show.drones)
     for one in show.segments:
         name = one.message.name
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
-            yield _Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
+            yield Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
         for table in one.tables if one.holds else ():
             restless = np.abs(table.state[:, :, _AT_REST]).max(axis=(1, 2))
-            yield _Seen(name, one.start + table.start, table.owner, restless)
+            yield Seen(name, one.start + table.start, table.owner, restless)
 
 
-def _heading(show: LoggedShow) -> Iterator[_Seen]:
+def _heading(show: LoggedShow) -> Iterator[Seen]:
     """Yaw at hovers, and always if it is held, by the hull of its coefficients."""
     heading = show.rules.heading
     for one in show.segments:
@@ -111,11 +76,11 @@ def _heading(show: LoggedShow) -> Iterator[_Seen]:
         if show.rules.yaw_held:
             for table in one.tables:
                 off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
-                yield _Seen(name, one.start + table.start, table.owner, off)
+                yield Seen(name, one.start + table.start, table.owner, off)
             continue
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
             off = _turn(state[:, 8] - heading)
-            yield _Seen(name, time, np.arange(show.drones), off)
+            yield Seen(name, time, np.arange(show.drones), off)
 
 
 def _turn(angle: FloatArray) -> FloatArray:
@@ -127,13 +92,13 @@ def _distances(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.sum((first - second) ** 2, axis=1)))
 
 
-def _goals(show: LoggedShow) -> Iterator[_Seen]:
+def _goals(show: LoggedShow) -> Iterator[Seen]:
     for one in show.segments:
         off = _distances(one.ends()[1][:, :3], one.goals)
-        yield _Seen(one.message.name, one.end, np.arange(show.drones), off)
+        yield Seen(one.message.name, one.end, np.arange(show.drones), off)
 
 
-def _inside(show: LoggedShow) -> Iterator[_Seen]:
+def _inside(show: LoggedShow) -> Iterator[Seen]:
     """State across the mesh intervals of each segment, and their cover of its time."""
     for one in show.segments:
         for table in one.tables:
@@ -141,29 +106,29 @@ def _inside(show: LoggedShow) -> Iterator[_Seen]:
             later = np.setdiff1d(np.arange(table.start.size), first)
             jump = np.abs(table.state[later, 0] - table.state[later - 1, -1])
             name, time = one.message.name, one.start + table.start
-            yield _Seen(name, time[later], table.owner[later], jump.max(axis=1))
+            yield Seen(name, time[later], table.owner[later], jump.max(axis=1))
             edge = np.abs(table.end[last] - one.duration)
             edge = np.maximum(np.abs(table.start[first]), edge)
-            yield _Seen(name, time[first], table.drones, edge)
+            yield Seen(name, time[first], table.drones, edge)
 
 
-def _gaps(show: LoggedShow) -> Iterator[_Seen]:
+def _gaps(show: LoggedShow) -> Iterator[Seen]:
     """Segments follow each other: each holds the whole fleet."""
     ends = [0.0, *(one.end for one in show.segments)]
     starts = [*(one.start for one in show.segments), show.duration]
     names = [*(one.message.name for one in show.segments), "the end"]
     for name, end, start in zip(names, ends, starts, strict=True):
-        yield _Seen(name, start, np.array([0]), np.array([abs(start - end)]))
+        yield Seen(name, start, np.array([0]), np.array([abs(start - end)]))
 
 
-def _jumps(show: LoggedShow) -> Iterator[_Seen]:
+def _jumps(show: LoggedShow) -> Iterator[Seen]:
     ends = [one.ends() for one in show.segments]
     for one, before, after in zip(show.segments[1:], ends, ends[1:], strict=False):
         leap = np.abs(after[0] - before[1])
         # Yaw may have turned by whole circles.
         leap[:, 8] = _turn(leap[:, 8])
         fleet = np.arange(show.drones)
-        yield _Seen(one.message.name, one.start, fleet, leap.max(axis=1))
+        yield Seen(one.message.name, one.start, fleet, leap.max(axis=1))
 
 
 def _ground(show: LoggedShow) -> Statement:
@@ -187,6 +152,6 @@ def _ground(show: LoggedShow) -> Statement:
         return np.array(rows)
 
     fleet = np.arange(show.drones)
-    launch = _Seen("launch", 0.0, fleet, beside(first.ends()[0]))
-    landing = _Seen("landing", show.duration, fleet, beside(last.ends()[1]))
-    return _worst(Statement("VRF338", None, None, REACHED, "m"), (launch, landing))
+    launch = Seen("launch", 0.0, fleet, beside(first.ends()[0]))
+    landing = Seen("landing", show.duration, fleet, beside(last.ends()[1]))
+    return worst(Statement("VRF338", None, None, REACHED, "m"), (launch, landing))

@@ -57,7 +57,7 @@ matrices included, and all factors of a linear map add up to :attr:`_Scheme.gain
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -65,7 +65,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebint
 
 from showc.verify.kernel.bernstein import basis, halves
-from showc.verify.kernel.show import PieceTable, Statement
+from showc.verify.kernel.show import PieceTable, Seen, Statement, worst
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,41 +108,30 @@ ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
 TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
 """The same for each of the twelve states (SI)."""
 
+_EVERY = "a bound on every instant, rounding and clipped controls included"
+
 _AT_ONCE = 1_000
 """Mesh intervals taken together: few enough to stay in the processor's cache."""
 
 
+_SIGNS = np.array(
+    [[1.0, 1.0, 1.0, 1.0], [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [1, -1, 1, -1]]
+)
+"""What each rotor (column) adds to thrust and torques (rows, square to each other)."""
+
+
 def allocation(vehicle: Vehicle) -> FloatArray:
-    """Matrix (4, 4) from squared rotor speeds [rad²/s²] to thrust and torques."""
-    lift = vehicle.thrust_coefficient
-    arm = lift * vehicle.arm_length
-    drag = vehicle.torque_coefficient
-    return np.array(
-        [
-            [lift, lift, lift, lift],
-            [0.0, -arm, 0.0, arm],
-            [arm, 0.0, -arm, 0.0],
-            [drag, -drag, drag, -drag],
-        ]
-    )
+    """Matrix (4, 4) from squared rotor speeds, over the greatest, to the control."""
+    top = vehicle.rotor_speed_max**2
+    push, turn = vehicle.thrust_coefficient * top, vehicle.torque_coefficient * top
+    arm = push * vehicle.arm_length
+    return np.asarray(np.array([push, arm, arm, turn])[:, None] * _SIGNS)
 
 
 def rotor_shares(vehicle: Vehicle) -> FloatArray:
-    """Matrix (4, 4) from control to squared rotor speeds, full speed being 1.
-
-    The inverse of :func:`allocation`, written out: each entry is right to 4 roundings.
-    """
-    top = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
-    push, lean = 0.25 / top, 0.5 / (top * vehicle.arm_length)
-    turn = 0.25 / (vehicle.torque_coefficient * vehicle.rotor_speed_max**2)
-    return np.array(
-        [
-            [push, 0.0, lean, turn],
-            [push, -lean, 0.0, -turn],
-            [push, 0.0, -lean, turn],
-            [push, lean, 0.0, -turn],
-        ]
-    )
+    """Inverse of :func:`allocation`: each entry is right to 8 roundings."""
+    matrix = allocation(vehicle)
+    return np.asarray((matrix / (matrix**2).sum(axis=1, keepdims=True)).T)
 
 
 def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
@@ -156,24 +145,15 @@ def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
         ("VRF302", ANGLE, "deg", float(np.degrees(1.0)), np.inf),
         ("VRF304", RATE, "deg/s", float(np.degrees(1.0)), np.inf),
     )
-    found = []
+    fleet, found = np.arange(show.drones), []
     for kind, (code, limit, unit, turn, order) in enumerate(kinds):
-        part = np.array(radii)[:, :, 3 * kind : 3 * kind + 3]
-        size = np.linalg.norm(part, ord=order, axis=2)
-        number, drone = divmod(int(np.argmax(size)), show.drones)
-        found.append(
-            Statement(
-                code,
-                bool(size[number, drone] <= limit),
-                float(size[number, drone]) * turn,
-                limit * turn,
-                unit,
-                (drone,),
-                show.segments[number].message.name,
-                None,
-                ("a bound on every instant, rounding and clipped controls included",),
-            )
-        )
+        seen = [
+            Seen(one.message.name, one.start, fleet, turn * size)
+            for one, some in zip(show.segments, radii, strict=True)
+            for size in [np.linalg.norm(some[:, 3 * kind :][:, :3], order, axis=1)]
+        ]
+        stated = worst(Statement(code, None, None, limit * turn, unit), seen)
+        found.append(replace(stated, time=None, notes=(_EVERY,)))
     return found
 
 
@@ -264,23 +244,9 @@ def _scheme(state_degree: int, control_degree: int) -> _Scheme:
 # --- step 1: right sides on some mesh intervals ---------------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Some mesh intervals; coefficients lie as (degree + 1, components, rows)."""
-
-    width: FloatArray
-    """Shape (rows,) [s]."""
-    state: FloatArray
-    control: FloatArray
-
-    @classmethod
-    def of(cls, table: PieceTable) -> _Rows:
-        """Take all rows of a table."""
-        return cls(
-            table.end - table.start,
-            np.ascontiguousarray(table.state.transpose(1, 2, 0)),
-            np.ascontiguousarray(table.control.transpose(1, 2, 0)),
-        )
+def _rows_last(coefficients: FloatArray) -> FloatArray:
+    """Coefficients as (degree + 1, components, rows): sums then run along memory."""
+    return np.ascontiguousarray(coefficients.transpose(1, 2, 0))
 
 
 def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
@@ -293,17 +259,19 @@ def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
     return np.asarray(np.where(over > GAMMA * scale, over, 0.0))
 
 
-def _truncation(rows: _Rows, mass: float, degree: int) -> FloatArray:
+def _truncation(
+    state: FloatArray, control: FloatArray, mass: float, degree: int
+) -> FloatArray:
     """Bound of what interpolation of U1 / m b leaves out, shape (rows,) [m/s²]."""
     parts = []
-    for source, columns in ((rows.state, slice(6, 9)), (rows.control, slice(0, 1))):
+    for source, columns in ((state, slice(6, 9)), (control, slice(0, 1))):
         order = source.shape[0] - 1
         some = np.abs(np.tensordot(_chebyshev(order), source[:, columns], axes=1))
         # No true coefficient is beyond the computed one and what rounding took.
         some += GAMMA * np.abs(source[:, columns]).max(axis=0)
         parts.append(some)
     angles, thrust = parts
-    best = np.full(rows.width.size, np.inf)
+    best = np.full(state.shape[2], np.inf)
     for rho in _ELLIPSES:
         power = rho ** np.arange(max(angles.shape[0], thrust.shape[0]))
         lean = 0.5 * (power - 1.0 / power)[: angles.shape[0]]
@@ -316,9 +284,11 @@ def _truncation(rows: _Rows, mass: float, degree: int) -> FloatArray:
 
 
 def _sides(
-    rows: _Rows, vehicle: Vehicle, scheme: _Scheme
+    logged: FloatArray, pushed: FloatArray, vehicle: Vehicle, scheme: _Scheme
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Right sides of velocity and rates along the logged angles and rates (SI).
+    """Right sides of velocity and rates along the ``logged`` states (SI).
+
+    ``pushed`` are the coefficients of the control.
 
     Returns
     -------
@@ -329,12 +299,12 @@ def _sides(
     ndarray, shape (6, rows)
         Sum of absolute values of what was added up.
     """
-    state = np.tensordot(scheme.state, rows.state[:, 6:], axes=1)
-    control = np.tensordot(scheme.control, rows.control, axes=1)
+    state = np.tensordot(scheme.state, logged[:, 6:], axes=1)
+    control = np.tensordot(scheme.control, pushed, axes=1)
     ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
     over = np.array([vehicle.torque_factor / ix, vehicle.torque_factor / iy, 1.0 / iz])
     coupling = np.array([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
-    value = np.empty((state.shape[0], 6, rows.width.size))
+    value = np.empty((state.shape[0], 6, state.shape[2]))
     thrust = control[:, 0] / vehicle.mass
     value[:, :3] = thrust[:, None] * _direction(state[:, :3])
     value[:, 2] -= vehicle.gravity
@@ -343,17 +313,17 @@ def _sides(
     for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1))):
         value[:, 3 + axis] += coupling[axis] * rate[:, one] * rate[:, other]
 
-    most = np.abs(rows.control).max(axis=0)
-    angles, rates = np.split(np.abs(rows.state[:, 6:]).max(axis=0), 2)
-    size = np.empty((6, rows.width.size))
+    most = np.abs(pushed).max(axis=0)
+    angles, rates = np.split(np.abs(logged[:, 6:]).max(axis=0), 2)
+    size = np.empty((6, state.shape[2]))
     size[:3] = most[0] / vehicle.mass * (1.0 + angles.sum(axis=0)) + vehicle.gravity
     pairs = np.stack([rates[1] * rates[2], rates[0] * rates[2], rates[0] * rates[1]])
     size[3:] = over[:, None] * most[1:] + np.abs(coupling)[:, None] * pairs
 
-    off = np.abs(allocation(vehicle)) @ _excess(rows.control, vehicle)
-    off *= vehicle.rotor_speed_max**2
-    error = np.empty((6, rows.width.size))
-    error[:3] = _truncation(rows, vehicle.mass, scheme.degree) + off[0] / vehicle.mass
+    off = np.abs(allocation(vehicle)) @ _excess(pushed, vehicle)
+    error = np.empty((6, state.shape[2]))
+    error[:3] = _truncation(logged, pushed, vehicle.mass, scheme.degree)
+    error[:3] += off[0] / vehicle.mass
     error[3:] = over[:, None] * off[1:]
     return value, error, size
 
@@ -385,23 +355,22 @@ _SECOND = [0, 1, 2, 6, 7, 8]
 def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, each (6, rows)."""
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
-    rows = _Rows.of(table)
-    value, error, size = _sides(rows, vehicle, scheme)
-    whole = np.abs(rows.state).max(axis=0)
+    width, state = table.end - table.start, _rows_last(table.state)
+    value, error, size = _sides(state, _rows_last(table.control), vehicle, scheme)
+    whole = np.abs(state).max(axis=0)
     rounding = GAMMA * scheme.gain
     polynomial, step, off = [], [], []
     for k, matrix in enumerate((scheme.once, scheme.twice)):
-        power = rows.width ** (k + 1)
+        power = width ** (k + 1)
         found = np.tensordot(matrix, value, axes=1) * power
         step.append(found.sum(axis=0))
-        own = whole[(_FIRST, _SECOND)[k]] + k * rows.width * whole[_FIRST]
+        own = whole[(_FIRST, _SECOND)[k]] + k * width * whole[_FIRST]
         off.append(power * (error + rounding * size) + rounding * own)
-        logged = rows.state[:, (_FIRST, _SECOND)[k]]
+        logged = state[:, (_FIRST, _SECOND)[k]]
         found[: logged.shape[0]] -= np.tensordot(
             _chebyshev(logged.shape[0] - 1), logged, axes=1
         )
         polynomial.append(found)
-    width = rows.width
     start = _marched(table, width, step, off)
     polynomial[0][0] += start[0]
     # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
@@ -484,9 +453,9 @@ def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
     """Halve intervals on which step 1 would be coarse."""
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     for _ in range(_HALVINGS):
-        rows = _Rows.of(table)
-        coarse = ~(_truncation(rows, vehicle.mass, scheme.degree) <= _FINE)
-        coarse |= _excess(rows.control, vehicle).max(axis=0) > _CLIPPED
+        state, control = _rows_last(table.state), _rows_last(table.control)
+        rest = _truncation(state, control, vehicle.mass, scheme.degree)
+        coarse = ~(rest <= _FINE) | (_excess(control, vehicle).max(axis=0) > _CLIPPED)
         if not coarse.any():
             break
         table = _halved(table, coarse)

@@ -1,8 +1,8 @@
 """The fence in flight: every drone inside the polygon, with the distance asked for.
 
 **Theorem.** At every instant of a segment the logged level position of every drone lies
-inside the fence, at least :attr:`Nearest.lower` from each of its edges. The polygon may
-be concave. What is flown keeps that distance less the its radius
+inside the fence, at least what :func:`enclosed` returns from each of its edges. The
+polygon may be concave. What is flown keeps that distance less its radius
 (:mod:`showc.verify.kernel.dynamics`).
 
 Proof. On a mesh interval a position lies in the convex hull of its Bernstein
@@ -22,52 +22,19 @@ bounds it (Higham 2002, section 3.1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
-from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.show import Statement
+from showc.verify.kernel.dynamics import GAMMA
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from showc.arrays import BoolArray, FloatArray
-    from showc.log.showc_pb2 import Site
-    from showc.verify.kernel.show import LoggedShow, Segment
 
 
 RESOLUTION = 1e-6
 """Width of the enclosure of the least distance [m]."""
-
-TOLERANCE = 1e-6
-"""How far the distance may be missed: what a solver calls equal [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Nearest:
-    """Least distance to the fence over one segment, negative outside."""
-
-    lower: float
-    """No drone comes nearer at any instant [m]."""
-    drone: int
-    """Counting from 0."""
-    time: float
-    """Start of the interval, since the start of the segment [s]."""
-
-
-def nearest(segment: Segment, site: Site) -> Nearest | None:
-    """Enclose the least distance to the fence; None if there is none."""
-    fence = np.array(site.fence, dtype=np.float64).reshape(-1, 2)
-    if not fence.size:
-        return None
-    found = []
-    for table in segment.tables:
-        lower, row = enclosed(np.ascontiguousarray(table.state[:, :, :2]), fence)
-        found.append(Nearest(lower, int(table.owner[row]), float(table.start[row])))
-    return min(found, key=lambda one: one.lower)
 
 
 def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
@@ -79,7 +46,7 @@ def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
         worst = int(np.argmax(away))
         return -float(away[worst]) - rounding, worst
     found = least(
-        path,
+        np.ascontiguousarray(path),
         lambda some: _separation(some, fence),
         lambda ends: _to_edges(ends, fence),
         RESOLUTION,
@@ -136,42 +103,3 @@ def _inside(points: FloatArray, fence: FloatArray) -> BoolArray:
             share = (points[:, 1] - first[1]) / (second[1] - first[1])
             odd ^= crosses & (points[:, 0] < first[0] + share * (second[0] - first[0]))
     return odd
-
-
-def fenced(
-    show: LoggedShow, radii: Sequence[FloatArray], found: Sequence[Nearest | None]
-) -> Statement:
-    """State that the fence holds in flight.
-
-    Parameters
-    ----------
-    radii, found
-        One for each segment of the show.
-    """
-    wanted = show.rules.site.fence_margin
-    worst: tuple[float, float, Nearest, Segment] | None = None
-    for segment, one_radius, one in zip(show.segments, radii, found, strict=True):
-        if one is not None and (worst is None or not one.lower >= worst[2].lower):
-            radius = float(np.linalg.norm(one_radius[:, :2], axis=1).max())
-            worst = one.lower - min(radius, POSITION), radius, one, segment
-    if worst is None:
-        note = "the script asks for no fence; the flight volume holds instead"
-        return Statement("VRF319", None, notes=(note,))
-    flown, radius, one, segment = worst
-    # On the fence itself nothing is left between inside and outside.
-    enough = max(wanted - TOLERANCE, RESOLUTION)
-    note = (
-        f"the polynomials keep {one.lower:.6f} m (tolerance {TOLERANCE:.0e} m), what "
-        f"is flown is within {radius:.1e} m of them"
-    )
-    return Statement(
-        "VRF319",
-        one.lower >= enough and radius <= POSITION,
-        flown,
-        wanted,
-        "m",
-        (one.drone,),
-        segment.message.name,
-        segment.start + one.time,
-        (note,),
-    )

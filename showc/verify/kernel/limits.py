@@ -2,7 +2,7 @@
 
 **Theorem.** At no instant of a segment does a quantity of the logged polynomials exceed
 :attr:`Extreme.upper`; the flown quantity (see :mod:`showc.verify.kernel.dynamics`) does
-not exceed that by more than the its radius.
+not exceed that by more than its radius.
 
 Proof. Each limit is an upper bound on a polynomial q on each mesh interval: a state, a
 control, a squared rotor speed, a slope of the velocity, or the sum of the squares of
@@ -19,6 +19,8 @@ here is covered (Higham 2002, section 3.1).
 *Accelerations* are the slopes of the logged velocities. As the flown velocities stay
 within 0.5 mm/s of these, the flown mean acceleration over any 0.1 s differs from the
 mean of the slope by at most 1 cm/s².
+
+The distance to the fence is enclosed by :mod:`showc.verify.kernel.fence`.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ import numpy as np
 
 from showc.verify.kernel.bernstein import least, square_sum
 from showc.verify.kernel.dynamics import GAMMA, TOLERANCES, rotor_shares
+from showc.verify.kernel.fence import RESOLUTION as TOUCHES
+from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import Statement, xyz
 
 if TYPE_CHECKING:
@@ -56,6 +60,7 @@ FAMILIES = {
     "torques": "VRF316",
     "rotor speeds": "VRF317",
     "accelerations": "VRF318",
+    "fence": "VRF319",
 }
 """Code of each family of limits."""
 
@@ -69,7 +74,8 @@ class Bound:
     family: str
     """Key of ``FAMILIES``."""
     quantity: str
-    """A state, a control, ``rotor`` and its number, ``level`` and what, or ``az``."""
+    """A state, a control, ``rotor`` and its number, ``level`` and what, ``az``, or the
+    ``distance`` to the fence."""
     sign: float
     """1, or -1 where the quantity is bounded from below."""
     top: float
@@ -92,6 +98,8 @@ class Bound:
     @property
     def states(self) -> list[int]:
         """States whose flown values may differ from the logged ones."""
+        if self.family == "fence":
+            return [0, 1]
         if self.quantity == "level speed":
             return [3, 4]
         return [_STATES.index(self.quantity)] if self.quantity in _STATES else []
@@ -194,6 +202,17 @@ def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
         parts = [_greatest(table, rules, bound) for table in segment.tables]
         inner = max(parts, key=lambda one: one.lower)
         found.append(replace(inner, upper=max(one.upper for one in parts)))
+    fence = np.array(rules.site.fence).reshape(-1, 2)
+    if fence.size:
+        # On the fence itself nothing is left between inside and outside.
+        asked = max(rules.site.fence_margin, TOUCHES + TOLERANCE)
+        bound = Bound("fence", "distance to the fence", -1.0, -asked, 1.0, "m")
+        parts = []
+        for table in segment.tables:
+            lower, row = enclosed(table.state[:, :, :2], fence)
+            drone, time = int(table.owner[row]), float(table.start[row])
+            parts.append(Extreme(bound, -lower, -lower, drone, time))
+        found.append(max(parts, key=lambda one: one.upper))
     return found
 
 
@@ -236,22 +255,24 @@ def kept(
             before = tightest.get(family)
             if before is None or not extreme.margin >= before[0].margin:
                 tightest[family] = extreme, segment, radius
-    return [_statement(*tightest[name]) for name in FAMILIES if name in tightest]
+    stated = [_statement(*tightest[name]) for name in FAMILIES if name in tightest]
+    if "fence" not in tightest:
+        note = "the script asks for no fence; the flight volume holds instead"
+        stated.append(Statement(FAMILIES["fence"], None, notes=(note,)))
+    return stated
 
 
 def _statement(extreme: Extreme, segment: Segment, radii: FloatArray) -> Statement:
     bound, states = extreme.bound, extreme.bound.states
     radius = float(np.linalg.norm(radii[:, states].max(axis=0)))
     allowed = float(np.linalg.norm(TOLERANCES[states]))
+    left, rest, unit = extreme.margin * bound.span, TOLERANCE * bound.span, bound.unit
     note = (
-        f"{bound.name}: margin {extreme.margin:+.3%} of the range (tolerance "
-        f"{TOLERANCE:.0e} of it)"
+        f"{bound.name}: {left:+.6g} {unit} to the limit (tolerance {rest:.0e} {unit})"
     )
     if states:
-        note += (
-            f"; flown within {radius:.1e} {bound.unit} of it ({allowed:.1e} allowed)"
-        )
-    value = bound.top - extreme.margin * bound.span + min(radius, allowed)
+        note += f"; flown within {radius:.1e} {unit} of it ({allowed:.1e} allowed)"
+    value = bound.top - left + min(radius, allowed)
     return Statement(
         FAMILIES[bound.family],
         extreme.margin >= -TOLERANCE and radius <= allowed,

@@ -6,13 +6,13 @@ from the file's bytes. Positions are in the show frame, units are SI.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Rules, Vector3
@@ -158,3 +158,41 @@ class Statement:
     """Show time of the value [s]."""
     notes: tuple[str, ...] = ()
     """Tolerances, error bounds, further findings."""
+
+
+class Seen(NamedTuple):
+    """What is found of some drones at some time of a segment."""
+
+    segment: str
+    time: FloatArray | float
+    """One show time, or one for each value [s]."""
+    drones: IntArray
+    values: FloatArray
+    """Shape of ``drones``."""
+
+
+def worst(asked: Statement, found: Iterable[Seen]) -> Statement:
+    """State whether all values keep the limit, and which is the worst.
+
+    What is undefined keeps no limit; where nothing is found, nothing is to be proved.
+    """
+    stated, count, limit = replace(asked, notes=("there is none",)), 0, asked.limit or 0
+    for one in found:
+        values = np.where(np.isnan(one.values), np.inf, one.values)
+        count += int(np.sum(values > limit))
+        if values.max(initial=-np.inf) > (
+            -np.inf if stated.value is None else stated.value
+        ):
+            at = int(np.argmax(values))
+            value, drone = float(values[at]), int(one.drones[at])
+            time = float(np.broadcast_to(one.time, values.shape)[at])
+            stated = replace(
+                asked,
+                holds=value <= limit,
+                value=value,
+                drones=(drone,),
+                segment=one.segment,
+                time=time,
+            )
+    notes = (f"{count:,} findings of this kind",) if count > 1 else ()
+    return stated if stated.value is None else replace(stated, notes=notes)
