@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from showc.ocp.refinement.graded.loop import GradedOptions, solve_graded
     from showc.ocp.solution import Multipliers, Optimum, PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Overrides
-    from showc.ocp.transcription.collocation.solver import (
+    from showc.ocp.transcription.collocation.transcription import Transcription
+    from showc.ocp.transcription.solver import (
         SolverMissingError,
         SolverOptions,
     )
-    from showc.ocp.transcription.collocation.transcription import Transcription
 
 __all__ = [
     "Data",
@@ -79,8 +79,8 @@ _HOMES = {
     "Margin": "audit.margins",
     "margins": "audit.margins",
     "Overrides": "transcription.collocation.limits",
-    "SolverMissingError": "transcription.collocation.solver",
-    "SolverOptions": "transcription.collocation.solver",
+    "SolverMissingError": "transcription.solver",
+    "SolverOptions": "transcription.solver",
     "Transcription": "transcription.collocation.transcription",
     "Imposed": "coupling",
     "GradedOptions": "refinement.graded.loop",

@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.arrays import FloatArray
 from showc.ocp.fault import StatementError, check_known
+from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
     from showc.ocp.problem import Problem
@@ -35,9 +36,11 @@ class Data:
             raise StatementError("the times of data do not increase, or are no numbers")
 
 
-Curve = float | FloatArray | Data | Callable[[FloatArray], FloatArray]
-"""A number, values at equal steps over the phase, values at given times, or a function
-of the fraction of the phase (an array in [0, 1])."""
+Curve = (
+    float | FloatArray | Data | PiecewisePolynomial | Callable[[FloatArray], FloatArray]
+)
+"""A number, values at equal steps over the phase, values at given times, a polynomial
+in time, or a function of the fraction of the phase (an array in [0, 1])."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,8 @@ def sample(
         return np.asarray(
             np.interp(start + fraction * duration, curve.times, curve.values)
         )
+    if isinstance(curve, PiecewisePolynomial):
+        return curve(start + fraction * duration)[..., 0]
     if callable(curve):
         return np.broadcast_to(np.asarray(curve(fraction), dtype=float), fraction.shape)
     values = np.atleast_1d(np.asarray(curve, dtype=np.float64))

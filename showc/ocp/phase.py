@@ -250,7 +250,7 @@ class Phase:
     ) -> None:
         """Bound the rate of one state, or the squared length of that of several.
 
-        The derivatives have to be stated before. A staged transcription bounds the
+        The derivatives have to be stated before. A condensed transcription bounds the
         Bernstein coefficients of the rate: the polynomials then keep the bound at
         every instant.
         """

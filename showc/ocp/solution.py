@@ -64,6 +64,11 @@ class PhaseSolution:
         """Duration of the phase."""
         return self.states.end - self.states.start
 
+    @property
+    def widths(self) -> FloatArray:
+        """Widths of the mesh intervals, shape (K,)."""
+        return self.mesh.widths(self.arc_durations)
+
     def state(self, name: str) -> PiecewisePolynomial:
         """Return the polynomial of the state ``name``; of a vector, all."""
         return self.states.select(_numbers(name, self.state_names))

@@ -3,7 +3,7 @@
 Every 10 ms an optimal control problem is solved for each drone: over a short horizon
 squared distance to the reference and effort are least, rotors within their limits.
 Intervals are stages of the condensed transcription
-(:mod:`showc.ocp.transcription.staged`), solved by a structured interior-point method
+(:mod:`showc.ocp.transcription.condensed`), solved by a structured interior-point method
 from the solution of the step before. The state from which it looks ahead is the
 estimate, carried over the time that commands need to become thrust; what the air adds
 is the same observer's as that of the flatness controller, taken for constant.
@@ -23,8 +23,8 @@ from showc.vehicle.motion import angular_acceleration, state_derivative, torques
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.ocp.transcription.staged.solution import StagedGuess
-    from showc.ocp.transcription.staged.transcription import StagedTranscription
+    from showc.ocp.solution import Solution
+    from showc.ocp.transcription.condensed.transcription import CondensedTranscription
     from showc.simulate.tracking import Course
     from showc.vehicle import Quadrotor
 
@@ -91,7 +91,7 @@ class Predictor:
         self.observer = Observer(vehicle, self.gains.observer, course.state[0, :, 3:6])
         self._program = program(vehicle, self.horizon)
         self._sent = [course.control[0]] * max(1, round(late / step))
-        self._guesses: list[StagedGuess | None] = [None] * course.state.shape[1]
+        self._guesses: list[Solution | None] = [None] * course.state.shape[1]
         planned = angular_acceleration(
             vehicle,
             _columns(course.state[:, :, 9:12]),
@@ -146,14 +146,12 @@ class Predictor:
         self, drone: int, state: FloatArray, signals: FloatArray
     ) -> tuple[float, ...]:
         """Return thrust and angular accelerations of the first interval."""
-        from showc.ocp.transcription.staged.solution import (  # noqa: PLC0415 - heavy
-            StagedGuess,
-        )
+        from showc.ocp.guess import Guess  # noqa: PLC0415 - heavy
 
         horizon, start = self.horizon, state[list(PLACES)]
-        guess = self._guesses[drone] or StagedGuess(
-            np.tile(start, (horizon.intervals + 1, 1)),
-            np.tile([self.vehicle.hover_thrust, 0.0, 0.0], (horizon.intervals, 1)),
+        guess = self._guesses[drone] or Guess(
+            dict(zip(STATES, start.tolist(), strict=True))
+            | {"thrust": self.vehicle.hover_thrust}
         )
         parameters = dict(
             zip((f"start_{name}" for name in STATES), start.tolist(), strict=True)
@@ -167,12 +165,13 @@ class Predictor:
             parameters=parameters,
             signals=signals[:, None],
         )
-        if not np.isfinite(solution.inputs).all():
+        inputs = solution.phases[0].controls.coefficients
+        if not np.isfinite(inputs).all():
             # The next step starts afresh; this one hovers.
             self._guesses[drone] = None
             return self.vehicle.hover_thrust, 0.0, 0.0
-        self._guesses[drone] = solution.guess
-        return tuple(solution.inputs[0].tolist())
+        self._guesses[drone] = solution
+        return tuple(inputs[0, 0].tolist())
 
     def _torques(
         self, drone: int, state: FloatArray, turning: list[float], number: int
@@ -193,15 +192,16 @@ class Predictor:
         return float(np.clip(control[3], -most, most))
 
 
-def program(vehicle: Quadrotor, horizon: Horizon) -> StagedTranscription:
+def program(vehicle: Quadrotor, horizon: Horizon) -> CondensedTranscription:
     """State the problem of a horizon and put it on its mesh."""
     import casadi  # noqa: PLC0415 - the core loads it where something is solved
 
     from showc.ocp.problem import Problem  # noqa: PLC0415 - as above
-    from showc.ocp.transcription.staged.transcription import (  # noqa: PLC0415
-        StagedOptions,
-        StagedTranscription,
+    from showc.ocp.transcription.condensed.transcription import (  # noqa: PLC0415
+        CondensedOptions,
+        CondensedTranscription,
     )
+    from showc.ocp.transcription.solver import SolverOptions  # noqa: PLC0415
     from showc.vehicle.motion import thrust_direction  # noqa: PLC0415
 
     problem = Problem("horizon")
@@ -255,18 +255,15 @@ def program(vehicle: Quadrotor, horizon: Horizon) -> StagedTranscription:
     for name, change in zip(INPUTS[1:], turning, strict=True):
         running += horizon.turning * (change - wanted[name]) ** 2
     problem.minimise(phase.integral(running))
-    return StagedTranscription(
+    return CondensedTranscription(
         problem,
         horizon.intervals,
         signals=signals,
-        options=StagedOptions(
-            solver="fatrop",
+        options=CondensedOptions(
             # A few steps from the last solution; what is left, the next step mends.
-            iterations=15,
-            tolerance=1e-3,
+            SolverOptions("fatrop", tolerance=1e-3, iterations=15, barrier=1e-3),
             points=3,
             cost_points=1,
-            barrier=1e-3,
             inset=0.0,
         ),
     )

@@ -224,7 +224,7 @@ def _origin_of_mesh(course: Course) -> str:
         f'<p class="note">{widths.size} intervals, from {1e3 * widths[narrow]:.0f} ms '
         f"at {breaks[narrow]:.2f} s to {1e3 * widths[wide]:.0f} ms at "
         f"{breaks[wide]:.2f} s. Straight flights and splines have those of their "
-        "construction. A flight by optimal control is solved in the staged form: the "
+        "construction. A flight by optimal control has its intervals condensed: the "
         "number of intervals follows from its duration; they are graded towards both "
         "ends, where the attitude moves, and near the least time their borders are "
         "unknowns of the problem, which the solver moves to where limits begin and end "

@@ -39,7 +39,7 @@ _DEATHS = 3
 _PRELOAD = (
     "showc.fleet.single_drone.staying",
     "showc.fleet.lower_bound.limiting",
-    "showc.ocp.transcription.staged.transcription",
+    "showc.ocp.transcription.condensed.transcription",
     "showc.fleet.lower_bound.relaxed_move",
     "clarabel",
 )

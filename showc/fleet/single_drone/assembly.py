@@ -1,4 +1,4 @@
-"""From a staged solution to a trajectory of 12 states and 4 controls."""
+"""From a solution of the core to a trajectory of 12 states and 4 controls."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from showc.trajectory import (
 from showc.vehicle.motion import torques_for
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import HalfSpace
-    from showc.ocp.transcription.staged.transcription import StagedSolution
+    from showc.ocp.solution import Solution
 
 
 CONTROL_DEGREE = 4
@@ -48,12 +48,12 @@ def _raised(breaks: FloatArray, coefficients: FloatArray, degree: int) -> FloatA
 
 def trajectory_of(
     aircraft: Aircraft,
-    solution: StagedSolution,
+    solution: Solution,
     start: FloatArray,
     goal: FloatArray,
     duration: float,
     *,
-    tag: str = "",
+    origin: FloatArray | None = None,
     half_spaces: Sequence[HalfSpace] = (),
 ) -> Trajectory:
     """Assemble the trajectory of one drone.
@@ -68,17 +68,24 @@ def trajectory_of(
         Positions of the hovers, shape (3,) [m].
     duration
         Time of the last break [s]; equals the sum of the widths up to rounding.
-    tag
-        What the drone's names end in when the solution has several.
+    origin
+        Where the solution counts its positions from, shape (3,) [m]; by default the
+        origin of the show frame.
     half_spaces
         What the flight must keep besides its limits.
     """
-    widths = solution.widths
-    breaks = np.concatenate([[0.0], np.cumsum(widths)])
-    breaks *= duration / breaks[-1]
+    part = solution.phases[0]
+    breaks = part.states.breaks * (duration / part.states.end)
     breaks[-1] = duration
-    table: Mapping[str, FloatArray] = solution.coefficients
-    count = widths.size
+    table: dict[str, FloatArray] = {
+        name: curves.coefficients[:, :, k]
+        for names, curves in (
+            (part.state_names, part.states),
+            (part.control_names, part.controls),
+        )
+        for k, name in enumerate(names)
+    }
+    count = part.states.intervals
     constant = {
         "yaw": np.full((count, 1), aircraft.heading),
         "r": np.zeros((count, 1)),
@@ -86,10 +93,12 @@ def trajectory_of(
     }
 
     def get(name: str) -> FloatArray:
-        return table[name + tag] if name + tag in table else constant[name]
+        return table[name] if name in table else constant[name]
 
-    degree = max(get(name).shape[1] for name in _STATES) - 1
+    degree = part.states.degree
     state = np.stack([_raised(breaks, get(name), degree) for name in _STATES], axis=2)
+    if origin is not None:
+        state[..., :3] += origin
     hover = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
     state[0, 0], state[-1, -1] = hover
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.ocp.problem import Problem
-    from showc.ocp.transcription.staged.transcription import StagedTranscription
+    from showc.ocp.transcription.condensed.transcription import CondensedTranscription
     from showc.trajectory import PiecewisePolynomial
 
 
@@ -193,23 +193,23 @@ def _laid(
 
 
 @lru_cache(maxsize=16)
-def _built(aircraft: Aircraft, intervals: int) -> StagedTranscription:
+def _built(aircraft: Aircraft, intervals: int) -> CondensedTranscription:
     # The core loads casadi, which checking a script must not.
-    from showc.ocp.transcription.staged.transcription import (  # noqa: PLC0415
-        StagedOptions,
-        StagedTranscription,
+    from showc.ocp.transcription.condensed.transcription import (  # noqa: PLC0415
+        CondensedOptions,
+        CondensedTranscription,
     )
+    from showc.ocp.transcription.solver import SolverOptions  # noqa: PLC0415
 
-    return StagedTranscription(
+    return CondensedTranscription(
         _problem(aircraft),
         intervals,
         signals=(*SIGNALS, *WALL_SIGNALS),
-        options=StagedOptions(
-            solver="fatrop",
-            iterations=120,
-            tolerance=TOLERANCE,
+        options=CondensedOptions(
+            SolverOptions(
+                "fatrop", tolerance=TOLERANCE, iterations=120, barrier=BARRIER
+            ),
             inset=INSET,
-            barrier=BARRIER,
         ),
     )
 

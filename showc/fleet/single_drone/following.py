@@ -41,11 +41,9 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import HalfSpace, Result
-    from showc.ocp.transcription.staged.transcription import (
-        StagedGuess,
-        StagedSolution,
-        StagedSolver,
-    )
+    from showc.ocp.guess import Guess
+    from showc.ocp.solution import Solution
+    from showc.ocp.transcription.solver import SolverName
 
 
 EFFORT = 1e-3
@@ -181,7 +179,7 @@ class _Task:
         least = _least(self.aircraft, tuple(self.start), tuple(self.goal))
         return least.duration, least.trajectory
 
-    def guess(self, widths: FloatArray) -> StagedGuess:
+    def guess(self, widths: FloatArray) -> Guess:
         """Where to start on these intervals."""
         if self.start_from is not None:
             return flown_guess(self.aircraft, self.start_from, widths)
@@ -193,7 +191,7 @@ class _Task:
         return np.asarray(widths * (self.duration / widths.sum()))
 
 
-def _ladder(task: _Task) -> Iterator[tuple[FloatArray, StagedSolver, StagedGuess]]:
+def _ladder(task: _Task) -> Iterator[tuple[FloatArray, SolverName, Guess]]:
     """Meshes and starts to try, cheapest first.
 
     With time to spare a coarse mesh does. Near the least time the flight needs its
@@ -244,9 +242,9 @@ def _solve(
     task: _Task,
     programs: Programs,
     widths: FloatArray,
-    solver: StagedSolver,
-    guess: StagedGuess,
-) -> StagedSolution:
+    solver: SolverName,
+    guess: Guess,
+) -> Solution:
     """Solve the program of a given time on one mesh."""
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     normals, offsets = _slots(task.half_spaces, breaks)

@@ -12,15 +12,12 @@ import numpy as np
 
 from showc.fleet.single_drone.guess import flat_guess
 from showc.fleet.single_drone.intervals import END_GRADING, graded_widths
-from showc.fleet.single_drone.model import single_problem, state_names
+from showc.fleet.single_drone.model import single_problem
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
-    from showc.ocp.guess import Curve, Guess
     from showc.ocp.solution import Solution
-    from showc.ocp.transcription.staged.transcription import StagedSolution
 
 
 FIRST = 24
@@ -33,8 +30,6 @@ ACCURACY = 5e-5
 is proved afterwards."""
 MARGIN = 1e-6
 """Room left at rotor limits for the solver's tolerance, as a share of their range."""
-_SAMPLES = 201
-"""Instants at which a solved flight is read for the guess on the next mesh."""
 
 
 def solve_on_graded_meshes(
@@ -46,7 +41,7 @@ def solve_on_graded_meshes(
     tolerance: float,
     effort: float,
     points: int = 3,
-) -> StagedSolution:
+) -> Solution:
     """Fly from hover to hover in the least time.
 
     Parameters
@@ -66,7 +61,7 @@ def solve_on_graded_meshes(
 
     Returns
     -------
-    StagedSolution
+    Solution
         States of degree ``points`` or more, inputs linear on each interval.
     """
     # The core loads casadi, which checking a script must not.
@@ -80,7 +75,7 @@ def solve_on_graded_meshes(
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     solution = solve_graded(
         problem,
-        guess=_guess(aircraft, start, goal, widths),
+        guess=flat_guess(aircraft, start, goal, widths),
         parameters=programs.ends | {"effort": effort},
         options=GradedOptions(
             tolerance=LONGER * tolerance,
@@ -92,50 +87,4 @@ def solve_on_graded_meshes(
     )
     programs.iterations += solution.iterations
     programs.solves += len(solution.history)
-    return staged_form(solution)
-
-
-def _guess(
-    aircraft: Aircraft, start: FloatArray, goal: FloatArray, widths: FloatArray
-) -> Guess:
-    """Flight along the straight line, attitude from flatness."""
-    from showc.ocp.guess import Guess  # noqa: PLC0415 - as above
-
-    flat = flat_guess(aircraft, start, goal, widths)
-    breaks = np.concatenate([[0.0], np.cumsum(widths)])
-    times = np.linspace(0.0, breaks[-1], _SAMPLES)
-    curves: dict[str, Curve] = {
-        name: np.interp(times, breaks, flat.states[:, k])
-        for k, name in enumerate(state_names(aircraft))
-    }
-    thrust = np.append(flat.controls[:, 0], flat.controls[-1, 1])
-    curves["thrust"] = np.interp(times, breaks, thrust)
-    return Guess(curves=curves, durations={"leg": float(breaks[-1])})
-
-
-def staged_form(solution: Solution) -> StagedSolution:
-    """Return a solution of the core as one of the staged form.
-
-    One phase, all states of one degree and all controls of another.
-    """
-    from showc.ocp.outcome import Result  # noqa: PLC0415 - as above
-    from showc.ocp.transcription.staged.transcription import StagedSolution  # noqa: PLC0415
-
-    part = solution.phases[0]
-    states, controls = part.states.coefficients, part.controls.coefficients
-    coefficients = {name: states[:, :, k] for k, name in enumerate(part.state_names)}
-    coefficients |= {
-        name: controls[:, :, k] for k, name in enumerate(part.control_names)
-    }
-    coarse = solution.result is Result.COARSE
-    return StagedSolution(
-        Result.ACCEPTABLE if coarse else solution.result,
-        solution.message,
-        np.diff(part.states.breaks),
-        np.vstack([states[:, 0], states[-1:, -1]]),
-        controls.transpose(0, 2, 1).reshape(controls.shape[0], -1),
-        coefficients,
-        solution.objective,
-        solution.iterations,
-        0.0,
-    )
+    return solution

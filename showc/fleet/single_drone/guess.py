@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.single_drone.model import POSITION, input_names, state_names
+from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.flatness import attitude_and_thrust
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
-    from showc.ocp.transcription.staged.transcription import StagedGuess
-    from showc.trajectory import PiecewisePolynomial
+    from showc.ocp.guess import Guess
 
 
 INSIDE = 0.9
@@ -96,10 +96,8 @@ def flat_guess(
     goal: FloatArray,
     widths: FloatArray,
     reference: PiecewisePolynomial | None = None,
-) -> StagedGuess:
+) -> Guess:
     """States and inputs of flying along the reference, cut off inside the limits."""
-    from showc.ocp.transcription.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
-
     times = np.concatenate([[0.0], np.cumsum(widths)])
     position, velocity, acceleration = along(aircraft, start, goal, times, reference)
     roll, pitch, thrust = attitude_and_thrust(
@@ -129,20 +127,17 @@ def flat_guess(
     states.append(rates)
     if aircraft.yaw == "free":
         states.append(np.zeros((times.size, 1)))
-    inputs = np.zeros((widths.size, 2 * len(input_names(aircraft))))
-    inputs[:, 0], inputs[:, 1] = thrust[:-1], thrust[1:]
-    return StagedGuess(np.hstack(states), inputs)
+    turning = np.zeros((widths.size, len(input_names(aircraft)) - 1))
+    return _guess(aircraft, times, np.hstack(states), thrust, turning)
 
 
 def flown_guess(
     aircraft: Aircraft, trajectory: Trajectory, widths: FloatArray
-) -> StagedGuess:
+) -> Guess:
     """States and inputs of an earlier flight, on other intervals.
 
     The flight is stretched to the duration of the intervals.
     """
-    from showc.ocp.transcription.staged.transcription import StagedGuess  # noqa: PLC0415 - loads casadi
-
     names = state_names(aircraft)
     order = {
         name: index
@@ -151,16 +146,34 @@ def flown_guess(
         )
     }
     stretch = trajectory.state.end / float(widths.sum())
-    times = np.concatenate([[0.0], np.cumsum(widths)]) * stretch
+    borders = np.concatenate([[0.0], np.cumsum(widths)])
+    times = borders * stretch
     states = trajectory.state(times)[:, [order[name] for name in names]]
     for index, name in enumerate(names):
         if name.startswith("v") or name in {"p", "q", "r"}:
             states[:, index] *= stretch
     rates = [names.index(rate) for rate in ("p", "q", "r") if rate in names]
     thrust = trajectory.control(times)[:, 0]
-    inputs = np.zeros((widths.size, 2 * len(input_names(aircraft))))
-    inputs[:, 0], inputs[:, 1] = thrust[:-1], thrust[1:]
-    for k, rate in enumerate(rates):
-        mean = np.diff(states[:, rate]) / widths
-        inputs[:, 2 + 2 * k] = inputs[:, 3 + 2 * k] = mean
-    return StagedGuess(states, inputs)
+    turning = np.diff(states[:, rates], axis=0) / widths[:, None]
+    return _guess(aircraft, borders, states, thrust, turning)
+
+
+def _guess(
+    aircraft: Aircraft,
+    borders: FloatArray,
+    states: FloatArray,
+    thrust: FloatArray,
+    turning: FloatArray,
+) -> Guess:
+    """States and thrust at the borders (K + 1), accelerations on the intervals (K)."""
+    from showc.ocp.guess import Curve, Data, Guess  # noqa: PLC0415 - loads casadi
+
+    curves: dict[str, Curve] = {
+        name: Data(borders, states[:, k])
+        for k, name in enumerate(state_names(aircraft))
+    }
+    inputs = [np.stack([thrust[:-1], thrust[1:]], axis=1)]
+    inputs += [np.stack([column, column], axis=1) for column in turning.T]
+    for name, table in zip(input_names(aircraft), inputs, strict=True):
+        curves[name] = PiecewisePolynomial(borders, table[:, :, None])
+    return Guess(curves, {"leg": float(borders[-1])})

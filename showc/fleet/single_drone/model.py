@@ -165,7 +165,7 @@ def state_names(aircraft: Aircraft) -> tuple[str, ...]:
 def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
     """Bounds of all states, inputs and path constraints of one drone.
 
-    Keys are as ``StagedTranscription.solve`` takes them.
+    Keys are as ``CondensedTranscription.solve`` takes them.
     """
     limits = aircraft.limits
     bounds: dict[tuple[str, str], tuple[float, float]] = {}

@@ -16,13 +16,11 @@ from showc.fleet.single_drone.model import (
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
-    from showc.ocp.transcription.staged.stages import TimeKind
-    from showc.ocp.transcription.staged.transcription import (
-        StagedGuess,
-        StagedSolution,
-        StagedSolver,
-        StagedTranscription,
-    )
+    from showc.ocp.guess import Guess
+    from showc.ocp.solution import Solution
+    from showc.ocp.transcription.condensed.stages import TimeKind
+    from showc.ocp.transcription.condensed.transcription import CondensedTranscription
+    from showc.ocp.transcription.solver import SolverName
 
 
 FINE, ROUGH = 1e-6, 1e-5
@@ -38,26 +36,30 @@ def _built(
     intervals: int,
     time: TimeKind,
     half_spaces: int,
-    solver: StagedSolver,
-) -> StagedTranscription:
+    solver: SolverName,
+) -> CondensedTranscription:
     # The core loads casadi, which checking a script must not.
-    from showc.ocp.transcription.staged.transcription import (  # noqa: PLC0415
-        StagedOptions,
-        StagedTranscription,
+    from showc.ocp.transcription.condensed.transcription import (  # noqa: PLC0415
+        CondensedOptions,
+        CondensedTranscription,
     )
+    from showc.ocp.transcription.solver import SolverOptions  # noqa: PLC0415
 
     timed = time != "given"
-    return StagedTranscription(
+    return CondensedTranscription(
         single_problem(aircraft, minimum_time=timed, half_spaces=half_spaces),
         intervals,
         time=time,
         signals=() if timed else SIGNALS,
-        options=StagedOptions(
-            solver=solver,
-            iterations=120 if solver == "fatrop" else 300,
-            tolerance=ROUGH if time == "movable" else FINE,
+        options=CondensedOptions(
+            SolverOptions(
+                solver,
+                tolerance=ROUGH if time == "movable" else FINE,
+                iterations=120 if solver == "fatrop" else 300,
+                seconds=20.0,
+                barrier=1e-4 if time == "movable" else 1e-2,
+            ),
             inset=ROUGH if time == "movable" else FINE,
-            barrier=1e-4 if time == "movable" else 1e-2,
             width_range=(0.3, 1.8),
             width_weight=3e-3,
         ),
@@ -88,21 +90,21 @@ class Programs:
         intervals: int,
         time: TimeKind,
         half_spaces: int = 0,
-        solver: StagedSolver = "fatrop",
-    ) -> StagedTranscription:
+        solver: SolverName = "fatrop",
+    ) -> CondensedTranscription:
         """Return the program for ``intervals``, from the process's store."""
         return _built(self.aircraft.canonical(), intervals, time, half_spaces, solver)
 
     def solve(
         self,
-        program: StagedTranscription,
+        program: CondensedTranscription,
         widths: FloatArray,
-        guess: StagedGuess,
+        guess: Guess | Solution,
         parameters: dict[str, float],
         *,
         signals: FloatArray | None = None,
         half_spaces: dict[str, tuple[FloatArray, FloatArray]] | None = None,
-    ) -> StagedSolution:
+    ) -> Solution:
         """Solve once, with this aircraft's limits and hovers."""
         solution = program.solve(
             widths=widths,

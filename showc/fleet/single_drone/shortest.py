@@ -23,7 +23,7 @@ from showc.fleet.single_drone.intervals import (
     interval_count,
 )
 from showc.fleet.single_drone.judgement import STILL, Verdict, judge, refusal
-from showc.fleet.single_drone.model import POSITION, ROOM
+from showc.fleet.single_drone.model import ROOM
 from showc.fleet.single_drone.programs import Programs
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import Result
-    from showc.ocp.transcription.staged.transcription import StagedGuess, StagedSolution
+    from showc.ocp.guess import Guess
+    from showc.ocp.solution import Solution
 
 
 EFFORT = 1e-4
@@ -93,17 +94,9 @@ def minimum_time(
             verdict = Verdict("infeasible", attempt.message)
             continue
         duration = attempt.duration
-        here = replace(
-            attempt,
-            coefficients={
-                **attempt.coefficients,
-                **{
-                    axis: attempt.coefficients[axis] + start[k]
-                    for k, axis in enumerate(POSITION)
-                },
-            },
+        trajectory = trajectory_of(
+            aircraft, attempt, start, goal, duration, origin=start
         )
-        trajectory = trajectory_of(aircraft, here, start, goal, duration)
         verdict = judge(aircraft, trajectory)
         if verdict.status == "solved":
             return verdict.result(programs, duration, trajectory)
@@ -123,7 +116,7 @@ def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:
 
 def _attempts(
     programs: Programs, way: FloatArray, tolerance: float
-) -> Iterator[StagedSolution]:
+) -> Iterator[Solution]:
     """Flights in the least time, the quickest way of finding one first.
 
     With yaw held, borders that move mostly come to a good end, and the program serves
@@ -157,15 +150,15 @@ def _attempts(
 
 
 def _moving(
-    programs: Programs, widths: FloatArray, guess: StagedGuess, tolerance: float
-) -> StagedSolution | None:
+    programs: Programs, widths: FloatArray, guess: Guess | Solution, tolerance: float
+) -> Solution | None:
     """Least time on a number of intervals whose borders move; ``None`` if it fails.
 
     The borders move in several passes, each within a range about where it starts,
     until that gains little: one pass with a wide range often ends nowhere.
     """
     program = programs.program(widths.size, "movable")
-    best: StagedSolution | None = None
+    best: Solution | None = None
     for _ in range(PASSES):
         moved = programs.solve(program, widths, guess, {"effort": EFFORT})
         gain = 1.0 - moved.duration / float(widths.sum())
@@ -173,5 +166,5 @@ def _moving(
             break
         if best is not None and abs(gain) < SETTLED * tolerance:
             return min(best, moved, key=lambda flight: flight.duration)
-        best, widths, guess = moved, moved.widths, moved.guess
+        best, widths, guess = moved, moved.phases[0].widths, moved
     return None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.adaptive.switches import Structure
     from showc.ocp.transcription.collocation.limits import Overrides, Table
-    from showc.ocp.transcription.collocation.solver import SolverOptions
+    from showc.ocp.transcription.solver import SolverOptions
 
 _STEP = 1e-4
 """Step of a parameter over its size: what a central difference errs by, its square,

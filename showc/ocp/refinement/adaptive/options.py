@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from showc.ocp.fault import StatementError
 from showc.ocp.nodes import Scheme
-from showc.ocp.transcription.collocation.solver import SolverOptions
+from showc.ocp.transcription.solver import SolverOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -28,8 +28,8 @@ from showc.ocp.refinement.graded.grading import (
     linear_mesh,
 )
 from showc.ocp.transcription.collocation.limits import Overrides, Statement
-from showc.ocp.transcription.collocation.solver import SolverOptions
 from showc.ocp.transcription.collocation.transcription import SHARE, Transcription
+from showc.ocp.transcription.solver import SolverOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

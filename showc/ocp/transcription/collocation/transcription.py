@@ -22,13 +22,13 @@ from showc.ocp.transcription.collocation.limits import (
     parameter_vector,
 )
 from showc.ocp.transcription.collocation.readout import phase_solution, worst_violation
-from showc.ocp.transcription.collocation.solver import (
+from showc.ocp.transcription.collocation.start import starting_point
+from showc.ocp.transcription.collocation.warmstart import transfer
+from showc.ocp.transcription.solver import (
     SolverOptions,
     make_solver,
     result_of,
 )
-from showc.ocp.transcription.collocation.start import starting_point
-from showc.ocp.transcription.collocation.warmstart import transfer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -15,7 +15,7 @@ import casadi
 import numpy as np
 
 from showc.ocp.nodes import collocation
-from showc.ocp.transcription.staged.cascade import (
+from showc.ocp.transcription.condensed.cascade import (
     Cascade,
     Composition,
     depends_on,
@@ -100,6 +100,21 @@ def scale_of(quantity: Quantity) -> float:
     return max(numbers, default=1.0)
 
 
+def is_fixed(pair: tuple[Any, Any]) -> bool:
+    """Tell whether lower and upper bound are one value."""
+    return bool(casadi.is_equal(casadi.SX(pair[0]), casadi.SX(pair[1])))
+
+
+def within(pair: tuple[Any, Any], quantity: Any) -> tuple[Any, Any]:  # noqa: ANN401
+    """Narrow end conditions by the bounds that hold at every instant."""
+    if is_fixed(pair):
+        return pair
+    return (
+        casadi.fmax(casadi.SX(pair[0]), casadi.SX(quantity.lower)),
+        casadi.fmin(casadi.SX(pair[1]), casadi.SX(quantity.upper)),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class _Objective:
     """The objective as running cost, price of time and cost at the end."""
@@ -127,7 +142,7 @@ def _split_objective(problem: Problem) -> _Objective:
         if found := depends_on(part, names):
             raise ValueError(
                 f"the objective of {problem.name!r} is not affine in {found[0]}; a "
-                "staged transcription sums shares of the intervals"
+                "condensed transcription sums shares of the intervals"
             )
     return _Objective(running, price, terminal)
 
@@ -388,9 +403,7 @@ def _reach(
     states = cascade.phase.states
     entries = {str(u[k]): u[k] for k in range(u.numel())}
     fixed = all(
-        casadi.is_equal(casadi.SX(low), casadi.SX(high))
-        for state in states.values()
-        for low, high in (state.start, state.end)
+        is_fixed(pair) for state in states.values() for pair in (state.start, state.end)
     )
     return {
         name: next(

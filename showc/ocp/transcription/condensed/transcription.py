@@ -1,56 +1,89 @@
-"""Staged transcription: a cascade on a mesh, one stage an interval.
+"""Condensed transcription: a cascade on a mesh, one stage an interval.
 
 For problems of one phase whose dynamics form a cascade
-(:mod:`showc.ocp.transcription.staged.cascade`) the nonlinear program has no
-unknowns inside the
-intervals, and neighbouring intervals meet in their states only. fatrop (Vanroye,
-Sathya, De Schutter, Decre 2023, FATROP: a fast constrained optimal control problem
-solver) factorises such programs stage by stage; IPOPT takes them as they are. A program
-is built once and solved many times with other parameters, widths, signals, half-spaces
-and guesses.
+(:mod:`showc.ocp.transcription.condensed.cascade`) the nonlinear program has no
+unknowns inside the intervals, and neighbouring intervals meet in their states only.
+fatrop (Vanroye, Sathya, De Schutter, Decre 2023, FATROP: a fast constrained optimal
+control problem solver) factorises such programs stage by stage; IPOPT takes them as
+they are. A program is built once and solved many times with other parameters, widths,
+signals, half-spaces and guesses.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
 
+from showc.ocp.guess import Data, Guess, sample
+from showc.ocp.mesh import Mesh, PhaseMesh
+from showc.ocp.nodes import collocation
 from showc.ocp.outcome import Result
-from showc.ocp.transcription.staged.chain import Chain, lay_out
-from showc.ocp.transcription.staged.ends import is_fixed, within
-from showc.ocp.transcription.staged.gaps import Gaps
-from showc.ocp.transcription.staged.guarded import Guarded
-from showc.ocp.transcription.staged.solution import (
-    Answer,
-    StagedGuess,
-    StagedOptions,
-    StagedSolution,
-    StagedSolver,
-    result_of,
+from showc.ocp.solution import Multipliers, PhaseSolution, Solution
+from showc.ocp.transcription.condensed.chain import Chain, Gaps, lay_out
+from showc.ocp.transcription.condensed.guarded import AVAILABLE, Guarded
+from showc.ocp.transcription.condensed.stages import (
+    Row,
+    Stage,
+    TimeKind,
+    build_stage,
+    is_fixed,
+    within,
 )
-from showc.ocp.transcription.staged.solver import make_staged_solver
-from showc.ocp.transcription.staged.stages import Row, Stage, TimeKind, build_stage
+from showc.ocp.transcription.solver import SolverOptions, make_condensed_solver
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import BoolArray, FloatArray
+    from showc.ocp.guess import Curve
     from showc.ocp.problem import Problem
 
 
-__all__ = [
-    "StagedGuess",
-    "StagedOptions",
-    "StagedSolution",
-    "StagedSolver",
-    "StagedTranscription",
-]
+USABLE = 1e-6
+"""Greatest violation of a row over its scale with which a trajectory is of use although
+the solver has not come to its end."""
 
 
-class StagedTranscription:
+@dataclass(frozen=True, slots=True)
+class CondensedOptions:
+    """How a condensed program is built and solved."""
+
+    solver: SolverOptions = field(
+        default_factory=lambda: SolverOptions(
+            "fatrop", tolerance=1e-6, iterations=200, seconds=20.0, barrier=1e-2
+        )
+    )
+    """How each program is solved; IPOPT does it where no process can be forked."""
+    points: int = 4
+    """Gauss points of derivatives that are no polynomials."""
+    cost_points: int = 2
+    """Gauss points of running costs."""
+    inset: float = 1e-6
+    """How far inside their bounds rows are kept, scaled, so that what the solver's
+    tolerance leaves stays within."""
+    width_range: tuple[float, float] = (0.1, 3.0)
+    """Least and greatest ratio of a movable width to the one it starts from."""
+    width_weight: float = 1e-4
+    """Weight that keeps movable widths near those they start from."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """What the solver gave: a point of the scaled program."""
+
+    unknowns: FloatArray
+    rows: FloatArray
+    """Values of the constraint rows at that point."""
+    objective: float
+    success: bool
+    iterations: int
+
+
+class CondensedTranscription:
     """A problem on a mesh of a given size, built once, solved many times.
 
     Parameters
@@ -78,13 +111,13 @@ class StagedTranscription:
         *,
         time: TimeKind = "given",
         signals: Sequence[str] = (),
-        options: StagedOptions | None = None,
+        options: CondensedOptions | None = None,
     ) -> None:
         problem.check()
         self.problem = problem
         self.intervals = intervals
         self.time: TimeKind = time
-        self.options = options or StagedOptions()
+        self.options = options or CondensedOptions()
         self.signals = tuple(signals)
         self.stage: Stage = build_stage(
             problem,
@@ -108,7 +141,8 @@ class StagedTranscription:
         self._gaps = Gaps(self._chain.slopes, self._equal)
         self._table()
         self._solver: Any = None
-        self._forked = False
+        # Where no child can be forked, IPOPT does the work.
+        self._forked = self.options.solver.solver == "fatrop" and AVAILABLE
 
     def _is_equation(self, row: Row) -> bool:
         kind, name = row.key[0], row.key[-1]
@@ -192,12 +226,12 @@ class StagedTranscription:
         self,
         *,
         widths: FloatArray,
-        guess: StagedGuess,
+        guess: Guess | Solution,
         parameters: Mapping[str, float] | None = None,
         signals: FloatArray | None = None,
         half_spaces: Mapping[str, tuple[FloatArray, FloatArray]] | None = None,
         bounds: Mapping[tuple[str, str], tuple[float, float]] | None = None,
-    ) -> StagedSolution:
+    ) -> Solution:
         """Solve once.
 
         Parameters
@@ -206,7 +240,7 @@ class StagedTranscription:
             Widths of the intervals, shape (K,): kept, scaled in common, or moved,
             by the kind of time.
         guess
-            Where to start.
+            Where to start: curves, or a solution on as many intervals.
         parameters
             Values of the problem's parameters.
         signals
@@ -245,29 +279,31 @@ class StagedTranscription:
         inset[self._touching(low, high)] = 0.0
         lower += inset
         upper -= inset
-        start = self._pack(guess, float(widths.sum()))
-        solver = self._make_solver()
+        start = self._pack(guess, widths)
         given = np.concatenate([values, data.ravel()])
-        arguments = {"x0": start, "p": given, "lbg": lower, "ubg": upper}
-        answer = self._call(solver, arguments)
+        answer = self._call({"x0": start, "p": given, "lbg": lower, "ubg": upper})
         wanted = lower[self._equal]
         unknowns, rows = self._gaps.closed(answer.unknowns, answer.rows, given, wanted)
-        return self._unpack(
-            replace(answer, unknowns=unknowns, rows=rows),
-            fractions,
-            values,
-            data,
-            (lower, upper),
-        )
+        broken = np.maximum(lower - rows, rows - upper)
+        return self._solution(unknowns, broken, answer, widths, (values, data))
 
-    def _call(self, solver: Any, arguments: Mapping[str, Any]) -> Answer:  # noqa: ANN401
+    def _call(self, arguments: Mapping[str, Any]) -> _Answer:
+        if self._solver is None:
+            self._solver = make_condensed_solver(
+                self._chain,
+                self._equal.tolist(),
+                self.options.solver,
+                forked=self._forked,
+            )
         if not self._forked:
-            answer = solver(**arguments)
-            return Answer(
+            answer = self._solver(**arguments)
+            statistics = self._solver.stats()
+            return _Answer(
                 np.array(answer["x"]).ravel(),
                 np.array(answer["g"]).ravel(),
                 float(answer["f"]),
-                solver.stats(),
+                bool(statistics["success"]),
+                int(statistics["iter_count"]),
             )
         names = ("x0", "p", "lbg", "ubg")
         values = [arguments[name] for name in names]
@@ -278,16 +314,18 @@ class StagedTranscription:
             self._pattern, self._guarded = pattern, None
         size = self.stage.states + self.stage.inputs
         sizes = values[0].size, self._scale.size
+        limit = self.options.solver.iterations
         if self._guarded is None:
-            seconds = 0.5 + 4e-7 * size**2 * self.intervals * self.options.iterations
+            seconds = 0.5 + 4e-7 * size**2 * self.intervals * limit
             lengths = [value.size for value in values]
-            self._guarded = Guarded(solver, names, lengths, sizes, seconds)
+            self._guarded = Guarded(self._solver, names, lengths, sizes, seconds)
         found = self._guarded(values)
         if found is None:
             rows = np.full(sizes[1], np.nan)
-            statistics = {"success": False, "iter_count": self.options.iterations}
-            return Answer(values[0], rows, np.nan, statistics)
-        return Answer(*found)
+            return _Answer(values[0], rows, np.nan, success=False, iterations=limit)
+        unknowns, rows, objective, statistics = found
+        done, iterations = bool(statistics["success"]), int(statistics["iter_count"])
+        return _Answer(unknowns, rows, objective, done, iterations)
 
     def _values(self, parameters: Mapping[str, float]) -> FloatArray:
         unknown = set(parameters) - set(self.problem.parameters)
@@ -301,82 +339,161 @@ class StagedTranscription:
             dtype=np.float64,
         )
 
-    def _pack(self, guess: StagedGuess, duration: float) -> FloatArray:
+    def _pack(self, guess: Guess | Solution, widths: FloatArray) -> FloatArray:
+        """Scaled unknowns to start from."""
         stage, count = self.stage, self.intervals
-        nodes, inputs = guess.states, guess.controls
+        if isinstance(guess, Solution):
+            part = guess.phases[0]
+            states, controls = part.states.coefficients, part.controls.coefficients
+            nodes = np.vstack([states[:, 0], states[-1:, -1]])
+            tables = [
+                controls[:, : stage.degrees[name] + 1, j]
+                for j, name in enumerate(stage.control_names)
+            ]
+        else:
+            borders = np.concatenate([[0.0], np.cumsum(widths)])
+            nodes = np.stack(
+                [
+                    _sampled(self._curve(guess, name), borders)
+                    for name in stage.state_names
+                ],
+                axis=1,
+            )
+            tables = [
+                _fitted(self._curve(guess, name), borders, stage.degrees[name])
+                for name in stage.control_names
+            ]
+        inputs = np.hstack(tables)
         if self.time == "free":
-            nodes = np.hstack([nodes, np.full((count + 1, 1), duration)])
+            nodes = np.hstack([nodes, np.full((count + 1, 1), float(widths.sum()))])
         if self.time == "movable":
             inputs = np.hstack([inputs, np.ones((count, 1))])
         nodes = nodes / np.array(stage.state_scales)
         inputs = inputs / np.array(stage.control_scales)
         return np.concatenate([np.hstack([nodes[:-1], inputs]).ravel(), nodes[-1]])
 
-    def _make_solver(self) -> Any:  # noqa: ANN401
-        if self._solver is None:
-            self._solver, self._forked = make_staged_solver(
-                self._chain, self._equal.tolist(), self.options
-            )
-        return self._solver
+    def _curve(self, guess: Guess, name: str) -> Curve:
+        phase = self.problem.phases[0].name
+        curve = guess.curves.get(name, guess.curves.get(f"{phase}.{name}"))
+        return 0.0 if curve is None else curve
 
-    def _unpack(
+    def _solution(
         self,
-        answer: Answer,
-        fractions: FloatArray,
-        values: FloatArray,
-        data: FloatArray,
-        bounds: tuple[FloatArray, FloatArray],
-    ) -> StagedSolution:
+        unknowns: FloatArray,
+        broken: FloatArray,
+        answer: _Answer,
+        widths: FloatArray,
+        given: tuple[FloatArray, FloatArray],
+    ) -> Solution:
+        """Read a point of the program.
+
+        ``broken``: by how much each row exceeds its bounds; ``given``: values of the
+        parameters, and the data of all stages.
+        """
         stage, count = self.stage, self.intervals
-        flat, (lower, upper) = answer.unknowns, bounds
         size = stage.states + stage.inputs
-        table = flat[: count * size].reshape(count, size)
-        nodes = np.vstack([table[:, : stage.states], flat[count * size :]])
+        table = unknowns[: count * size].reshape(count, size)
+        nodes = np.vstack([table[:, : stage.states], unknowns[count * size :]])
         inputs = table[:, stage.states :]
+        values, data = given
         columns = np.array(
             self._coefficients(
                 nodes[:-1].T, inputs.T, data.T, np.tile(values[:, None], (1, count))
             )
         )
-        coefficients: dict[str, FloatArray] = {}
+        fractions = (1.0,) * count
+        arcs, durations = tuple(range(count)), widths
+        if self.time != "movable":
+            fractions = tuple((data[:, 0] / data[:, 0].sum()).tolist())
+            arcs, durations = (0,) * count, np.array([widths.sum()])
+        if self.time == "free":
+            durations = np.abs(nodes[:1, -1])
+            widths = data[:, 0] * durations
+        elif self.time == "movable":
+            durations = widths = data[:, 0] * inputs[:, -1]
+        if not np.all(widths > 0.0):
+            # A search that failed may end anywhere; what it gave has no other use.
+            widths = np.maximum(np.nan_to_num(np.abs(widths)), 1e-12)
+        breaks = np.concatenate([[0.0], np.cumsum(widths)])
+        tables = {}
         first = 0
         for name, degree in stage.degrees.items():
-            coefficients[name] = columns[first : first + degree + 1].T
+            tables[name] = columns[first : first + degree + 1].T
             first += degree + 1
-        widths = fractions
-        if self.time == "free":
-            widths = fractions * nodes[0, -1]
-        elif self.time == "movable":
-            widths = fractions * inputs[:, -1]
-        nodes = nodes * np.array(stage.state_scales)
-        inputs = inputs * np.array(stage.control_scales)
         for index, name in enumerate(stage.state_names):
             # The solver's tolerance leaves a gap between intervals; close it.
-            coefficients[name][:, -1] = nodes[1:, index]
-        broken = np.maximum(lower - answer.rows, answer.rows - upper)
-        worst = int(np.argmax(np.where(np.isnan(broken), np.inf, broken)))
-        result = result_of(
-            success=bool(answer.statistics["success"]), violation=float(broken[worst])
+            tables[name][:, -1] = nodes[1:, index] * stage.state_scales[index]
+        mesh = PhaseMesh(fractions, (self.options.points,) * count, arcs)
+        part = PhaseSolution(
+            self.problem.phases[0].name,
+            mesh,
+            durations,
+            stage.state_names,
+            stage.control_names,
+            _joined([tables[name] for name in stage.state_names], breaks),
+            _joined([tables[name] for name in stage.control_names], breaks),
+            np.zeros(0),
+            np.zeros((0, len(stage.state_names))),
         )
-        message = ""
-        if result is Result.INVALID_NUMBER:
-            message = "the solver came to no end"
-        elif not result.usable:
-            time = float(
-                np.concatenate([[0.0], np.cumsum(widths)])[self._interval[worst]]
-            )
-            message = (
-                f"{' of '.join(self._rows[worst].key)} is broken by "
-                f"{broken[worst] * self._scale[worst]:.3g} near time {time:.3g}"
-            )
-        return StagedSolution(
+        result, message = self._outcome(broken, breaks, success=answer.success)
+        sign = -1.0 if self.problem.maximises else 1.0
+        return Solution(
             result,
             message,
-            widths,
-            nodes[:, : len(stage.state_names)],
-            inputs[:, : sum(stage.degrees[n] + 1 for n in stage.control_names)],
-            coefficients,
-            answer.objective,
-            int(answer.statistics["iter_count"]),
-            float(broken[worst]),
+            sign * answer.objective,
+            (part,),
+            {},
+            Multipliers(unknowns, np.zeros(0), np.zeros(0)),
+            answer.iterations,
+            Mesh((mesh,)),
+            dict(zip(self.problem.parameters, values.tolist(), strict=True)),
         )
+
+    def _outcome(
+        self, broken: FloatArray, breaks: FloatArray, *, success: bool
+    ) -> tuple[Result, str]:
+        """How the solve ended, and the constraint that is broken most, and where."""
+        worst = int(np.argmax(np.where(np.isnan(broken), np.inf, broken)))
+        violation = float(broken[worst])
+        if not np.isfinite(violation):
+            return Result.INVALID_NUMBER, "the solver came to no end"
+        if success or violation < USABLE:
+            result = Result.SOLVED if success else Result.ACCEPTABLE
+            return result, result.value
+        time = float(breaks[self._interval[worst]])
+        return Result.INFEASIBLE, (
+            f"{' of '.join(self._rows[worst].key)} is broken by "
+            f"{violation * self._scale[worst]:.3g} near time {time:.3g}"
+        )
+
+
+def _sampled(curve: Curve, times: FloatArray) -> FloatArray:
+    """Values of a guessed curve at times from the start of the phase."""
+    if isinstance(curve, (Data, PiecewisePolynomial)):
+        return sample(curve, times)
+    return sample(curve, times / times[-1])
+
+
+def _fitted(curve: Curve, borders: FloatArray, degree: int) -> FloatArray:
+    """Bernstein coefficients (K, degree + 1) of a guessed curve on each interval."""
+    count = borders.size - 1
+    if isinstance(curve, PiecewisePolynomial) and curve.intervals == count:
+        return curve.elevated(degree).coefficients[:, :, 0]
+    nodes = collocation("gauss", degree + 1)[0]
+    times = borders[:-1, None] + np.diff(borders)[:, None] * nodes
+    values = _sampled(curve, np.append(times.ravel(), borders[-1]))[:-1]
+    inverse = bernstein_basis_inverse(degree, tuple(nodes.tolist()))
+    return np.asarray(values.reshape(count, -1) @ inverse.T)
+
+
+def _joined(tables: list[FloatArray], breaks: FloatArray) -> PiecewisePolynomial:
+    """One piecewise polynomial from coefficients (K, own degree + 1) of each member."""
+    degree = max(table.shape[1] for table in tables) - 1
+    same = np.empty((breaks.size - 1, degree + 1, len(tables)))
+    for own in {table.shape[1] for table in tables}:
+        chosen = [k for k, table in enumerate(tables) if table.shape[1] == own]
+        part = np.stack([tables[k] for k in chosen], axis=2)
+        same[:, :, chosen] = (
+            PiecewisePolynomial(breaks, part).elevated(degree).coefficients
+        )
+    return PiecewisePolynomial(breaks, same)

@@ -1,4 +1,4 @@
-"""The nonlinear programming solvers CasADi brings, set up once for collocation."""
+"""The nonlinear programming solvers CasADi brings, set up for both transcriptions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.ocp.transcription.collocation.nlp import Program
+    from showc.ocp.transcription.condensed.chain import Chain
 
-SolverName = Literal["ipopt", "snopt"]
+SolverName = Literal["ipopt", "snopt", "fatrop"]
+"""``snopt`` takes collocated programs alone, ``fatrop`` condensed ones."""
 
 LEAST_BARRIER = 1e-2
 """Least parameter of the barrier over the solver's tolerance: with 100 active bounds
@@ -37,6 +39,8 @@ class SolverOptions:
     """Greatest number of iterations."""
     seconds: float = 600.0
     """Greatest CPU time of one solve [s]; a guard, not a means of control."""
+    barrier: float | None = None
+    """First barrier parameter; ``None``: the solver's own."""
     extra: Mapping[str, object] = field(default_factory=dict)
     """Further options handed to the solver as they are."""
 
@@ -70,7 +74,11 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
     ------
     SolverMissingError
         If the solver is not installed or has no licence here.
+    ValueError
+        If the solver takes condensed programs alone.
     """
+    if options.solver == "fatrop":
+        raise ValueError("fatrop takes condensed programs; wanted 'ipopt' or 'snopt'")
     common: dict[str, Any] = {
         "print_time": False,
         "calc_lam_p": False,
@@ -132,7 +140,7 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
             "warm_start_slack_bound_frac": 1e-3,
             "warm_start_mult_bound_push": 1e-3,
         }
-    settings |= dict(options.extra)
+    settings |= _barrier(options) | dict(options.extra)
     return casadi.nlpsol(
         "ocp",
         "ipopt",
@@ -143,3 +151,49 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
             "ipopt": settings,
         },
     )
+
+
+def make_condensed_solver(
+    chain: Chain, equal: list[bool], options: SolverOptions, *, forked: bool
+) -> Any:  # noqa: ANN401 - a CasADi function
+    """Make the solver of a condensed program.
+
+    Parameters
+    ----------
+    chain
+        The program.
+    equal
+        Which of its rows are equations.
+    forked
+        Whether it will run in a child process, as fatrop must; else IPOPT does it.
+    """
+    common: dict[str, Any] = {
+        "print_time": False,
+        "calc_lam_p": False,
+        "calc_multipliers": False,
+        "error_on_fail": False,
+        "show_eval_warnings": False,
+    }
+    settings: dict[str, Any] = {
+        "print_level": 0,
+        "tol": options.tolerance,
+        "max_iter": options.iterations,
+    } | _barrier(options)
+    name: SolverName = "fatrop" if forked else "ipopt"
+    if forked:
+        common |= {"structure_detection": "auto", "equality": equal}
+    else:
+        settings |= {
+            "sb": "yes",
+            "bound_relax_factor": 0.0,
+            "nlp_scaling_method": "none",
+            # A guard: its restoration phase has been seen not to end.
+            "max_cpu_time": options.seconds,
+        }
+    common[name] = settings | dict(options.extra)
+    common["cache"] = chain.derivatives(name)
+    return casadi.nlpsol("condensed", name, chain.program, common)
+
+
+def _barrier(options: SolverOptions) -> dict[str, Any]:
+    return {} if options.barrier is None else {"mu_init": options.barrier}

@@ -24,17 +24,24 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
-from showc.ocp.transcription.staged.stages import Row
+from showc.ocp.transcription.condensed.stages import Row
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.arrays import IntArray
-    from showc.ocp.transcription.staged.solution import StagedSolver
-    from showc.ocp.transcription.staged.stages import Stage, TimeKind
+    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.ocp.transcription.condensed.stages import Stage, TimeKind
+    from showc.ocp.transcription.solver import SolverName
 
 
 Symbol = Any
+
+CLOSED = 1e-11
+"""Greatest gap that counts as rounding."""
+NEAR = 1e-4
+"""Gap beyond which a point is no solution and is left alone."""
+STEPS = 2
+"""Steps of Newton: from gaps of 1e-4, the second ends in rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +207,7 @@ class Chain:
             ["g", "jac_g_x"],
         )
 
-    def derivatives(self, solver: StagedSolver) -> dict[str, Any]:
+    def derivatives(self, solver: SolverName) -> dict[str, Any]:
         """Return derivatives by the names under which the solver's interface asks.
 
         Given to ``casadi.nlpsol`` as ``cache``, they spare it deriving its own.
@@ -256,6 +263,61 @@ class Chain:
         gradient += casadi.mtimes(self._linear.T, m)
         outputs = ["grad_gamma_x", "hess_gamma_x_x"]
         return casadi.Function("nlp_hess_l", given, [gradient, matrix], names, outputs)
+
+
+class Gaps:
+    """The equations of a program, with their slopes.
+
+    A gap of 1e-7 rad between two intervals is metres after a minute. Gauss-Newton steps
+    of least norm bring it to rounding and move nothing else visibly.
+
+    Parameters
+    ----------
+    slopes
+        CasADi function (x, p) -> (g, dg/dx).
+    equal
+        Which rows of g are equations.
+    """
+
+    def __init__(self, slopes: Any, equal: BoolArray) -> None:  # noqa: ANN401
+        self._slopes, self._equal = slopes, equal
+        rows = np.flatnonzero(equal).tolist()
+        self._chosen = casadi.DM.triplet(
+            list(range(len(rows))),
+            rows,
+            casadi.DM.ones(len(rows)),
+            len(rows),
+            equal.size,
+        )
+
+    def closed(
+        self,
+        unknowns: FloatArray,
+        rows: FloatArray,
+        parameters: FloatArray,
+        wanted: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return unknowns and rows after the least change that closes the equations.
+
+        Parameters
+        ----------
+        unknowns, rows
+            The solver's answer.
+        parameters
+            Values of p.
+        wanted
+            Right-hand side of the equations.
+        """
+        for _ in range(STEPS):
+            gap = rows[self._equal] - wanted
+            if not CLOSED < np.abs(gap).max() < NEAR:
+                break
+            slopes = casadi.mtimes(self._chosen, self._slopes(unknowns, parameters)[1])
+            normal = casadi.mtimes(slopes, slopes.T)
+            change = casadi.mtimes(slopes.T, casadi.solve(normal, gap, "ldl"))
+            unknowns = unknowns - np.array(change).ravel()
+            rows = np.array(self._slopes(unknowns, parameters)[0]).ravel()
+        return unknowns, rows
 
 
 def _ones(places: IntArray, shape: tuple[int, int]) -> Any:  # noqa: ANN401
