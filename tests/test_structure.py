@@ -14,6 +14,7 @@ FOUNDATION = {"errors", "_version", "files", "processes", "progress", "trajector
 MAY_IMPORT = {
     "_version": set(),
     "arrays": set(),
+    "codes": set(),
     "errors": set(),
     "files": {"errors"},
     "processes": set(),
@@ -40,7 +41,7 @@ MAY_IMPORT = {
     | {"geodesy", "autopilot", "safety"}
     | {"verify.missions.language"},
     # Where drones may fall is judged without the planner, and without the verifier.
-    "safety": FOUNDATION | {"vehicle", "script", "log"},
+    "safety": FOUNDATION | {"codes", "vehicle", "script", "log"},
     "abort": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "fleet", "log", "safety"},
     "simulate": FOUNDATION | {"vehicle", "script", "log", "ocp"},
@@ -53,6 +54,7 @@ MAY_IMPORT = {
     | {"vehicle", "script", "plan", "flight", "fleet", "light", "log", "mission"},
     # Most of it imports less: see the rooms of verify.
     "verify": {
+        "codes",
         "errors",
         "_version",
         "files",
@@ -80,7 +82,15 @@ ROOMS_OF_VERIFY = {
     "verify/missions": {"verify", "errors", "files", "script", "light"}
     | {"log.showc_pb2"},
     "verify/samples.py": {"verify", "script", "light", "log.scene", "log.sample"},
-    "verify": {"verify", "errors", "_version", "files", "processes", "progress"}
+    "verify": {
+        "verify",
+        "codes",
+        "errors",
+        "_version",
+        "files",
+        "processes",
+        "progress",
+    }
     | {"log.showc_pb2", "log.schema"},
 }
 

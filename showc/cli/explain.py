@@ -16,18 +16,19 @@ def command(code: str | None) -> int:
       showc explain SHW201
       showc explain VRF321
     """
+    from showc.codes import explained
     from showc.safety import codes as safety_codes
     from showc.script.codes import CODES, explain
     from showc.verify import codes
 
-    titles = {entry.code: entry.title for entry in CODES.values()}
-    titles |= {entry.code: entry.title for entry in codes.codes().values()}
-    titles |= {entry.code: entry.title for entry in safety_codes.codes().values()}
+    tables = {**codes.codes(), **safety_codes.codes()}
+    titles = {name: entry.title for name, entry in CODES.items()}
+    titles |= {name: entry.title for name, entry in tables.items()}
     if code is None:
         for name, title in sorted(titles.items()):
             click.echo(f"{name}  {title}")
         return 0
-    text = explain(code) or codes.explain(code) or safety_codes.explain(code)
+    text = explain(code) or explained(code, tables)
     if text is None:
         from difflib import get_close_matches
 

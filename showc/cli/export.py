@@ -136,9 +136,10 @@ def command(
       showc export output.mcap --to skyc -o night-skyc
     """
     from showc.cli.console import colour_wanted
+    from showc.cli.findings import render_text
     from showc.export.stage import folder_for
     from showc.foreign.folder import DRAWINGS, MANIFEST
-    from showc.verify.report import Verification, render_text
+    from showc.verify.report import Verification
 
     solved = _solved(log)
     folder = folder or folder_for(log, form)

@@ -1,7 +1,8 @@
-"""What a verification found, in the formats of CI servers and code scanning."""
+"""What a verification found, as a table and in the formats of CI servers."""
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 from showc.script.codes import Code
@@ -9,12 +10,27 @@ from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.render import render
 from showc.script.show import Mark
 from showc.verify.codes import codes
+from showc.verify.report import printable
 
 if TYPE_CHECKING:
-    from showc.verify.report import Check, Verification
+    from showc.verify.report import Check, Verdict, Verification
 
 FAULTS = {"fail": Severity.ERROR, "unproved": Severity.ERROR}
 """Verdicts that end a command with 1."""
+
+
+_WIDTH = 96
+"""Columns of the notes under a check."""
+
+_SIGNS: dict[Verdict, tuple[str, str]] = {
+    "pass": ("ok", "32"),
+    "fail": ("FAIL", "1;31"),
+    "unproved": ("OPEN", "1;31"),
+    "accepted": ("open", "33"),
+    "warning": ("warn", "33"),
+    "skipped": ("-", "2"),
+}
+"""Word of a verdict, and the ANSI colour of the word."""
 
 
 def render_findings(verification: Verification, form: str) -> str:
@@ -52,4 +68,56 @@ def _finding(check: Check, path: str) -> Diagnostic:
         Mark(path, 1, 1, 1, 2),
         notes=check.notes,
         help=known.repair.rstrip(".") if known is not None else "",
+    )
+
+
+def render_text(verification: Verification, *, colour: bool = False) -> str:
+    """Return the result as a table for people.
+
+    Parameters
+    ----------
+    verification
+        What was found.
+    colour
+        Whether to mark verdicts with ANSI colours.
+    """
+    title, path = printable(verification.title), printable(verification.path)
+    size = f"{verification.drones} drones, {verification.duration:.3f} s"
+    lines = [
+        printable(verification.verdict),
+        f"{path}: “{title}”, {size}",
+        printable(verification.anchor),
+    ]
+    names = max((len(printable(c.name)) for c in verification.checks), default=0)
+    found = [check.figures() for check in verification.checks]
+    middle = max((len(value) for value, _ in found), default=0)
+    group = ""
+    for check, (value, limit) in zip(verification.checks, found, strict=True):
+        if check.group != group:
+            group = check.group
+            lines += ["", group.capitalize()]
+        word, shade = _SIGNS[check.verdict]
+        word = word.ljust(4)
+        if colour:
+            word = f"\x1b[{shade}m{word}\x1b[0m"
+        name = printable(check.name).ljust(names)
+        line = f"  {word}  {check.code}  {name}  {value.rjust(middle)}  {limit}"
+        lines.append(line.rstrip())
+        lines += _details(check)
+    lines += ["", printable(verification.verdict)]
+    return "\n".join(lines)
+
+
+def _details(check: Check) -> list[str]:
+    """Place, unless nothing but zero was found there, and notes."""
+    texts = list(check.notes)
+    where = str(check.where)
+    if where and (check.value != 0.0 or check.verdict != "pass"):
+        texts.insert(0, where)
+    return [line for text in texts for line in _wrapped(printable(text))]
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(
+        text, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8
     )

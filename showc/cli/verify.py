@@ -98,7 +98,7 @@ def command(
         text = json.dumps(verification.to_json(), indent=1)
     elif style == "text":
         from showc.cli.console import colour_wanted
-        from showc.verify import render_text
+        from showc.cli.findings import render_text
 
         colour = output is None and colour_wanted(sys.stdout)
         text = render_text(verification, colour=colour)

@@ -8,7 +8,7 @@ with which error bounds.
 """
 
 from showc.verify.damage import DamagedLogError
-from showc.verify.report import Check, Place, Verification, render_text
+from showc.verify.report import Check, Place, Verification
 from showc.verify.run import verify_log
 
 __all__ = [
@@ -16,6 +16,5 @@ __all__ = [
     "DamagedLogError",
     "Place",
     "Verification",
-    "render_text",
     "verify_log",
 ]

@@ -1,10 +1,9 @@
-"""What verification found: checks, the verdict, a table for people and JSON."""
+"""What verification found: checks, the verdict, and JSON."""
 
 from __future__ import annotations
 
 import json
 import math
-import textwrap
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,19 +25,6 @@ the script says that this will do; ``none``: there are no missions."""
 
 NAMED = 5
 """Findings of a kind that are named."""
-
-_WIDTH = 96
-"""Columns of the notes under a check."""
-
-_SIGNS: dict[Verdict, tuple[str, str]] = {
-    "pass": ("ok", "32"),
-    "fail": ("FAIL", "1;31"),
-    "unproved": ("OPEN", "1;31"),
-    "accepted": ("open", "33"),
-    "warning": ("warn", "33"),
-    "skipped": ("-", "2"),
-}
-"""Word of a verdict, and the ANSI colour of the word."""
 
 _MISSIONS = "VRF4"
 """What codes of checks of missions begin with; all others are of the trajectories."""
@@ -121,6 +107,16 @@ class Check:
     """Where the value was found."""
     notes: tuple[str, ...] = ()
     """What else there is to say: tolerances, further findings."""
+
+    def figures(self) -> tuple[str, str]:
+        """Value and limit as text; more digits where they decide."""
+        if self.value is None:
+            return "", ""
+        digits = 9 if self.verdict == "fail" else 4
+        value = f"{format_number(self.value, digits)} {self.unit}".rstrip()
+        if self.limit is None:
+            return value, ""
+        return value, f"limit {format_number(self.limit, digits)}"
 
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
@@ -246,69 +242,6 @@ class Verification:
         return json.dumps(self.to_json(), indent=1)
 
 
-def render_text(verification: Verification, *, colour: bool = False) -> str:
-    """Return the result as a table for people.
-
-    Parameters
-    ----------
-    verification
-        What was found.
-    colour
-        Whether to mark verdicts with ANSI colours.
-    """
-    title, path = printable(verification.title), printable(verification.path)
-    size = f"{verification.drones} drones, {verification.duration:.3f} s"
-    lines = [
-        printable(verification.verdict),
-        f"{path}: “{title}”, {size}",
-        printable(verification.anchor),
-    ]
-    names = max((len(printable(c.name)) for c in verification.checks), default=0)
-    found = [_found(check) for check in verification.checks]
-    middle = max((len(value) for value, _ in found), default=0)
-    group = ""
-    for check, (value, limit) in zip(verification.checks, found, strict=True):
-        if check.group != group:
-            group = check.group
-            lines += ["", group.capitalize()]
-        word, shade = _SIGNS[check.verdict]
-        word = word.ljust(4)
-        if colour:
-            word = f"\x1b[{shade}m{word}\x1b[0m"
-        name = printable(check.name).ljust(names)
-        line = f"  {word}  {check.code}  {name}  {value.rjust(middle)}  {limit}"
-        lines.append(line.rstrip())
-        lines += _details(check)
-    lines += ["", printable(verification.verdict)]
-    return "\n".join(lines)
-
-
-def _found(check: Check) -> tuple[str, str]:
-    """Value and limit as text; more digits where they decide."""
-    if check.value is None:
-        return "", ""
-    digits = 9 if check.verdict == "fail" else 4
-    value = f"{format_number(check.value, digits)} {check.unit}".rstrip()
-    if check.limit is None:
-        return value, ""
-    return value, f"limit {format_number(check.limit, digits)}"
-
-
-def _details(check: Check) -> list[str]:
-    """Place, unless nothing but zero was found there, and notes."""
-    texts = list(check.notes)
-    where = str(check.where)
-    if where and (check.value != 0.0 or check.verdict != "pass"):
-        texts.insert(0, where)
-    return [line for text in texts for line in _wrapped(printable(text))]
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(
-        text, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8
-    )
-
-
 def format_number(value: float, digits: int = 6) -> str:
     """Up to ``digits`` significant digits; whole numbers in full."""
     if not math.isfinite(value):
@@ -355,7 +288,7 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
 
 def _figure(check: Check) -> str:
     """Return the worst figure with its limit; what a check has noted if it has none."""
-    value, limit = _found(check)
+    value, limit = check.figures()
     if not value:
         return f": {check.notes[0]}" if check.notes else ""
     return f" {value}" + (f" of {limit}" if limit else "")

@@ -318,7 +318,7 @@ def test_a_wrong_claim_of_the_closest_encounter_is_found(data, tmp_path):
 def test_json_and_text_tell_the_same(log_path):
     import json
 
-    from showc.verify import render_text
+    from showc.cli.findings import render_text
 
     verification = verify_log(log_path, missions=False)
     result = json.loads(json.dumps(verification.to_json(), allow_nan=False))

@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from showc.verify import Check, Place, Verification, render_text, verify_log
+from showc.cli.findings import render_text
+from showc.verify import Check, Place, Verification, verify_log
 from showc.verify.report import printable
 
 GOOD = Check("VRF321", "separation", "apart", "pass", 1.5, 1.0, "m")

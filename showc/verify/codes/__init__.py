@@ -6,16 +6,16 @@ Each file beside this module is one range of codes: ``container.toml`` 1xx,
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass
 from functools import cache
-from importlib import resources
-from textwrap import fill
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from showc.codes import read_codes
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from showc.codes import Code
 
 ROOMS = {
     "container": "The bytes of the log, and the samples in it (VRF1xx)",
@@ -24,8 +24,7 @@ ROOMS = {
     "missions": "The missions (VRF4xx)",
     "foreign": "Shows in other formats (VRF5xx)",
 }
-"""Files of codes, with the heading of each."""
-
+"""Files of codes, with the heading of each; theirs are the hundreds, in this order."""
 
 GROUPS = {
     "VRF10": "integrity",
@@ -41,56 +40,8 @@ GROUPS = {
 """Heading of the checks of one log, by what their codes begin with."""
 
 
-@dataclass(frozen=True, slots=True)
-class Code:
-    """One kind of check."""
-
-    code: str
-    """``VRF`` and three digits."""
-    room: str
-    """Which of ``ROOMS`` it belongs to."""
-    title: str
-    """What is proved, in a few words."""
-    cause: str
-    """What exactly is compared, and why it fails."""
-    repair: str
-    """What to do when it fails."""
-
-
 @cache
 def codes() -> Mapping[str, Code]:
-    """Return every code of a check, in order."""
-    found: dict[str, Code] = {}
-    folder = resources.files(__package__)
-    for room in ROOMS:
-        text = (folder / f"{room}.toml").read_text(encoding="utf-8")
-        for code, entry in tomllib.loads(text).items():
-            found[code] = Code(code, room, **entry)
-    return MappingProxyType(found)
-
-
-def explain(code: str) -> str | None:
-    """Return what a code proves and what to do, or None if there is none such."""
-    known = codes().get(code.strip().upper())
-    if known is None:
-        return None
-    return (
-        f"{known.code}: {known.title}\n\n{fill(known.cause, 80)}\n\n"
-        f"{fill(f'What to do: {known.repair}', 80)}\n"
-    )
-
-
-def codes_reference() -> str:
-    """Return the chapter of all codes of checks, Markdown."""
-    lines = [
-        "# Checks of verify",
-        "",
-        "Every check of `showc verify` has a code that never changes its meaning.",
-    ]
-    for room, heading in ROOMS.items():
-        lines += ["", f"## {heading}"]
-        for code in codes().values():
-            if code.room == room:
-                lines += ["", f"### {code.code}: {code.title}", "", code.cause]
-                lines += ["", code.repair]
-    return "\n".join(lines) + "\n"
+    """Return every code of a check, ``VRF`` and three digits, in order."""
+    found = [read_codes(__package__, f"{room}.toml") for room in ROOMS]
+    return MappingProxyType({code: one for some in found for code, one in some.items()})

@@ -37,7 +37,6 @@ from showc.verify.kernel.slices import (
     Tracks,
     edges,
     measures,
-    near_pairs,
     take,
 )
 
@@ -66,8 +65,6 @@ _CROWD = 200
 separation allows have half of them. Where there are more, slices are halved."""
 _HALVINGS = 20
 """How often a slice is halved at most: to a millionth."""
-_NARROWINGS = 30
-"""How often the distance of near pairs is halved, until few enough are left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +218,6 @@ class _Search:
             times = np.full(first.size, low), np.full(first.size, high)
             self._decide(positions, _Pairs(first, second, *times))
             return
-        self._look(piece.begin, low, most)
         if not halvings:
             # Drones without number are as near each other as any: nothing is proved.
             self.error = np.inf
@@ -234,18 +230,6 @@ class _Search:
     def _over(self) -> bool:
         """Whether nothing can come nearer, or nothing can be proved."""
         return self.best <= RESOLUTION or not np.isfinite(self.error)
-
-    def _look(self, place: FloatArray, time: float, most: float) -> None:
-        """Look for a near pair at an instant, where there are too many near ones."""
-        for reach in (self.best * 0.5 ** np.arange(_NARROWINGS)).tolist():
-            pairs = near_pairs(place, reach, most)
-            if pairs is not None and pairs.size:
-                distance = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
-                row = int(np.argmin(distance))
-                if distance[row] < self.best:
-                    self.best, self.time = float(distance[row]), time
-                    self.pair = int(pairs[row, 0]), int(pairs[row, 1])
-                return
 
     def _decide(self, positions: Tracks, pairs: _Pairs) -> None:
         """Enclose the distances of candidate pairs over a slice."""
