@@ -138,7 +138,7 @@ def command(
     from showc.cli.console import colour_wanted
     from showc.cli.findings import render_text
     from showc.export.stage import folder_for
-    from showc.foreign.folder import DRAWINGS, MANIFEST
+    from showc.foreign.folder import MANIFEST, MAPS
     from showc.verify.report import Verification
 
     solved = _solved(log)
@@ -147,7 +147,7 @@ def command(
     if as_json:
         click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
         return 0 if exported.proved else 1
-    if form in DRAWINGS:
+    if form in MAPS:
         click.echo(f"wrote {folder}: a drawing, nothing is flown by it")
         for lost in exported.written.lost:
             click.echo(f"cannot carry: {lost}")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import wraps
 from math import radians
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +17,41 @@ if TYPE_CHECKING:
     from showc.verify.report import Verification
     from showc.view.foreign import Judged
 
-Command = TypeVar("Command", bound="Callable[..., Any]")
+    Command = Callable[..., int]
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What a user asks of a show of others; None: nothing."""
+
+    separation: float | None
+    """Least distance between two drones [m]."""
+    max_height: float | None
+    """Greatest height [m]."""
+    max_speed: float | None
+    """Greatest horizontal speed [m/s]."""
+    max_climb: float | None
+    """Greatest speed up and down [m/s]."""
+    tilt: float
+    """Greatest tilt of the aircraft [deg]."""
+
+    def questions(self) -> Questions:
+        """Return them as the judgement takes them."""
+        from showc.foreign.facts import Asked
+        from showc.foreign.smoothing import Agility
+        from showc.foreign.verdict import THRUST_MAX, THRUST_MIN, Questions
+        from showc.log.showc_pb2 import Separation
+
+        agility = Agility(radians(self.tilt), THRUST_MIN, THRUST_MAX)
+        distance, climb = self.separation, self.max_climb
+        if distance is self.max_height is self.max_speed is climb is None:
+            return Questions(None, agility)
+        kept = None
+        if distance is not None:
+            kept = Separation(distance=distance, vertical_stretch=1.0)
+        asked = Asked("asked", kept, self.max_height, self.max_speed, climb, climb)
+        return Questions(asked, agility)
+
 
 SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb"}
 """Endings of files that are no logs of showc's."""
@@ -31,18 +67,31 @@ _OPTIONS = (
 
 
 def foreign_options(command: Command) -> Command:
-    """Add the options that concern shows of others."""
-    tilt = click.option(
+    """Add the options that concern shows of others; the command gets them as rules."""
+
+    @wraps(command)
+    def gathered(
+        *,
+        separation: float | None,
+        max_height: float | None,
+        max_speed: float | None,
+        max_climb: float | None,
+        tilt: float,
+        **others: Any,  # noqa: ANN401 - the command's own options
+    ) -> int:
+        rules = Rules(separation, max_height, max_speed, max_climb, tilt)
+        return command(rules=rules, **others)
+
+    wrapped = click.option(
         "--tilt",
         type=click.FloatRange(1.0, 80.0),
         default=30.0,
         show_default=True,
         help="Show of others: greatest tilt of the aircraft, in degrees.",
-    )
-    command = tilt(command)
+    )(gathered)
     for name, text in reversed(_OPTIONS):
-        command = click.option(name, type=_POSITIVE, help=text)(command)
-    return command
+        wrapped = click.option(name, type=_POSITIVE, help=text)(wrapped)
+    return wrapped
 
 
 def is_foreign(path: Path) -> bool:
@@ -50,17 +99,17 @@ def is_foreign(path: Path) -> bool:
     return path.is_dir() or path.suffix.lower() in SUFFIXES
 
 
-def verify_foreign(path: Path, **rules: Any) -> Verification:  # noqa: ANN401 - options
+def verify_foreign(path: Path, rules: Rules) -> Verification:
     """Judge a show of another format."""
     from showc.foreign.folder import is_export, verify_export
     from showc.foreign.verdict import verify_foreign as judged
 
     if is_export(path):
         return verify_export(path)
-    return judged(path, _questions(**rules))
+    return judged(path, rules.questions())
 
 
-def judge_foreign(path: Path, **rules: Any) -> Judged:  # noqa: ANN401 - options
+def judge_foreign(path: Path, rules: Rules) -> Judged:
     """Read and judge a show of another format, to draw it.
 
     Raises
@@ -79,29 +128,6 @@ def judge_foreign(path: Path, **rules: Any) -> Judged:  # noqa: ANN401 - options
     if is_export(path):
         asked = [read_manifest(path).asked]
         return Judged(show, verify_export(path).to_json(), asked)
-    questions = _questions(**rules)
+    questions = rules.questions()
     verification = judge(show, questions).to_json()
     return Judged(show, verification, rules_for(show, questions))
-
-
-def _questions(
-    *,
-    separation: float | None,
-    max_height: float | None,
-    max_speed: float | None,
-    max_climb: float | None,
-    tilt: float,
-) -> Questions:
-    from showc.foreign.facts import Asked
-    from showc.foreign.smoothing import Agility
-    from showc.foreign.verdict import THRUST_MAX, THRUST_MIN, Questions
-    from showc.log.showc_pb2 import Separation
-
-    agility = Agility(radians(tilt), THRUST_MIN, THRUST_MAX)
-    if separation is max_height is max_speed is max_climb is None:
-        return Questions(None, agility)
-    kept = None
-    if separation is not None:
-        kept = Separation(distance=separation, vertical_stretch=1.0)
-    asked = Asked("asked", kept, max_height, max_speed, max_climb, max_climb)
-    return Questions(asked, agility)

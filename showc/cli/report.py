@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+
+if TYPE_CHECKING:
+    from showc.cli.foreign import Rules
 
 
 @click.command(name="report")
@@ -33,7 +36,7 @@ def command(
     leg: int | None,
     drone: int,
     quiet: bool,
-    **rules: Any,  # noqa: ANN401 - options of shows of others
+    rules: Rules,
 ) -> int:
     """Make the page on which a show is signed off.
 
@@ -91,14 +94,14 @@ def command(
     return verification.exit_code
 
 
-def _report_foreign(log: Path, page: Path, rules: dict[str, Any]) -> int:
+def _report_foreign(log: Path, page: Path, rules: Rules) -> int:
     """Write the report of a show of others; return what showc verify would."""
     from hashlib import file_digest
 
     from showc.files import write_file
     from showc.view.foreign import render_foreign_report
 
-    judged = judge_foreign(log, **rules)
+    judged = judge_foreign(log, rules)
     hashes = {}
     for file in sorted(log.iterdir()) if log.is_dir() else [log]:
         if file.is_file():

@@ -6,13 +6,14 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
 
 if TYPE_CHECKING:
+    from showc.cli.foreign import Rules
     from showc.verify.report import Verification
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
@@ -61,7 +62,7 @@ def command(
     output: Path | None,
     no_missions: bool,
     quiet: bool,
-    **rules: Any,  # noqa: ANN401 - options of shows of others
+    rules: Rules,
 ) -> int:
     """Prove a compiled show again, from its bytes alone, or judge a show of others.
 
@@ -84,7 +85,7 @@ def command(
       showc verify night.skyc --separation 2.5 --tilt 25
     """
     if is_foreign(log):
-        verification = verify_foreign(log, **rules)
+        verification = verify_foreign(log, rules)
     else:
         verification = _proved(
             log,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+
+if TYPE_CHECKING:
+    from showc.cli.foreign import Rules
 
 
 @click.command(name="view")
@@ -36,7 +39,7 @@ def command(
     show: bool,
     no_verify: bool,
     music: bool,
-    **rules: Any,  # noqa: ANN401 - options of shows of others
+    rules: Rules,
 ) -> int:
     """Make a page that plays the show in any browser.
 
@@ -67,7 +70,7 @@ def command(
     return 0
 
 
-def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: dict[str, Any]) -> str:
+def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
     """Write the page of a show of others; return the verdict."""
     from showc.errors import UsageError
     from showc.files import write_file
@@ -77,7 +80,7 @@ def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: dict[str, Any])
         raise UsageError(
             f"{log}: --no-verify and --music are for showc's own logs; leave them out"
         )
-    judged = judge_foreign(log, **rules)
+    judged = judge_foreign(log, rules)
     write_file(page, render_foreign(judged).encode())
     return str(judged.verification["verdict"])
 

@@ -17,7 +17,7 @@ from showc.export.fit import error_of, tracks_of
 from showc.export.solved import solved_show
 from showc.export.stage import SAMPLED, ExportOptions, folder_for, kept_apart, rules_of
 from showc.files import open_file
-from showc.foreign.folder import DRAWINGS, hashes, is_export, prove, read_manifest
+from showc.foreign.folder import MAPS, hashes, is_export, prove, read_manifest
 from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
 from showc.log.reader import read_log
@@ -82,7 +82,7 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
             wrong.append(f"its manifest says {manifest.format!r}")
         checks.append(_check("VRF583", "export of this log", where, wrong))
         flown = kept_apart(solved, wish.separation)
-        if wish.to in DRAWINGS:
+        if wish.to in MAPS:
             return checks + prove(folder, wish.to, rules_of(solved, 0.0, 0.0), flown)
         written = read_foreign(folder)
     except DamagedFileError as error:

@@ -19,6 +19,11 @@ SHOW_MODE: dict[str, float] = {
     "SHOW_CTRL_RATE": 50,
     "SHOW_TAKEOFF_ALT": 2.5,
     **dict(ARDUCOPTER.parameters),
+    # Stiffer than for missions: an aircraft that falls as its file does has less thrust
+    # to hold its level speed with, and was 0.37 m off with the gains of missions.
+    "PSC_POSXY_P": 2,
+    "PSC_VELXY_P": 7,
+    "PSC_VELXY_I": 3,
 }
 """Name and value in ArduPilot's units, measured to keep within 0.3 m in calm air."""
 

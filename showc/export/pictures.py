@@ -14,9 +14,11 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from showc.export.fit import error_of, tracks_of
+from showc.export.lights import LightNodes, light_nodes
 from showc.export.skyc import drone_name
 from showc.export.tables import sampled, uniform
-from showc.foreign.gltf import FLOAT, MAGIC
+from showc.foreign.buffers import FLOAT, MAGIC
+from showc.foreign.lights import FRAME
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -33,6 +35,7 @@ PATH_STEP = 0.5
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _ARRAY_BUFFER = 34962
+_POINTER = "KHR_animation_pointer"
 _RADIUS = 0.15
 """Size of the diamond that stands for a drone [m]."""
 
@@ -113,14 +116,16 @@ def glb_file(show: SolvedShow, fitted: FittedFleet) -> bytes:
     """Return a binary glTF: a diamond for each drone, moved by cubic splines.
 
     Keys are the nodes of the fit, tangents its velocities: the picture is the flight.
+    Lights change the diamonds' materials (KHR_animation_pointer); what does not know
+    that shows the brightest colour of each.
     """
     scene = _Scene()
     scene.diamond()
     place = _gltf_axes(_nodes(fitted))
     tangent = _gltf_axes(_tangents(fitted))
     clocks: dict[int, int] = {}
-    channels, samplers, nodes = [], [], []
-    colours = show.lights.max(axis=0) / 255.0
+    nodes = []
+    lights = light_nodes(show.light_times, show.lights, fitted.lead / 1000.0)
     for drone in range(fitted.drones):
         begin = int(fitted.begin[drone])
         if begin not in clocks:
@@ -132,20 +137,17 @@ def glb_file(show: SolvedShow, fitted: FittedFleet) -> bytes:
             still = np.stack([np.zeros(3), place[drone, 0], np.zeros(3)])
             values = np.concatenate([still[None], values])
         output = scene.numbers(values.reshape(-1, 3), "VEC3")
-        samplers.append(
-            {"input": clocks[begin], "output": output, "interpolation": "CUBICSPLINE"}
-        )
-        channels.append(
-            {"sampler": drone, "target": {"node": drone, "path": "translation"}}
+        scene.animate(
+            clocks[begin], output, "CUBICSPLINE", {"node": drone, "path": "translation"}
         )
         nodes.append(
             {
                 "name": drone_name(drone),
-                "mesh": scene.coloured(colours[drone]),
+                "mesh": scene.lit(lights[drone]),
                 "translation": place[drone, 0].tolist(),
             }
         )
-    return scene.binary(nodes, samplers, channels, show.rules.name)
+    return scene.binary(nodes, show.rules.name)
 
 
 def _nodes(fitted: FittedFleet) -> FloatArray:
@@ -179,7 +181,16 @@ class _Scene:
         self.accessors: list[dict[str, Any]] = []
         self.materials: list[dict[str, Any]] = []
         self.meshes: list[dict[str, Any]] = []
-        self._known: dict[tuple[float, ...], int] = {}
+        self.samplers: list[dict[str, Any]] = []
+        self.channels: list[dict[str, Any]] = []
+        self._known: dict[bytes, int] = {}
+
+    def animate(
+        self, times: int, values: int, way: str, target: dict[str, Any]
+    ) -> None:
+        """Change something over time; times and values are numbers of accessors."""
+        self.channels.append({"sampler": len(self.samplers), "target": target})
+        self.samplers.append({"input": times, "output": values, "interpolation": way})
 
     def numbers(self, values: FloatArray, kind: str) -> int:
         """Append float32 numbers; return the index of their accessor."""
@@ -212,52 +223,52 @@ class _Scene:
         self.numbers(tips[faces], "VEC3")
         self.views[0]["target"] = _ARRAY_BUFFER
 
-    def coloured(self, colour: FloatArray) -> int:
-        """Index of the mesh with a colour (3,), linear light."""
-        key = tuple(round(float(value), 3) for value in colour)
-        if key not in self._known:
-            self.materials.append(
-                {
-                    "pbrMetallicRoughness": {
-                        "baseColorFactor": [0.0, 0.0, 0.0, 1.0],
-                        "metallicFactor": 0.0,
-                    },
-                    "emissiveFactor": list(key),
-                }
+    def lit(self, light: LightNodes) -> int:
+        """Return the index of the mesh that shows a light; equal ones share it."""
+        key = light.frames.tobytes() + light.colours.tobytes()
+        if key in self._known:
+            return self._known[key]
+        material = len(self.materials)
+        shown = np.asarray(light.colours / 255.0)
+        self.materials.append(
+            {
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [0.0, 0.0, 0.0, 1.0],
+                    "metallicFactor": 0.0,
+                },
+                "emissiveFactor": [round(value, 3) for value in shown.max(axis=0)],
+            }
+        )
+        if np.ptp(light.colours, axis=0).any():
+            target = {"pointer": f"/materials/{material}/emissiveFactor"}
+            self.animate(
+                self.numbers(np.asarray(light.frames[:, None] * FRAME), "SCALAR"),
+                self.numbers(shown, "VEC3"),
+                "LINEAR",
+                {"path": "pointer", "extensions": {_POINTER: target}},
             )
-            self.meshes.append(
-                {
-                    "primitives": [
-                        {
-                            "attributes": {"POSITION": 0},
-                            "material": len(self.materials) - 1,
-                        }
-                    ]
-                }
-            )
-            self._known[key] = len(self.meshes) - 1
+        part = {"attributes": {"POSITION": 0}, "material": material}
+        self.meshes.append({"primitives": [part]})
+        self._known[key] = len(self.meshes) - 1
         return self._known[key]
 
-    def binary(
-        self,
-        nodes: list[dict[str, Any]],
-        samplers: list[dict[str, Any]],
-        channels: list[dict[str, Any]],
-        name: str,
-    ) -> bytes:
+    def binary(self, nodes: list[dict[str, Any]], name: str) -> bytes:
         """Return the whole file."""
-        top = {
+        moves = {"name": name, "samplers": self.samplers, "channels": self.channels}
+        top: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "showc"},
             "scene": 0,
             "scenes": [{"name": name, "nodes": list(range(len(nodes)))}],
             "nodes": nodes,
             "meshes": self.meshes,
             "materials": self.materials,
-            "animations": [{"name": name, "samplers": samplers, "channels": channels}],
+            "animations": [moves],
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [{"byteLength": len(self.data)}],
         }
+        if any(channel["target"]["path"] == "pointer" for channel in self.channels):
+            top["extensionsUsed"] = [_POINTER]
         text = json.dumps(top, separators=(",", ":"), ensure_ascii=False).encode()
         text += b" " * (-len(text) % 4)
         body = bytes(self.data) + bytes(-len(self.data) % 4)

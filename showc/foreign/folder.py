@@ -20,7 +20,7 @@ from showc.foreign.numbers import array, number
 from showc.foreign.reading import read_show
 from showc.foreign.show import FencePolygon
 from showc.foreign.showmode import what_show_mode_makes
-from showc.foreign.verdict import answer, damaged
+from showc.foreign.verdict import INTEGRITY, Drawing, answer, damaged
 from showc.log.showc_pb2 import Separation
 from showc.verify.report import Check, Verification
 
@@ -34,17 +34,17 @@ MANIFEST = "export.json"
 FORMAT_VERSION = 1
 """Version of the manifest's format."""
 
-INTEGRITY = "integrity"
-"""Heading of the checks of the files themselves."""
-
 SHOW_MODE = {"skyb", "skyc"}
 """Formats that show mode flies."""
 
 SMOOTH = SHOW_MODE | {"poly7", "crazyflie", "gltf"}
 """Formats in which velocity goes on without a jump."""
 
-DRAWINGS = {"kml"}
+MAPS = {"kml"}
 """Formats without flights."""
+
+DRAWINGS = MAPS | {"gltf", "vviz"}
+"""Formats that no aircraft flies."""
 
 
 def is_export(path: Path) -> bool:
@@ -179,7 +179,8 @@ def verify_export(folder: Path) -> Verification:
         return damaged(folder, error)
     checks = [hashes(folder, manifest.files)]
     checks += prove(folder, manifest.format, manifest.asked, manifest.flown)
-    return Verification(
+    kind = Drawing if manifest.format in DRAWINGS else Verification
+    return kind(
         str(folder),
         manifest.show,
         manifest.drones,
@@ -203,7 +204,7 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
     flown
         Separation that must be left when show mode flies them.
     """
-    if form in DRAWINGS:
+    if form in MAPS:
         note = "a drawing for people: nothing is flown by it, nothing is proved"
         return [
             Check("VRF582", INTEGRITY, "flights in the file", "skipped", notes=(note,))

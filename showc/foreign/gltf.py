@@ -4,47 +4,32 @@ Samplers are LINEAR, STEP or CUBICSPLINE (a cubic Hermite: in-tangent, value,
 out-tangent for every key). glTF has y up: (x, y, z) of the show frame is (x, z, -y).
 A drone's place is that of its node in the world: nodes above it may shift, turn and
 scale it, but not move themselves, for what moves twice is no polynomial any more.
+Its light is that of the first material that it, or a node below it, has.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
-import struct
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.errors import DamagedFileError
-from showc.files import read_file
-from showc.foreign.document import LARGEST_ENTRY, parse_json
-from showc.foreign.numbers import array, number, places, rising
+from showc.foreign.buffers import Document
+from showc.foreign.materials import Materials
+from showc.foreign.numbers import array, places
 from showc.foreign.show import Course, Courses, ForeignShow, fleet, polyline
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from showc.arrays import FloatArray
+    from showc.foreign.buffers import Keys
 
-    from showc.arrays import FloatArray, IntArray
-
-
-MAGIC = b"glTF"
-FLOAT = 5126
-"""Component type of float32."""
-
-MOST_KEYS = 50_000
-"""Keys of one node."""
 
 MOST_DRONES = 5000
 """Animated nodes that are read."""
 
-_SIZES = {"SCALAR": 1, "VEC3": 3}
-_INDICES = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
-"""Types of the numbers of entries that a sparse accessor replaces."""
 _BAKE = "bake the animation onto the drones themselves, without parents"
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
 MOST_NODES = 50_000
 """Nodes of a scene: ten for each drone."""
 
@@ -54,165 +39,26 @@ _STEP_GAP = 1e-3
 """Time in which a STEP sampler changes here [s]: a jump is a very fast move."""
 
 
-class _Reading:
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        content = read_file(path, LARGEST_ENTRY)
-        self.binary = b""
-        text = self._chunks(content) if content[:4] == MAGIC else content
-        top = parse_json(text, str(path))
-        if not isinstance(top, dict):
-            raise self._damage("is no glTF document")
-        self.top = top
-        self._buffers: dict[int, bytes] = {}
+class _Scene:
+    """Nodes of a document, and what moves them."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.path, self.top = document.path, document.top
+        self.entry, self._damage = document.entry, document.damage
         self._moved_by: dict[tuple[Any, bytes], int] = {}
         self._parents: dict[Any, int] = {}
-
-    def _damage(self, text: str) -> DamagedFileError:
-        return DamagedFileError(f"{self.path}: {text}")
-
-    def _chunks(self, content: bytes) -> bytes:
-        """Text of a binary glTF; its buffer is kept."""
-        text, position = b"", 12
-        while position + 8 <= len(content):
-            size, kind = struct.unpack_from("<II", content, position)
-            body = content[position + 8 : position + 8 + size]
-            if len(body) < size:
-                raise self._damage(f"a chunk of {size} bytes is cut")
-            if kind == _JSON:
-                text = body
-            elif kind == _BINARY:
-                self.binary = body
-            position += 8 + size
-        return text
-
-    def entry(self, key: str, index: Any) -> dict[str, Any]:  # noqa: ANN401
-        """Return one of the document's lists' objects."""
-        found: Any = self.top.get(key)
-        if (
-            not isinstance(found, list)
-            or isinstance(index, bool)
-            or not isinstance(index, int)
-            or not 0 <= index < len(found)
-            or not isinstance(found[index], dict)
-        ):
-            raise self._damage(f"{key}[{index!r}] is not there")
-        entry: dict[str, Any] = found[index]
-        return entry
-
-    def buffer(self, index: Any) -> bytes:  # noqa: ANN401
-        """Bytes of a buffer: in the file, beside it, or in the document."""
-        described = self.entry("buffers", index)
-        if index in self._buffers:
-            return self._buffers[index]
-        uri = described.get("uri")
-        if uri is None:
-            content = self.binary
-        elif isinstance(uri, str) and uri.startswith("data:"):
-            try:
-                content = base64.b64decode(uri.partition(",")[2], validate=True)
-            except (ValueError, binascii.Error):
-                raise self._damage(f"buffers[{index}] is no base64") from None
-        elif isinstance(uri, str):
-            name = PurePosixPath(uri)
-            if name.is_absolute() or ".." in name.parts or ":" in uri:
-                raise self._damage(f"buffers[{index}] leads to {uri[:60]!r}")
-            content = read_file(self.path.parent / name, LARGEST_ENTRY)
-        else:
-            raise self._damage(f"buffers[{index}] has no content")
-        self._buffers[index] = content
-        return content
-
-    def numbers(self, index: Any, kind: str) -> FloatArray:  # noqa: ANN401
-        """Numbers of an accessor, (count, components); float32 only."""
-        accessor = self.entry("accessors", index)
-        count, width = accessor.get("count"), _SIZES[kind]
-        if accessor.get("type") != kind or accessor.get("componentType") != FLOAT:
-            raise self._damage(f"accessors[{index}] is no {kind} of float32")
-        if isinstance(count, bool) or not isinstance(count, int):
-            raise self._damage(f"accessors[{index}] has no count")
-        if not 1 <= count <= 3 * MOST_KEYS:
-            raise self._damage(
-                f"accessors[{index}] has {count:,} entries; wanted 1 to "
-                f"{3 * MOST_KEYS:,}"
-            )
-        what = f"accessors[{index}]"
-        sparse = accessor.get("sparse")
-        if accessor.get("bufferView") is None and sparse is not None:
-            found = np.zeros((count, width))
-        else:
-            found = self._view(accessor, (count, width), "<f4", what).astype(np.float64)
-        if sparse is not None:
-            rows, values = self._replaced(sparse, count, width, what)
-            found[rows] = values
-        return np.asarray(found)
-
-    def _replaced(
-        self,
-        sparse: Any,  # noqa: ANN401
-        count: int,
-        width: int,
-        what: str,
-    ) -> tuple[IntArray, FloatArray]:
-        """Entries that a sparse accessor replaces, and what by."""
-        many = sparse.get("count") if isinstance(sparse, dict) else None
-        parts = [
-            sparse.get(key) if isinstance(sparse, dict) else None
-            for key in ("indices", "values")
-        ]
-        if not isinstance(many, int) or not 1 <= many <= count:
-            raise self._damage(f"{what}: its sparse part has no count within {count}")
-        if not isinstance(parts[0], dict) or not isinstance(parts[1], dict):
-            raise self._damage(f"{what}: its sparse part has no indices and values")
-        kind = _INDICES.get(parts[0].get("componentType", 0))
-        if kind is None:
-            raise self._damage(f"{what}: its sparse indices are no whole numbers")
-        rows = self._view(parts[0], (many, 1), kind, what)[:, 0].astype(np.int64)
-        if rows.max() >= count or np.any(np.diff(rows) <= 0):
-            raise self._damage(f"{what}: its sparse indices do not rise within {count}")
-        return rows, self._view(parts[1], (many, width), "<f4", what).astype(float)
-
-    def _view(
-        self, described: dict[str, Any], shape: tuple[int, int], kind: str, what: str
-    ) -> NDArray[Any]:
-        """Return numbers as they lie in a buffer, (count, components)."""
-        view = self.entry("bufferViews", described.get("bufferView"))
-        if isinstance(view.get("extensions"), dict) and view["extensions"]:
-            raise self._damage(
-                f"{what} is packed ({', '.join(sorted(view['extensions']))[:80]}); "
-                "wanted plain numbers: export without compression"
-            )
-        content = self.buffer(view.get("buffer"))
-        (count, width), size = shape, np.dtype(kind).itemsize
-        begin, stride = 0, size * width
-        for part in (view, described):
-            begin += int(number(part.get("byteOffset") or 0, what))
-        stride = int(number(view.get("byteStride") or stride, what))
-        if begin < 0 or stride < size * width:
-            raise self._damage(f"the bufferView of {what} makes no sense")
-        if begin + stride * (count - 1) + size * width > len(content):
-            raise self._damage(f"{what} reaches beyond its buffer")
-        return np.ndarray(shape, kind, content, begin, (stride, size))
 
     def _moved(self) -> tuple[list[tuple[dict[str, Any], Any, int]], set[int]]:
         """Find what moves nodes: (animation, sampler, node); and nodes that turn."""
         moves, turned = [], set()
-        animations = self.top.get("animations")
-        for animation in animations if isinstance(animations, list) else []:
-            channels = (
-                animation.get("channels") if isinstance(animation, dict) else None
-            )
-            for channel in channels if isinstance(channels, list) else []:
-                target = channel.get("target") if isinstance(channel, dict) else None
-                if not isinstance(target, dict) or target.get("node") is None:
-                    continue
-                node: Any = target["node"]
-                if "camera" in self.entry("nodes", node):
-                    continue
-                if target.get("path") == "translation":
-                    moves.append((animation, channel.get("sampler"), node))
-                elif target.get("path") in {"rotation", "scale"}:
-                    turned.add(node)
+        for animation, sampler, path, node in self.document.channels():
+            if node is None or "camera" in self.entry("nodes", node):
+                continue
+            if path == "translation":
+                moves.append((animation, sampler, node))
+            elif path in {"rotation", "scale"}:
+                turned.add(node)
         return moves, turned
 
     def _family(self) -> None:
@@ -305,44 +151,53 @@ class _Reading:
         node: int,
         put: FloatArray,
     ) -> Course:
-        samplers = animation.get("samplers")
-        if (
-            not isinstance(samplers, list)
-            or not isinstance(index, int)
-            or not 0 <= index < len(samplers)
-        ):
-            raise self._damage(f"sampler {index!r} of node {node} is not there")
-        sampler = samplers[index]
-        what = f"{self.path}: node {node}"
-        times = rising(self.numbers(sampler.get("input"), "SCALAR")[:, 0], what)
-        values = self.numbers(sampler.get("output"), "VEC3") @ put[:3, :3].T
-        key = sampler.get("output"), put.tobytes()
+        keys = self.document.keys(animation, index, "VEC3", f"node {node}")
+        key = keys.output, put.tobytes()
         other = self._moved_by.setdefault(key, node)
         if other != node:
             raise self._damage(
                 f"nodes {other} and {node} have the same places; wanted for each drone "
                 "some of its own"
             )
-        way = sampler.get("interpolation", "LINEAR")
-        wanted = times.size * (3 if way == "CUBICSPLINE" else 1)
-        if values.shape[0] != wanted:
-            raise self._damage(
-                f"node {node} has {values.shape[0]} values for {times.size} keys"
-            )
-        # Tangents are turned and scaled, but not shifted.
-        shift = np.broadcast_to(put[:3, 3], values.shape).copy()
-        if way == "CUBICSPLINE":
-            shift.reshape(-1, 3, 3)[:, ::2] = 0.0
-        values = places(_show_frame(values + shift), what)
-        if way == "CUBICSPLINE":
-            return _hermite(times, values.reshape(-1, 3, 3))
-        if way == "STEP" and times.size > 1:
-            before = np.maximum(times[1:] - _STEP_GAP, 0.5 * (times[:-1] + times[1:]))
-            moments = np.empty(2 * times.size - 1)
-            moments[::2], moments[1::2] = times, before
-            kept = np.repeat(values, 2, axis=0)[:-1]
-            return polyline(moments, kept)
-        return polyline(times, values)
+        return _course_of(keys, put, f"{self.path}: node {node}")
+
+    def materials_of(self, nodes: list[int]) -> list[int | None]:
+        """Return for each of some nodes the material that it shows, or a node below."""
+        found: dict[int, int] = {}
+        every = self.top.get("nodes")
+        for index, node in enumerate(every if isinstance(every, list) else []):
+            mesh = node.get("mesh") if isinstance(node, dict) else None
+            if mesh is None:
+                continue
+            parts = self.entry("meshes", mesh).get("primitives")
+            for part in parts if isinstance(parts, list) else []:
+                material = part.get("material") if isinstance(part, dict) else None
+                if material is not None:
+                    self.entry("materials", material)
+                    for carrier in (index, *self.above(index)):
+                        found.setdefault(carrier, material)
+                    break
+        return [found.get(node) for node in nodes]
+
+
+def _course_of(keys: Keys, put: FloatArray, what: str) -> Course:
+    """Return the course of a node that ``put`` (4, 4) puts into the world."""
+    times, values = keys.times, keys.values @ put[:3, :3].T
+    spline = keys.way == "CUBICSPLINE"
+    # Tangents are turned and scaled, but not shifted.
+    shift = np.broadcast_to(put[:3, 3], values.shape).copy()
+    if spline:
+        shift.reshape(-1, 3, 3)[:, ::2] = 0.0
+    values = places(_show_frame(values + shift), what)
+    if spline:
+        return _hermite(times, values.reshape(-1, 3, 3))
+    if keys.way == "STEP" and times.size > 1:
+        before = np.maximum(times[1:] - _STEP_GAP, 0.5 * (times[:-1] + times[1:]))
+        moments = np.empty(2 * times.size - 1)
+        moments[::2], moments[1::2] = times, before
+        kept = np.repeat(values, 2, axis=0)[:-1]
+        return polyline(moments, kept)
+    return polyline(times, values)
 
 
 def _show_frame(values: FloatArray) -> FloatArray:
@@ -370,18 +225,25 @@ def read_gltf(path: Path) -> ForeignShow:
     DamagedFileError
         If it is not what the format wants, or nothing in it moves.
     """
-    reading = _Reading(path)
-    found = reading.courses()
+    document = Document(path)
+    scene = _Scene(document)
+    found = scene.courses()
     if not found:
         raise DamagedFileError(f"{path}: no node's translation is animated")
+    nodes = sorted(found)
     names = tuple(
-        str(reading.entry("nodes", node).get("name") or f"node {node}")[:80]
-        for node in sorted(found)
+        str(document.entry("nodes", node).get("name") or f"node {node}")[:80]
+        for node in nodes
     )
+    shown = scene.materials_of(nodes)
+    materials = Materials(document, {one for one in shown if one is not None})
+    known = {one: materials.light(one) for one in set(shown) if one is not None}
+    lights = tuple(None if one is None else known[one] for one in shown)
     return ForeignShow(
         str(path),
         "glTF",
         path.stem,
         names,
-        fleet([found[node] for node in sorted(found)]),
+        fleet([found[node] for node in nodes]),
+        lights=lights if any(light is not None for light in lights) else (),
     )

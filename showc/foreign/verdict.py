@@ -37,7 +37,10 @@ if TYPE_CHECKING:
     from showc.foreign.show import ForeignShow
     from showc.foreign.smoothing import Smoothed
     from showc.verify.kernel.separation import Encounter
-    from showc.verify.report import Verdict
+    from showc.verify.report import Standing, Verdict
+
+INTEGRITY = "integrity"
+"""Heading of the checks of the files themselves."""
 
 GROUP = "whether it can be flown"
 """Heading of the second answer."""
@@ -55,6 +58,63 @@ TILT = 0.5235987755982988
 THRUST_MIN, THRUST_MAX = 0.5, 1.5
 """Least and greatest thrust over weight: what a show drone with half its thrust in
 reserve gives without wind."""
+
+
+DRAWINGS = {"glTF", ".vviz"}
+"""Formats that are drawn by and not flown by."""
+
+
+class Unflown(Verification):
+    """The result for what nothing flies, or nothing was asked about.
+
+    Its flights may be proved as they are drawn or measured; a badge is not green.
+    """
+
+    __slots__ = ()
+
+    @property
+    def trajectories(self) -> Standing:
+        """What came of the flights in it; none where only hashes were looked at."""
+        if all(c.group == INTEGRITY and c.verdict != "fail" for c in self.checks):
+            return "none"
+        return super().trajectories
+
+    @property
+    def proved(self) -> bool:
+        """Never: there is nothing to fly."""
+        return False
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is wrong with what is in it."""
+        return self.trajectories != "not proved"
+
+    @property
+    def verdict(self) -> str:
+        """One line that begins with what is missing."""
+        said = super().verdict.partition(": ")[2]
+        return f"{self._head()}: {said}"
+
+    def _head(self) -> str:
+        raise NotImplementedError
+
+
+class Drawing(Unflown):
+    """Of a format that no aircraft flies."""
+
+    __slots__ = ()
+
+    def _head(self) -> str:
+        return "A DRAWING, NOT FLOWN" if self.passed else "NOT PROVED"
+
+
+class Measured(Unflown):
+    """Of a file that was measured, but not held against a least distance."""
+
+    __slots__ = ()
+
+    def _head(self) -> str:
+        return "MEASURED, NOT JUDGED" if self.passed else "NOT PROVED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +157,12 @@ def judge(show: ForeignShow, questions: Questions) -> Verification:
     ]
     trusted = " and ".join(f"{one.source} rules" for one in rules if one.any)
     trusted = trusted or "no rules: the file has none, and none were asked for"
-    return Verification(
+    kind = Verification
+    if show.format in DRAWINGS:
+        kind = Drawing
+    elif show.drones > 1 and all(one.separation is None for one in rules):
+        kind = Measured
+    return kind(
         show.path, show.title, show.drones, show.duration, trusted, tuple(checks)
     )
 

@@ -21,12 +21,12 @@ def badge(verification: Mapping[str, Any] | None) -> str:
     """Return the verdict that ``showc verify --json`` gives; green only if proved."""
     if verification is None:
         return '<div class="verdict none">NOT VERIFIED<small>no proofs</small></div>'
-    kind, word = "fail", "NOT PROVED"
+    word, _, said = map(text, verification["verdict"].partition(": "))
+    kind = "fail"
     if verification["proved"]:
-        kind, word = "pass", "PROVED"
+        kind = "pass"
     elif verification["passed"]:
-        kind, word = "open", "MISSIONS NOT PROVED"
-    said = text(verification["verdict"].partition(": ")[2])
+        kind = "open"
     return f'<div class="verdict {kind}">{word}<small>{said}</small></div>'
 
 

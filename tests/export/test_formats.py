@@ -103,6 +103,17 @@ def test_lights_of_tables_and_visualisations_are_those_of_the_show(gliding, expo
             assert np.abs(shown - wanted).max() <= 1.0
 
 
+def test_lights_of_a_scene_fade_as_those_of_the_show(gliding, exports):
+    read = read_show(exports["gltf"].folder)
+    assert len({light.colours.tobytes() for light in read.lights}) > 1
+    for drone, light in enumerate(read.lights):
+        # Between frames of 20 ms, where a jump may lie, nothing is stated.
+        moments = np.round(gliding.light_times, 2)
+        row = np.searchsorted(gliding.light_times, moments + 1e-9, "right") - 1
+        off = np.abs(light.at(moments) - gliding.lights[row, drone]).max(axis=1)
+        assert np.mean(off > 5.0) < 0.02
+
+
 # Bytes that cflib 0.1.34 packs: CompressedStart(0.1, -0.25, 0, 0), then segments of
 # half a second (x cubic, z cubic) and of 1.25 s at rest.
 CFLIB = bytes.fromhex("640006ff0000000022f401640096002c010000c800900100e204")
@@ -205,4 +216,4 @@ def test_a_page_plays_every_format_as_it_was_solved(gliding, exports, form, tmp_
         assert np.linalg.norm(off, axis=1).max() < 0.06
     assert ("fence" in scene.unknown) == (form != "skyc")
     assert ("least separation" in scene.unknown) == (form != "skyc")
-    assert ("lights" in scene.unknown) == (form in {"poly7", "crazyflie", "gltf"})
+    assert ("lights" in scene.unknown) == (form in {"poly7", "crazyflie"})

@@ -146,3 +146,16 @@ def test_compiled_show_has_site_rules_cues_and_places(vertical, tmp_path):
     assert show.home[0] == pytest.approx(show.tracks.position[0, 0])
     assert show.location.altitude == pytest.approx(site.altitude)
     assert len(show.fences) == 1
+
+
+@pytest.mark.parametrize("form", ["kml", "gltf", "vviz"])
+def test_a_drawing_is_never_called_proved_to_fly(vertical, tmp_path, form):
+    options = ExportOptions.usual(form)
+    folder = export(vertical, SOURCE, form, tmp_path / form, options).folder
+    found = verify_export(folder)
+    assert found.verdict.startswith("A DRAWING, NOT FLOWN: ")
+    assert found.passed and not found.proved
+    assert found.trajectories == ("none" if form == "kml" else "proved")
+    (folder / "stray.txt").write_text("?")
+    again = verify_export(folder)
+    assert again.verdict.startswith("NOT PROVED: ") and again.exit_code == 1

@@ -153,6 +153,26 @@ def test_the_files_own_rules_and_the_users_are_judged_apart(skyc):
     assert verdicts["climb, the file's own"] == "pass"
 
 
+def test_without_a_least_distance_nothing_is_called_proved(skyc):
+    slowly = [(0, 0), (10, 10), (20, 0)]
+    path = skyc(
+        show_of(
+            *(
+                trajectory(*([t, [x, 0, z], []] for t, z in slowly), takeoff=10)
+                for x in (0, 4)
+            )
+        )
+    )
+    result = verify_foreign(path)
+    assert result.verdict.startswith("MEASURED, NOT JUDGED: ")
+    assert result.exit_code == 0 and not result.proved
+    asked = Asked("asked", Separation(distance=3.0, vertical_stretch=1.0))
+    assert verify_foreign(path, Questions(asked=asked)).proved
+    asked.separation.distance = 5.0
+    found = verify_foreign(path, Questions(asked=asked))
+    assert found.verdict.startswith("NOT PROVED: ") and found.exit_code == 1
+
+
 def test_a_fence_of_the_file_is_kept_at_every_instant(skyc):
     fence = {
         "polygons": [
@@ -475,6 +495,105 @@ def test_tangents_are_turned_and_not_shifted(tmp_path):
     assert place_at(tracks, 0.0)[0] == pytest.approx([5, 0, 0])
     assert place_at(tracks, 1.0)[0] == pytest.approx([1, 0, 0])
     assert place_at(derivative(tracks), 0.0)[0] == pytest.approx([-1, 0, 0])
+
+
+def coloured(material, *channels):
+    """Return a scene of one drone that shows a material, which channels may change.
+
+    A channel is (pointer, kind, times, values, way).
+    """
+    top = scene(nodes=[{"name": "a", "mesh": 0}], materials=[material])
+    top["meshes"] = [{"primitives": [{"attributes": {}, "material": 0}]}]
+    data = base64.b64decode(top["buffers"][0]["uri"].partition(",")[2])
+    animation = top["animations"][0]
+    for pointer, kind, times, values, way in channels:
+        sampler = {"interpolation": way}
+        for key, numbers, what in (
+            ("input", times, "SCALAR"),
+            ("output", values, kind),
+        ):
+            content = np.array(numbers, dtype="<f4").tobytes()
+            view = {"buffer": 0, "byteOffset": len(data), "byteLength": len(content)}
+            top["bufferViews"].append(view)
+            view = {"bufferView": len(top["bufferViews"]) - 1, "componentType": 5126}
+            top["accessors"].append(view | {"count": len(numbers), "type": what})
+            sampler[key] = len(top["accessors"]) - 1
+            data += content
+        animation["samplers"].append(sampler)
+        pointed = {"KHR_animation_pointer": {"pointer": f"/materials/0/{pointer}"}}
+        animation["channels"].append(
+            {
+                "sampler": len(animation["samplers"]) - 1,
+                "target": {"path": "pointer", "extensions": pointed},
+            }
+        )
+    top["buffers"] = [{"uri": "data:;base64," + base64.b64encode(data).decode()}]
+    return top
+
+
+def light_of(tmp_path, *given):
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(coloured(*given)))
+    (light,) = read_show(path).lights or (None,)
+    return light
+
+
+def test_a_drone_of_a_scene_shines_as_its_material(tmp_path):
+    base = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 1.0, 0.5]}}
+    assert light_of(tmp_path, base).at(np.array([3.0]))[0] == pytest.approx(
+        [51, 102, 255]
+    )
+    emits = base | {"emissiveFactor": [1.0, 0.0, 0.5]}
+    assert light_of(tmp_path, emits).at(np.zeros(1))[0] == pytest.approx(
+        [255, 0, 127.5]
+    )
+    strong = {
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}
+    }
+    bright = light_of(tmp_path, emits | strong)
+    assert bright.at(np.zeros(1))[0] == pytest.approx([255, 0, 127.5])
+    painted = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    assert light_of(tmp_path, painted) is None
+
+
+def test_lights_of_a_scene_change_with_its_materials(tmp_path):
+    emits = {"emissiveFactor": [1.0, 0.0, 0.0]}
+    fade = ("emissiveFactor", "VEC3", [0, 2], [[1, 0, 0], [0, 0, 1]], "LINEAR")
+    found = light_of(tmp_path, emits, fade).at(np.array([0.0, 1.0, 3.0]))
+    assert found == pytest.approx(
+        np.array([[255, 0, 0], [127.5, 0, 127.5], [0, 0, 255]])
+    )
+    jump = ("emissiveFactor", "VEC3", [0, 2], [[1, 0, 0], [0, 0, 1]], "STEP")
+    found = light_of(tmp_path, emits, jump).at(np.array([1.9, 2.0]))
+    assert found == pytest.approx(np.array([[255, 0, 0], [0, 0, 255]]))
+    dims = (
+        "extensions/KHR_materials_emissive_strength/emissiveStrength",
+        "SCALAR", [0, 4], [10.0, 0.0], "LINEAR",
+    )  # fmt: skip
+    found = light_of(tmp_path, emits, dims).at(np.array([0.0, 1.0, 4.0]))
+    assert found[:, 0] == pytest.approx([255, 191.25, 0])
+    keys = [[0] * 4, [0] * 4, [0] * 4, [0] * 4, [1] * 4, [0] * 4]
+    base = "pbrMetallicRoughness/baseColorFactor"
+    soft = (base, "VEC4", [0, 1], keys, "CUBICSPLINE")
+    found = light_of(tmp_path, {}, soft).at(np.array([0.25, 0.5, 1.0]))
+    assert found[:, 1] == pytest.approx([255 * 0.15625, 127.5, 255])
+
+
+def test_a_material_that_two_channels_change_is_refused(tmp_path):
+    fade = ("emissiveFactor", "VEC3", [0, 2], [[1, 0, 0], [0, 0, 1]], "LINEAR")
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(coloured({}, fade, fade)))
+    assert set(findings(path)) == {"VRF501"}
+
+
+def test_a_pointer_to_a_nodes_place_moves_it(tmp_path):
+    top = scene()
+    target = top["animations"][0]["channels"][0]["target"]
+    pointed = {"pointer": f"/nodes/{target.pop('node')}/translation"}
+    target |= {"path": "pointer", "extensions": {"KHR_animation_pointer": pointed}}
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert place_at(read_show(path).tracks, 1.5)[0] == pytest.approx([4.5, -6.5, 5.5])
 
 
 def test_replaced_entries_of_a_sparse_accessor_are_read(tmp_path):
