@@ -70,7 +70,24 @@ def spiral():
     return "\n".join(rows).encode()
 
 
+def dance():
+    """Return the frames of twelve places that come from a ring into a lemniscate."""
+    rows = ["time,place,x,y,z"]
+    for frame in range(161):
+        time = 0.125 * frame
+        bend = 0.5 - 0.5 * np.cos(np.pi * min(time / 8.0, 1.0))
+        for place in range(12):
+            turn = 2.0 * np.pi * (place / 12.0 + time / 30.0)
+            x = 14.0 * np.cos(turn)
+            z = 24.0 + 7.0 * ((1.0 - bend) * np.sin(turn) + bend * np.sin(2.0 * turn))
+            rows.append(
+                f"{time:.3f},{place + 1},{x:.3f},{4 * bend * np.sin(turn):.3f},{z:.3f}"
+            )
+    return "\n".join(rows).encode()
+
+
 FILES = {
+    "dance.csv": dance(),
     "heart.svg": heart(),
     "sun.png": sun(),
     "pyramid.obj": pyramid(),
@@ -165,6 +182,12 @@ MOTIONS = [
         "hold: 20, motion: [{morph: [wide, tall]}]",
         more="  wide: {like: it, transform: [{scale: [1.4, 1, 0.6]}]}\n"
         "  tall: {like: it, transform: [{scale: [0.6, 1, 1.4]}]}\n",
+    ),
+    Piece(
+        "follow",
+        12,
+        "{type: csv, file: dance.csv, colour: orchid}",
+        "motion: [{follow: dance.csv}]",
     ),
     Piece(
         "several at once",

@@ -30,6 +30,7 @@ from showc.script.scalars import certain, suggestion
 from showc.script.settings import Setting, Settings
 from showc.script.show import (
     Export,
+    Follow,
     Formation,
     Landing,
     Launch,
@@ -260,10 +261,15 @@ class Builder:
         at, start, duration = self._times(settings)
         fade = settings.text("fade")
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
+        motion = self._motion(settings, formation, sketch)
+        hold = settings.number("hold")
+        played = [one.length + one.ramp for one in motion if isinstance(one, Follow)]
+        if played and not settings.written("hold"):
+            hold = round(max(played), 3)
         return Transition(
             name=name,
             to=to,
-            hold=settings.number("hold"),
+            hold=hold,
             assignment="keep"
             if settings.text("assignment") == "keep"
             else _assignment(settings),
@@ -276,7 +282,7 @@ class Builder:
             at=at,
             start=start,
             pace=settings.number("pace"),
-            motion=self._motion(settings, formation, sketch),
+            motion=motion,
             lights=lights_of(settings, formation, self.music, self.files, self.reader),
         )
 
@@ -285,7 +291,7 @@ class Builder:
     ) -> tuple[Motion, ...]:
         """Return what a formation does over its hold, if that can be done."""
         try:
-            motion = motions_of(settings)
+            motion = motions_of(settings, self.files)
         except FormationError as fault:
             mark = settings.mark_of("motion")
             self.reader.say(fault.code, str(fault), mark, help_text=fault.help)
@@ -300,6 +306,17 @@ class Builder:
                     settings.mark_of("motion"),
                     help_text="give both the same number of places",
                 )
+        for one in motion:
+            if isinstance(one, Follow) and one.frames.shape[1] != len(formation.points):
+                self.reader.say(
+                    "SHW205",
+                    f"`{formation.name}` has {len(formation.points)} places, "
+                    f"`{one.file}`, which it follows, {one.frames.shape[1]}",
+                    settings.mark_of("motion"),
+                    help_text="give both the same number of places: a formation of "
+                    f"`type: csv` with `file: {one.file}` has those of the first frame",
+                )
+                return ()
         return motion
 
     def _times(

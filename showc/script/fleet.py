@@ -25,19 +25,8 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
     """
     if "drones" in settings:
         return settings.integer("drones")
-    counts = []
     names = list(settings.section("formations").values) if _has(settings) else []
-    for name in names:
-        own = gallery.own_count(name)
-        if own is not None:
-            counts.append(own)
-    pads = settings.values.get("pads")
-    if pads is not None and isinstance(pads.value, Settings) and not pads.value.broken:
-        own = gallery.own_count_inside(pads.value)
-        if own is not None:
-            counts.append(own)
-    for members, _mark in _members(settings).values():
-        counts += members
+    counts = _counts(settings, gallery, names)
     if counts and max(counts) > MAX_PLACES:
         reader.say(
             "SHW119",
@@ -49,6 +38,8 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
         return None
     if counts:
         return max(counts)
+    if gallery.report_uncounted():
+        return None
     if not settings.broken and all(gallery.settings(name) for name in names):
         reader.say(
             "SHW115",
@@ -57,6 +48,18 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
             help_text="add `drones: 16`, or a `count` to a formation",
         )
     return None
+
+
+def _counts(settings: Settings, gallery: Gallery, names: list[str]) -> list[int]:
+    """Return the drones that formations, pads and groups speak of by themselves."""
+    owned = [gallery.own_count(name) for name in names]
+    pads = settings.values.get("pads")
+    if pads is not None and isinstance(pads.value, Settings) and not pads.value.broken:
+        owned.append(gallery.own_count_inside(pads.value))
+    counts = [own for own in owned if own is not None]
+    for members, _mark in _members(settings).values():
+        counts += members
+    return counts
 
 
 def _has(settings: Settings) -> bool:

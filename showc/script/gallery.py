@@ -117,6 +117,8 @@ class Gallery:
         self._open: list[str] = []
         self._deep = _deep(table)
         self._own: dict[int, int | None] = {}
+        self._failed: dict[int, FormationError] = {}
+        self._uncounted: list[tuple[Settings, FormationError]] = []
         self._spent = 0
         self.counts: dict[str, int] = {}
         """Number of places wanted of formations that do not fix one themselves."""
@@ -148,9 +150,24 @@ class Gallery:
 
     def _count(self, settings: Settings) -> int | None:
         # Counting looks into files and at all that a formation is like: once.
+        if id(settings) in self._failed:
+            raise self._failed[id(settings)]
         if id(settings) not in self._own:
-            self._own[id(settings)] = self._counted(settings)
+            try:
+                self._own[id(settings)] = self._counted(settings)
+            except FormationError as fault:
+                # Raised through others, it stands where it was raised first.
+                if fault not in self._failed.values():
+                    self._uncounted.append((settings, fault))
+                self._failed[id(settings)] = fault
+                raise
         return self._own[id(settings)]
+
+    def report_uncounted(self) -> bool:
+        """Report the formations whose places could not be counted, if there are any."""
+        for settings, fault in self._uncounted:
+            self._report(settings, fault)
+        return bool(self._uncounted)
 
     def _counted(self, settings: Settings) -> int | None:
         if "count" in settings:
@@ -236,14 +253,17 @@ class Gallery:
         try:
             return self._drawing(settings, count, floor)
         except FormationError as fault:
-            self._reader.say(
-                fault.code,
-                str(fault),
-                settings.mark_of(fault.key) if fault.key else settings.mark,
-                notes=fault.notes,
-                help_text=fault.help,
-            )
+            self._report(settings, fault)
             return None
+
+    def _report(self, settings: Settings, fault: FormationError) -> None:
+        self._reader.say(
+            fault.code,
+            str(fault),
+            settings.mark_of(fault.key) if fault.key else settings.mark,
+            notes=fault.notes,
+            help_text=fault.help,
+        )
 
     def _drawing(
         self, settings: Settings, count: int, floor: float | None

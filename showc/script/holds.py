@@ -15,7 +15,15 @@ import numpy as np
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity, Spot
 from showc.script.moving import moving_places
-from showc.script.show import Morph, Orbit, Rotate, Travel, Wave, chapters
+from showc.script.show import (
+    Follow,
+    Morph,
+    Orbit,
+    Rotate,
+    Travel,
+    Wave,
+    chapters,
+)
 from showc.script.spacing import closest
 from showc.script.timing import least_duration
 from showc.script.wording import number_text
@@ -155,7 +163,7 @@ class _Flown:
             for one in self.motion
             if not isinstance(one, Travel | Morph)
             for key in ("ramp", "period")
-            if not (key == "period" and isinstance(one, Rotate))
+            if not (key == "period" and isinstance(one, Rotate | Follow))
         ]
         few, most = _INSTANTS
         step = min([*ramps, 2.0 * time]) / _SHARES

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.script.colours import linear_light
 from showc.script.formation_fields import COLOUR
-from showc.script.formations.csv_file import MAX_LINES
 from showc.script.formations.shape import FormationError
 from showc.script.instants import InstantError, music_time
 from showc.script.kinds import (
@@ -26,6 +23,7 @@ from showc.script.kinds import (
 from showc.script.placing import paint
 from showc.script.settings import Settings
 from showc.script.show import LightKey
+from showc.script.timed import LONGEST, timed_rows
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -62,10 +60,10 @@ LIGHT = Section(
 )
 LIGHTS = Either((File((".csv", ".tsv", ".txt")), Items(LIGHT, 1, 1000)))
 """A table with the columns time, place, red, green, blue; or moments."""
-_COLUMNS = ("time", "place", "red", "green", "blue")
-_SHORT = {"r": "red", "g": "green", "b": "blue", "t": "time", "drone": "place"}
-_LONGEST = 3600.0
-"""Latest moment of a table [s]."""
+_HELP = (
+    "times are seconds since the formation stands, places count from 1, colours go "
+    "from 0 to 255"
+)
 _MOST = 3_000_000
 """Moments times places of one hold: an hour of steps for a thousand."""
 
@@ -98,7 +96,9 @@ def lights_of(
     if isinstance(given.value, str):
         try:
             content = files.read(given.value, "lights")
-            return _table(content, given.value, len(formation.points))
+            count = len(formation.points)
+            rows = timed_rows(content, given.value, "lights", _ranges(count), _HELP)
+            return _keys(rows, count, given.value)
         except FormationError as fault:
             reader.say(fault.code, str(fault), given.mark, help_text=fault.help)
             return ()
@@ -130,69 +130,9 @@ def _moment(settings: Settings, music: Music | None) -> tuple[float, bool]:
     return music_time(settings.instant("at"), music) + offset, True
 
 
-def _table(content: bytes, name: str, places: int) -> tuple[LightKey, ...]:
-    """Read colours of places over time.
-
-    Raises
-    ------
-    FormationError
-        Naming the first faulty line.
-    """
-    try:
-        lines = content.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise FormationError("SHW110", f"`{name}` is not UTF-8", "lights") from None
-    if len(lines) > MAX_LINES:
-        raise FormationError(
-            "SHW119",
-            f"`{name}` has {len(lines)} lines, at most {MAX_LINES} are read",
-            "lights",
-        )
-    separator = max(";\t,", key=lines[0].count if lines else "".count)
-    rows = list(csv.reader(lines, delimiter=separator))
-    heads = [cell.lower().split("[")[0].strip() for cell in (rows[0] if rows else [])]
-    heads = [_SHORT.get(one, one) for one in heads]
-    lacking = [one for one in _COLUMNS if one not in heads]
-    if lacking:
-        raise FormationError(
-            "SHW110",
-            f"`{name}` has no column {lacking[0]}",
-            "lights",
-            help_text="the first line names the columns time [s], place (from 1), red, "
-            "green and blue (0 to 255)",
-        )
-    where = [heads.index(one) for one in _COLUMNS]
-    values = np.array(
-        [
-            _row(row, where, f"`{name}`, line {number}", places)
-            for number, row in enumerate(rows[1:], start=2)
-            if any(cell.strip() for cell in row) and not row[0].startswith("#")
-        ]
-    ).reshape(-1, len(_COLUMNS))
-    return _keys(values, places, name)
-
-
-def _row(cells: list[str], where: list[int], at: str, places: int) -> list[float]:
-    found = []
-    for column, key in zip(where, _COLUMNS, strict=True):
-        text = cells[column].strip() if column < len(cells) else ""
-        low, high = {"time": (0.0, _LONGEST), "place": (1.0, float(places))}.get(
-            key, (0.0, 255.0)
-        )
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high or (key == "place" and value % 1.0):
-            raise FormationError(
-                "SHW110",
-                f"{at}: {key} is no number from {low:g} to {high:g}",
-                "lights",
-                help_text="times are seconds since the formation stands, places count "
-                "from 1, colours go from 0 to 255",
-            )
-        found.append(value)
-    return found
+def _ranges(places: int) -> dict[str, tuple[float, float]]:
+    shares = dict.fromkeys(("red", "green", "blue"), (0.0, 255.0))
+    return {"time": (0.0, LONGEST), "place": (1.0, float(places)), **shares}
 
 
 def _keys(values: FloatArray, places: int, name: str) -> tuple[LightKey, ...]:

@@ -5,19 +5,31 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from showc.script.frames import frames_of
 from showc.script.kinds import (
     Choice,
     Either,
     Field,
+    File,
     Items,
     Quantity,
     Reference,
     Section,
 )
 from showc.script.settings import Settings
-from showc.script.show import Breathe, Morph, Motion, Orbit, Rotate, Travel, Wave
+from showc.script.show import (
+    Breathe,
+    Follow,
+    Morph,
+    Motion,
+    Orbit,
+    Rotate,
+    Travel,
+    Wave,
+)
 
 if TYPE_CHECKING:
+    from showc.script.files import InputFiles
     from showc.script.settings import Setting
     from showc.vehicle import Vector
 
@@ -172,8 +184,33 @@ MOTION = Section(
             "going to place i.",
             examples=(["star", "heart"],),
         ),
+        Field(
+            "follow",
+            Section(
+                "following",
+                "Frames that an animation was written to, played over the whole hold: "
+                "as recorded where the hold is as long as they are, and a ramp more; "
+                "that is its time where none is written.",
+                (
+                    Field(
+                        "file",
+                        File((".csv", ".tsv", ".txt")),
+                        "A table with the columns time [s], place (from 1), x, y and z "
+                        "[m]. Places go as far as they go there since the first frame, "
+                        "along a smooth curve: with frames a time h apart, at most "
+                        "h²/4 times their acceleration beside them.",
+                        required=True,
+                    ),
+                    _RAMP,
+                ),
+                short="file",
+            ),
+            "Follow the frames of a file, evenly but for the ramps, place i as its "
+            "place i.",
+            examples=("dance.csv", {"file": "dance.csv", "ramp": 1}),
+        ),
     ),
-    one_of=("rotate", "breathe", "wave", "orbit", "travel", "morph"),
+    one_of=("rotate", "breathe", "wave", "orbit", "travel", "morph", "follow"),
 )
 
 
@@ -193,18 +230,23 @@ def _items(transition: Settings) -> list[Settings]:
     return [item for item in values if isinstance(item, Settings) and not item.broken]
 
 
-def motions_of(transition: Settings) -> tuple[Motion, ...]:
+def motions_of(transition: Settings, files: InputFiles) -> tuple[Motion, ...]:
     """Return the motions that a transition asks for.
 
     Raises
     ------
     FormationError
-        If an axis has no length.
+        If an axis has no length, or a file no frames.
     """
-    return tuple(_motion(item) for item in _items(transition))
+    return tuple(_motion(item, files) for item in _items(transition))
 
 
-def _motion(item: Settings) -> Motion:
+def _motion(item: Settings, files: InputFiles) -> Motion:
+    if "follow" in item:
+        own = item.section("follow")
+        name = own.text("file")
+        frames = frames_of(files.read(name, "motion"), name, "motion")
+        return Follow(name, frames.points, frames.length, own.number("ramp"))
     if "travel" in item:
         ways = []
         for point in item.items("travel"):

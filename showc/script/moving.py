@@ -12,6 +12,8 @@ and ends at rest. A place x becomes, n being the axis and w = t / period - x . d
 - wave: x + n amplitude E sin 2 pi w
 - orbit: x + radius E (a cos 2 pi w + b sin 2 pi w), a and b spanning the circle's plane
 - travel, morph: x + the displacements, one after the other, each times S of its share
+- follow: x + B(G) - B(0), B being the B-spline of degree five whose control points
+  are the frames, continued beyond either end by their reflections in it
 
 Derivatives are those of truncated Taylor series (Griewank and Walther 2008, Evaluating
 Derivatives, chapter 13).
@@ -20,12 +22,12 @@ Derivatives, chapter 13).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import tau
+from math import comb, factorial, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.show import Breathe, Morph, Rotate, Travel, Wave
+from showc.script.show import Breathe, Follow, Morph, Rotate, Travel, Wave
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,6 +43,26 @@ _STEP = (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0)
 _AREA = tuple(0.0 if k == 0 else _STEP[k - 1] / k for k in range(9))
 """Its integral from 0."""
 
+_DEGREE = 5
+_SPLINE = np.array(
+    [
+        [
+            comb(_DEGREE, power)
+            * sum(
+                (-1) ** i
+                * comb(_DEGREE + 1, i)
+                * (_DEGREE - j - i) ** (_DEGREE - power)
+                for i in range(_DEGREE - j + 1)
+            )
+            for j in range(_DEGREE + 1)
+        ]
+        for power in range(_DEGREE + 1)
+    ]
+) / factorial(_DEGREE)
+"""Weights of the six control points about an interval, by powers of the share of the
+interval that has passed, shape (power, point): the sum of truncated powers
+(-1)^i binom(6, i) (u + 5 - j - i)^5 / 5! (de Boor 1978, chapter 9)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingPlaces:
@@ -53,13 +75,15 @@ class MovingPlaces:
     middle: FloatArray
     """The middle of the box around the formation, shape (3,) [m]."""
     frames: tuple[FloatArray, ...]
-    """For each motion that goes through displacements, those, (m, n or 1, 3) [m]; an
-    empty array for the others."""
+    """For each motion that goes through displacements, those, (m, n or 1, 3) [m]; how
+    far frames are from the first one; an empty array for the others."""
 
     @property
     def moves_on(self) -> bool:
         """Whether the drones end elsewhere than they began."""
-        return any(isinstance(one, Rotate | Travel | Morph) for one in self.motions)
+        return any(
+            isinstance(one, Rotate | Travel | Morph | Follow) for one in self.motions
+        )
 
     def borders(self, duration: float) -> FloatArray:
         """Return the times [s] at which a higher derivative jumps, ends included."""
@@ -108,6 +132,8 @@ class MovingPlaces:
         if isinstance(motion, Travel | Morph):
             return _displaced(series, motion, frames, duration, times)
         strength, progress = _envelope(motion.ramp, duration, times)
+        if isinstance(motion, Follow):
+            return np.asarray(series + _along(frames, progress))
         clock = np.zeros((ORDER, times.size, 1))
         clock[0, :, 0] = times
         clock[1] = 1.0
@@ -172,6 +198,8 @@ def moving_places(
         elif isinstance(motion, Morph):
             shapes = [formation, *(formations[name] for name in motion.through)]
             shift = np.diff([one.points[places] for one in shapes], axis=0)
+        elif isinstance(motion, Follow):
+            shift = motion.frames[:, places] - motion.frames[:1, places]
         frames.append(shift)
     return MovingPlaces(rows, motions, 0.5 * (low + high), tuple(frames))
 
@@ -215,6 +243,22 @@ def _displaced(
         inside = (times > begin) & (times < end)
         share[1, inside, 0] = 1.0 / (end - begin)
         result += _polynomial(_STEP, share)[..., None] * shift
+    return result
+
+
+def _along(frames: FloatArray, progress: FloatArray) -> FloatArray:
+    """Follow frames (m, n, 3), the progress a series of shape (4, times, 1)."""
+    steps = len(frames) - 1
+    ends = 2.0 * frames[[0, 0, -1, -1]] - frames[[2, 1, -2, -3]]
+    points = np.concatenate([ends[:2], frames, ends[2:]])
+    share = steps * progress
+    row = np.clip(share[0, :, 0].astype(np.int64), 0, steps - 1)
+    share[0, :, 0] -= row
+    result = np.zeros((ORDER, row.size, *frames.shape[1:]))
+    for weights in _SPLINE[::-1]:
+        result = _product(result, share[..., None])
+        for near, weight in enumerate(weights):
+            result[0] += weight * points[row + near]
     return result
 
 

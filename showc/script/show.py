@@ -277,7 +277,22 @@ class Morph:
     """Their names; each takes an equal share of the time, place i going to place i."""
 
 
-Motion = Rotate | Breathe | Wave | Orbit | Travel | Morph
+@dataclass(frozen=True, slots=True, eq=False)
+class Follow:
+    """Go where the frames of a file lead, once over the whole hold."""
+
+    file: str
+    """As the script names it."""
+    frames: FloatArray
+    """Where each place is at evenly spaced moments, shape (frames, places, 3), show
+    frame [m]; read-only. How far it has come since the first one counts."""
+    length: float
+    """Time from the first frame to the last, as recorded [s]."""
+    ramp: float
+    """Time to speed up, and to slow down [s]."""
+
+
+Motion = Rotate | Breathe | Wave | Orbit | Travel | Morph | Follow
 """What a formation does while it is held."""
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from showc.script.moving import moving_places
 from showc.script.show import (
     Breathe,
+    Follow,
     Formation,
     Mark,
     Morph,
@@ -16,6 +17,7 @@ from showc.script.show import (
     Travel,
     Wave,
 )
+from showc.verify.specification.motion import held
 
 MARK = Mark("show.yaml", 1, 1, 1, 2)
 PLACES = np.array([(8.0, 0, 20), (0, 8, 21), (-8, 0, 22), (0, -8, 23)])
@@ -34,6 +36,10 @@ MOTIONS = {
     "morph": Morph(("big", "ring", "big")),
 }
 TIME = 20.0
+DANCE = PLACES + np.cumsum(
+    np.random.default_rng(3).normal(0.0, 0.4, (60, 4, 3)), axis=0
+)
+MOTIONS["follow"] = Follow("dance.csv", DANCE, 18.0, 2.0)
 
 
 def moving(*names):
@@ -56,6 +62,36 @@ def test_derivatives_are_those_of_the_motion(names):
         assert np.abs(slope - exact[order + 1]).max() < 1e-4 * (
             1.0 + np.abs(exact[order + 1]).max()
         )
+
+
+@given(
+    st.lists(st.sampled_from(sorted(MOTIONS)), min_size=1, max_size=4),
+    st.floats(2.0, 60.0),
+)
+@settings(max_examples=50)
+def test_the_verifier_wants_what_the_planner_flies(names, time):
+    motions = tuple(MOTIONS[name] for name in names)
+    everyone = np.arange(4)
+    wanted = held(motions, everyone, everyone, SHAPES["ring"], SHAPES)
+    times = np.linspace(0.0, time, 97)
+    flown = moving(*names).derivatives(PLACES, time, times)[0]
+    assert np.abs(wanted.at(times, time) - flown).max() < 1e-9
+    assert wanted.moves_on == moving(*names).moves_on
+
+
+def test_frames_that_are_followed_are_met_but_for_what_is_said():
+    times = np.linspace(0.0, 18.0, 181)
+    path = np.stack([np.sin(times), np.cos(0.7 * times), 0.1 * times], axis=1)
+    frames = np.stack([path, 2.0 * path, -path, 0.5 * path], axis=1)
+    motion = Follow("it.csv", frames, 18.0, 2.0)
+    everyone = np.arange(4)
+    flown = moving_places(everyone, everyone, SHAPES["ring"], (motion,), SHAPES)
+    # Over a hold of the frames' time and a ramp, the middle is played as recorded.
+    middle = np.linspace(2.0, 18.0, 161)
+    found = flown.derivatives(PLACES, TIME, middle)[0] - PLACES + frames[0]
+    off = np.abs(found - frames[10:171]).max()
+    assert 1e-4 < off < 0.1**2 / 4.0 * 2.0
+    assert np.abs(flown.ends(PLACES) - PLACES - frames[-1] + frames[0]).max() < 1e-12
 
 
 @given(st.lists(st.sampled_from(sorted(MOTIONS)), min_size=1, max_size=4))

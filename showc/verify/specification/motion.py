@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.show import Breathe, Morph, Orbit, Rotate, Travel, Wave
+from showc.script.show import Breathe, Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.verify.kernel.bernstein import basis
 
 if TYPE_CHECKING:
@@ -53,25 +53,27 @@ class Held:
     motions: tuple[Motion, ...]
     """What they do, in order."""
     shapes: tuple[FloatArray, ...]
-    """Places of the formation and of those it becomes, each (n, 3) [m]: those of the
-    first morph, then of the next."""
+    """What each motion goes through, (m, n, 3) [m]: displacements, formations or
+    frames; none, m being 0, for the others."""
     middle: FloatArray
     """The middle of the box around the formation, (3,) [m]."""
 
     @property
     def moves_on(self) -> bool:
         """Whether they end elsewhere than they began."""
-        return any(isinstance(one, Rotate | Travel | Morph) for one in self.motions)
+        return any(
+            isinstance(one, Rotate | Travel | Morph | Follow) for one in self.motions
+        )
 
     def at(self, times: FloatArray, duration: float) -> FloatArray:
         """Where the script wants them at times (m,) [s], shape (m, n, 3) [m]."""
         found = np.broadcast_to(self.places, (times.size, *self.places.shape))
-        shapes = self.shapes
-        for motion in self.motions:
-            if isinstance(motion, Morph):
-                count = len(motion.through) + 1
-                found = _along(found, np.array(shapes[:count]), times, duration)
-                shapes = shapes[count:]
+        for motion, shapes in zip(self.motions, self.shapes, strict=True):
+            if isinstance(motion, Travel | Morph):
+                found = found + _along(shapes, _spans(motion, shapes), times / duration)
+            elif isinstance(motion, Follow):
+                share = _progress(times, motion.ramp, duration)
+                found = found + _followed(shapes, share)
             else:
                 found = _carried(found, motion, self.middle, times, duration)
         return np.asarray(found)
@@ -90,11 +92,18 @@ def held(
     formations: Mapping[str, Formation],
 ) -> Held:
     """Say how drones, each at its place of a formation, are to move with it."""
-    shapes: list[FloatArray] = []
+    shapes = []
     for motion in transition_motions:
-        if isinstance(motion, Morph):
-            shapes.append(formation.points[places])
-            shapes += [formations[name].points[places] for name in motion.through]
+        through = np.zeros((0, len(places), 3))
+        if isinstance(motion, Travel):
+            ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None]
+            through = np.repeat(ways, len(places), axis=1)
+        elif isinstance(motion, Morph):
+            become = [formation, *(formations[name] for name in motion.through)]
+            through = np.array([one.points[places] for one in become])
+        elif isinstance(motion, Follow):
+            through = motion.frames[:, places]
+        shapes.append(through)
     box = formation.points
     return Held(
         drones,
@@ -130,7 +139,7 @@ def _progress(times: FloatArray, ramp: float, duration: float) -> FloatArray:
 
 def _carried(
     found: FloatArray,
-    motion: Rotate | Breathe | Wave | Orbit | Travel,
+    motion: Rotate | Breathe | Wave | Orbit,
     middle: FloatArray,
     times: FloatArray,
     duration: float,
@@ -140,12 +149,8 @@ def _carried(
     ``rotate``: turned about the axis by the angle times G. ``breathe``: from the point
     that stays, times 1 + (scale - 1) E (1 - cos) / 2. ``wave``: along the axis by the
     amplitude times E sin. ``orbit``: by the radius times E (cos, sin) in the plane of
-    the normal. The phase is 2 pi (t / period - x . direction / wavelength). ``travel``:
-    from displacement to displacement, each by S of its share of the way.
+    the normal. The phase is 2 pi (t / period - x . direction / wavelength).
     """
-    if isinstance(motion, Travel):
-        ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None, :]
-        return _along(found, ways, times, duration, by_length=True)
     strength = _strength(times, motion.ramp, duration)[:, None]
     if isinstance(motion, Rotate):
         centre = middle if motion.about is None else np.array(motion.about)
@@ -181,36 +186,66 @@ def _carried(
     return np.asarray(found + (motion.radius * strength)[..., None] * circle)
 
 
-def _spans(shapes: FloatArray, *, by_length: bool) -> FloatArray:
-    """Shares of the time from one of the shapes (m + 1, n, 3) to the next, (m,)."""
+def _spans(motion: Travel | Morph, shapes: FloatArray) -> FloatArray:
+    """Shares of the time from one of the shapes (m + 1, n, 3) to the next, (m,).
+
+    Those of ``travel`` go by the length of the way, those of ``morph`` are equal.
+    """
     parts = np.ones(len(shapes) - 1)
-    if by_length:
+    if isinstance(motion, Travel):
         lengths = np.linalg.norm(np.diff(shapes[:, 0], axis=0), axis=1)
         parts = lengths if lengths.any() else parts
     return np.asarray(parts / parts.sum())
 
 
-def _along(
-    found: FloatArray,
-    shapes: FloatArray,
-    times: FloatArray,
-    duration: float,
-    *,
-    by_length: bool = False,
-) -> FloatArray:
-    """Add the way through shapes (m + 1, n, 3), from the first one."""
-    begin = 0.0
-    result = np.array(found)
-    for span, way in zip(
-        _spans(shapes, by_length=by_length) * duration,
-        np.diff(shapes, axis=0),
-        strict=True,
-    ):
-        if span > 0.0:
-            share = _step((times - begin) / span)
-            result += share[:, None, None] * way
-            begin += span
+def _along(shapes: FloatArray, spans: FloatArray, share: FloatArray) -> FloatArray:
+    """Way through shapes (m + 1, n, 3) from the first, each by S, (k, n, 3)."""
+    begin = np.cumsum(spans) - spans
+    moving = spans > 0.0
+    done = _step((share[:, None] - begin[moving]) / spans[moving])
+    return np.asarray(np.einsum("km,mnc->knc", done, np.diff(shapes, axis=0)[moving]))
+
+
+def _followed(frames: FloatArray, share: FloatArray) -> FloatArray:
+    """Way from the first of the frames (m, n, 3) at shares of their time, (k, n, 3).
+
+    The cardinal B-spline of degree five about each frame, the sum over i of (-1)^i
+    binom(6, i) max(d + 3 - i, 0)^5 / 5! at a distance of d frames (de Boor 1978,
+    chapter 9); two frames beyond each end are reflected in it.
+    """
+    before = 2.0 * frames[0] - frames[2:0:-1]
+    after = 2.0 * frames[-1] - frames[-2:-4:-1]
+    points = np.concatenate([before, frames, after])
+    place = share * (len(frames) - 1.0)
+    row = np.minimum(place.astype(np.int64), len(frames) - 2)
+    result = np.broadcast_to(-frames[0], (share.size, *frames.shape[1:]))
+    for near in range(-2, 4):
+        signs = (1.0, -6.0, 15.0, -20.0, 15.0, -6.0)
+        reach = place - row - near + 3.0 - np.arange(6.0)[:, None]
+        weight = np.array(signs) @ np.maximum(reach, 0.0) ** 5 / 120.0
+        result = result + weight[:, None, None] * points[row + near + 2]
     return result
+
+
+def _gone(
+    motion: Travel | Morph | Follow, shapes: FloatArray, duration: float
+) -> tuple[float, float, float]:
+    """Bound way [m], speed [m/s] and acceleration [m/s²] through shapes (m, n, 3).
+
+    A B-spline's derivatives are B-splines of its points' differences, and so within
+    them (de Boor 1978, chapter 10).
+    """
+    steps = np.linalg.norm(np.diff(shapes, axis=0), axis=2).max(axis=1)
+    if not isinstance(motion, Follow):
+        spans = _spans(motion, shapes) * duration
+        steps, spans = steps[spans > 0.0], spans[spans > 0.0]
+        speed, bend = _SLOPE * steps / spans, _BEND * steps / spans**2
+        return float(steps.sum()), float(speed.max()), float(bend.max())
+    ramp = min(motion.ramp, duration / 2.0)
+    rate = (len(shapes) - 1.0) / (duration - ramp)
+    turns = np.linalg.norm(np.diff(shapes, n=2, axis=0), axis=2)
+    bend = rate**2 * turns.max() + _SLOPE / ramp * rate * steps.max()
+    return float(steps.sum()), float(rate * steps.max()), float(bend)
 
 
 def _restless(one: Held, duration: float) -> float:
@@ -218,22 +253,10 @@ def _restless(one: Held, duration: float) -> float:
     off = one.places - one.middle
     reach = float(np.sqrt((off**2).sum(axis=1)).max(initial=0.0))
     speed = bend = 0.0
-    shapes = one.shapes
-    for motion in one.motions:
-        if isinstance(motion, Travel | Morph):
-            by_length = isinstance(motion, Travel)
-            if isinstance(motion, Travel):
-                ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None, :]
-            else:
-                count = len(motion.through) + 1
-                ways, shapes = np.array(shapes[:count]), shapes[count:]
-            spans = _spans(ways, by_length=by_length) * duration
-            steps = np.linalg.norm(np.diff(ways, axis=0), axis=2).max(axis=1)
-            moving = spans > 0.0
-            spans, steps = spans[moving], steps[moving]
-            speed += float((_SLOPE * steps / spans).max())
-            bend += float((_BEND * steps / spans**2).max())
-            reach += float(steps.sum())
+    for motion, shapes in zip(one.motions, one.shapes, strict=True):
+        if isinstance(motion, Travel | Morph | Follow):
+            asked = _gone(motion, shapes, duration)
+            speed, bend, reach = speed + asked[1], bend + asked[2], reach + asked[0]
             continue
         ramp = min(motion.ramp, duration / 2.0)
         rise, curve = _SLOPE / ramp, _BEND / ramp**2
@@ -294,7 +317,7 @@ def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
                     one.drones[row],
                     one.places[row],
                     one.motions,
-                    tuple(shape[row] for shape in one.shapes),
+                    tuple(shape[:, row] for shape in one.shapes),
                     one.middle,
                 )
                 flown = _positions(table, column, times)

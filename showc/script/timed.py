@@ -1,0 +1,139 @@
+"""Tables over time: in each row a moment, a place, and what the place has then."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.formations.shape import FormationError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.arrays import FloatArray
+
+MOST_LINES = 120_000
+"""Lines of a table: more than its bytes allow with numbers of five digits."""
+LONGEST = 3600.0
+"""Latest moment of a table [s]."""
+_AROUND = ' \t\r"'
+_NAMES = {
+    "r": "red", "g": "green", "b": "blue", "t": "time", "drone": "place", "id": "place",
+}  # fmt: skip
+
+
+def headed(content: bytes, columns: tuple[str, ...]) -> bool:
+    """Whether a table's first line names these columns, with others perhaps."""
+    for line in content[:10_000].decode("utf-8-sig", "replace").splitlines():
+        if line.strip() and not line.startswith("#"):
+            return set(columns) <= set(_heads(line, _separator(line)))
+    return False
+
+
+def timed_rows(
+    content: bytes,
+    name: str,
+    key: str,
+    ranges: Mapping[str, tuple[float, float]],
+    help_text: str,
+) -> FloatArray:
+    """Return rows of time [s], place (from 1) and columns of its own.
+
+    Parameters
+    ----------
+    content
+        The file.
+    name
+        As the script names it.
+    key
+        The script's key that names it.
+    ranges
+        Least and greatest number of each column, ``time`` and ``place`` first.
+    help_text
+        What the table must hold.
+
+    Returns
+    -------
+    FloatArray
+        Shape (rows, columns), in the file's order.
+
+    Raises
+    ------
+    FormationError
+        Naming the first faulty line.
+    """
+    try:
+        lines = content.decode("utf-8-sig").split("\n")
+    except UnicodeDecodeError:
+        raise FormationError("SHW110", f"`{name}` is not UTF-8", key) from None
+    if len(lines) > MOST_LINES:
+        raise FormationError(
+            "SHW119",
+            f"`{name}` has {len(lines)} lines, at most {MOST_LINES} are read",
+            key,
+        )
+    numbers = [
+        number
+        for number, line in enumerate(lines)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    first = lines[numbers[0]] if numbers else ""
+    separator = _separator(first)
+    heads = _heads(first, separator)
+    lacking = [one for one in ranges if one not in heads]
+    if lacking:
+        raise FormationError(
+            "SHW110",
+            f"`{name}` has no column {lacking[0]}",
+            key,
+            help_text=f"the first line names the columns {', '.join(ranges)}; "
+            f"{help_text}",
+        )
+    where = [heads.index(one) for one in ranges]
+    rows = [_row(lines[number].split(separator), where) for number in numbers[1:]]
+    values = np.array(rows).reshape(-1, len(where))
+    for (column, (low, high)), found in zip(ranges.items(), values.T, strict=True):
+        good = (found >= low) & (found <= high)
+        if column == "place":
+            good &= found % 1.0 == 0.0
+        if not good.all():
+            row = int(np.argmin(good))
+            raise FormationError(
+                "SHW110",
+                f"`{name}`, line {numbers[row + 1] + 1}: {column} is no number from "
+                f"{low:g} to {high:g}",
+                key,
+                help_text=help_text,
+            )
+    return values
+
+
+def _separator(line: str) -> str:
+    return max(";\t,", key=line.count)
+
+
+def _heads(line: str, separator: str) -> list[str]:
+    """Names of columns, without units, quotes or capitals."""
+    cells = [
+        re.split(r"[\[(]", cell)[0].strip(_AROUND).lower()
+        for cell in line.split(separator)
+    ]
+    return [_NAMES.get(cell, cell) for cell in cells]
+
+
+def _row(cells: list[str], where: list[int]) -> list[float]:
+    """Return the numbers of a line; not a number where there is none."""
+    try:
+        return [float(cells[column].strip(_AROUND)) for column in where]
+    except (ValueError, IndexError):
+        return [_number(cells[column : column + 1]) for column in where]
+
+
+def _number(cell: list[str]) -> float:
+    try:
+        return float(cell[0].strip(_AROUND)) if cell else math.nan
+    except ValueError:
+        return math.nan
