@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
     from showc.ocp.quantity import HalfSpaces
-    from showc.ocp.refinement.adaptive.constraint_generation import solve
-    from showc.ocp.refinement.adaptive.options import Options
-    from showc.ocp.refinement.graded.loop import GradedOptions, solve_graded
+    from showc.ocp.refinement.constraint_generation import solve
+    from showc.ocp.refinement.options import Grading, Options
     from showc.ocp.solution import Multipliers, Optimum, PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Overrides
     from showc.ocp.transcription.collocation.transcription import Transcription
@@ -44,7 +43,7 @@ __all__ = [
     "Data",
     "Decision",
     "ErrorEstimate",
-    "GradedOptions",
+    "Grading",
     "Guess",
     "HalfSpaces",
     "Imposed",
@@ -70,12 +69,11 @@ __all__ = [
     "Transcription",
     "margins",
     "solve",
-    "solve_graded",
 ]
 
 _HOMES = {
-    "solve": "refinement.adaptive.constraint_generation",
-    "Options": "refinement.adaptive.options",
+    "solve": "refinement.constraint_generation",
+    "Options": "refinement.options",
     "Margin": "audit.margins",
     "margins": "audit.margins",
     "Overrides": "transcription.collocation.limits",
@@ -83,8 +81,7 @@ _HOMES = {
     "SolverOptions": "transcription.solver",
     "Transcription": "transcription.collocation.transcription",
     "Imposed": "coupling",
-    "GradedOptions": "refinement.graded.loop",
-    "solve_graded": "refinement.graded.loop",
+    "Grading": "refinement.options",
     "Data": "guess",
     "Guess": "guess",
     "StatementError": "fault",

@@ -24,6 +24,7 @@ class Step(Enum):
     MERGED = "merged with the interval before"
     CONSTRAINED = "path constraint held at more places"
     SWITCH = "border of an arc placed"
+    GRADED = "borders laid anew by what it loses"
 
 
 @dataclass(frozen=True, slots=True)

@@ -306,7 +306,7 @@ class Phase:
 
         :func:`showc.ocp.solve` leaves it out until an audit in continuous time finds
         it violated, and then imposes it where it is; see
-        :mod:`showc.ocp.refinement.adaptive.constraint_generation`.
+        :mod:`showc.ocp.refinement.constraint_generation`.
 
         Parameters
         ----------

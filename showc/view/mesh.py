@@ -22,6 +22,7 @@ COLOURS = {
     "MERGED": "#14804a",
     "CONSTRAINED": "#c99700",
     "SWITCH": "#8b3fb5",
+    "GRADED": "#0f8b8d",
 }
 """Of what was done to an interval, by the name of the :class:`~showc.ocp.Step`."""
 UNKNOWN = "#eceff4"

@@ -64,7 +64,7 @@ floor for the crossed ones (the longest way is 4 m more, at 5 m/s).
 Of showc, `drone` and `fleet` are what `showc compile` uses for one drone and for
 several (one process, no cache, its limit on the extra time set to 0.1 %); `core` is the
 general solver: with its defaults; with controls linear on each interval, on graded
-meshes of its own (`solve_graded`, with its defaults and to a closer tolerance) and on a
+meshes of its own (`Options.graded`, its defaults and a closer tolerance) and on a
 mesh of the user's. `drone` and `fleet` keep the speed of each rotor
 within its limits besides, which the problem does not ask and which costs 0.1 s; for
 them, points are mesh intervals. Ratios are to the fastest row of showc with a result.

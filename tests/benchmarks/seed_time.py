@@ -47,7 +47,7 @@ its own limits besides those of the table.
 The equations as they are widely printed count the arm twice in the torques and ask
 nothing of single rotors. For that model, yaw 0 at both ends, several general solvers
 on fine meshes agree on {reference} s +- 0.001 s, with controls that leave their limits
-between the nodes and cannot be flown. `ocp.solve_graded` gives {printed:.4f} s for it:
+between the nodes and cannot be flown. `ocp.Options.graded` gives {printed:.4f} s:
 every limit kept at every instant, the controls integrated again to {missed:.1f} mm.
 Times of the two models are not to be compared.
 """
@@ -120,7 +120,7 @@ def fleet(aircraft: Aircraft, shift: np.ndarray) -> tuple[float, float]:
 def as_printed() -> tuple[float, float]:
     """Least time [s] of the model as printed, and the replay error [m]."""
     problem = quadrotor.one()
-    solution = ocp.solve_graded(build(problem))
+    solution = ocp.solve(build(problem), options=ocp.Options.graded())
     return solution.objective, report(problem, answer(solution))["position_error"]
 
 

@@ -10,7 +10,7 @@ import pytest
 from showc import ocp
 from showc.ocp.audit.couplings import CouplingAuditor
 from showc.ocp.coupling import Imposed, merged, polynomial_degree
-from showc.ocp.refinement.adaptive.constraint_generation import Couplings, enforce
+from showc.ocp.refinement.constraint_generation import Couplings, enforce
 from showc.ocp.transcription.collocation.limits import Statement
 
 

@@ -12,7 +12,9 @@ from benchmarks.ocp_further import FURTHER
 from benchmarks.peers.showc import answer, build
 
 from showc import ocp
-from showc.ocp.refinement.graded.grading import enough_points, graded_breaks, variation
+from showc.ocp.refinement.graded import enough_points, graded_breaks, variation
+
+FLYABLE = ocp.Options.graded()
 
 
 def double_integrator(top: float | None = None) -> ocp.Problem:
@@ -28,9 +30,15 @@ def double_integrator(top: float | None = None) -> ocp.Problem:
     return problem
 
 
+def on_one_mesh(intervals: int) -> ocp.PhaseSolution:
+    grading = ocp.Grading(intervals=(intervals,))
+    options = ocp.Options.graded(grading=grading)
+    return ocp.solve(double_integrator(), options=options).phases[0]
+
+
 @pytest.mark.parametrize(("top", "least"), [(None, 2.0 * sqrt(10.0)), (2.0, 7.0)])
 def test_bang_bang_and_state_constrained_are_near_the_closed_form(top, least):
-    solution = ocp.solve_graded(double_integrator(top))
+    solution = ocp.solve(double_integrator(top), options=FLYABLE)
     assert solution.result is ocp.Result.SOLVED
     assert 1.0 - 1e-6 < solution.objective / least < 1.0 + 3e-4
     low, high = solution.phases[0].controls.bounds()
@@ -43,7 +51,7 @@ def test_quadrotor_as_printed_in_least_time():
     # Fine meshes of several solvers agree on 6.6665 s +- 0.001 s, with controls that
     # leave their bounds between the nodes; these do not.
     problem = quadrotor.one()
-    solution = ocp.solve_graded(build(problem))
+    solution = ocp.solve(build(problem), options=FLYABLE)
     assert solution.result is ocp.Result.SOLVED
     assert 6.6655 < solution.objective < 6.670
     figures = report(problem, answer(solution))
@@ -62,7 +70,7 @@ def test_path_constraints_hold_between_the_points():
     # A speed limit that falls and rises again on the way.
     limit = 1.5 + 0.02 * (place - 5.0) ** 2
     phase.constrain(speed - limit, None, 0.0, name="limit", scale=1.0)
-    solution = ocp.solve_graded(problem)
+    solution = ocp.solve(problem, options=FLYABLE)
     assert solution.result is ocp.Result.SOLVED
     part = solution.phases[0]
     times = np.linspace(part.start, part.end, 20_001)
@@ -78,7 +86,7 @@ def test_equations_on_the_way_are_not_tightened():
     phase.constrain(
         phase.controls["u"].quantity.symbol - push, 0.0, 0.0, name="same", scale=1.0
     )
-    solution = ocp.solve_graded(problem)
+    solution = ocp.solve(problem, options=FLYABLE)
     assert solution.result is ocp.Result.SOLVED
     assert solution.objective == pytest.approx(2.0 * sqrt(20.0), rel=3e-4)
     u, push = solution.phases[0].controls.coefficients.transpose(2, 0, 1)
@@ -87,7 +95,7 @@ def test_equations_on_the_way_are_not_tightened():
 
 def test_another_first_mesh_is_tried_where_the_solver_fails():
     oscillator = next(b for b in FURTHER if b.name == "oscillator")
-    solution = ocp.solve_graded(oscillator.build())
+    solution = ocp.solve(oscillator.build(), options=FLYABLE)
     assert solution.result is ocp.Result.SOLVED
     assert not solution.history[0].result.usable
     assert solution.objective == pytest.approx(oscillator.optimum, rel=2e-3)
@@ -95,7 +103,9 @@ def test_another_first_mesh_is_tried_where_the_solver_fails():
 
 def test_contradicting_bounds_are_said_before_any_search():
     problem = double_integrator()
-    solution = ocp.solve_graded(problem, overrides=ocp.Overrides(bounds={"u": (1, -1)}))
+    solution = ocp.solve(
+        problem, overrides=ocp.Overrides(bounds={"u": (1, -1)}), options=FLYABLE
+    )
     assert solution.result is ocp.Result.CONTRADICTION
 
 
@@ -112,14 +122,15 @@ def test_several_phases_share_the_intervals():
         legs.append(phase)
     problem.link(*legs)
     problem.minimise(legs[0].duration + legs[1].duration)
-    solution = ocp.solve_graded(problem)
+    solution = ocp.solve(problem, options=FLYABLE)
     assert solution.objective == pytest.approx(8.0, rel=1e-3)
     assert solution.phases[0].mesh.intervals == solution.phases[1].mesh.intervals
 
 
 def test_borders_gather_where_the_gap_is_and_ends_stay():
-    part = ocp.solve_graded(
-        double_integrator(), options=ocp.GradedOptions(intervals=(10,))
+    part = ocp.solve(
+        double_integrator(),
+        options=ocp.Options.graded(grading=ocp.Grading(intervals=(10,))),
     ).phases[0]
     gap = np.zeros(10)
     gap[4] = 1.0
@@ -135,16 +146,18 @@ def test_borders_gather_where_the_gap_is_and_ends_stay():
 
 
 def test_variation_counts_jumps_and_ramps_once():
-    part = ocp.solve_graded(
-        double_integrator(), options=ocp.GradedOptions(intervals=(11,))
+    part = ocp.solve(
+        double_integrator(),
+        options=ocp.Options.graded(grading=ocp.Grading(intervals=(11,))),
     ).phases[0]
     total = variation(part, np.array([2.0])).sum()
     assert total == pytest.approx(1.0, abs=0.05)  # from one bound to the other
 
 
 def test_wider_intervals_get_more_points():
-    part = ocp.solve_graded(
-        double_integrator(), options=ocp.GradedOptions(intervals=(10,))
+    part = ocp.solve(
+        double_integrator(),
+        options=ocp.Options.graded(grading=ocp.Grading(intervals=(10,))),
     ).phases[0]
     breaks = np.concatenate([[part.start], np.linspace(0.5 * part.end, part.end, 20)])
     points = enough_points(part, np.full(10, 1e-5), breaks, accuracy=2e-5, least=3)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc import ocp
-from showc.ocp.refinement.adaptive.refine import (
+from showc.ocp.refinement.refine import (
     MOST_POINTS,
     IntervalErrors,
     cells_of,

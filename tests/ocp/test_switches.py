@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc import ocp
-from showc.ocp.refinement.adaptive.switches import detect
+from showc.ocp.refinement.switches import detect
 from showc.ocp.solution import PhaseSolution
 from showc.trajectory import PiecewisePolynomial
 

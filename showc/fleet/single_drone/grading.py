@@ -1,6 +1,6 @@
 """Least time of one drone on graded meshes: the way that never fails to converge.
 
-The core's :func:`showc.ocp.solve_graded` needs a new program for every move, but few
+Grading (:class:`showc.ocp.Grading`) needs a new program for every move, but few
 iterations whatever the move, yaw free or held.
 """
 
@@ -66,23 +66,22 @@ def solve_on_graded_meshes(
     """
     # The core loads casadi, which checking a script must not.
     from showc.ocp.mesh import Mesh  # noqa: PLC0415
-    from showc.ocp.refinement.graded.grading import linear_mesh  # noqa: PLC0415
-    from showc.ocp.refinement.graded.loop import GradedOptions, solve_graded  # noqa: PLC0415
+    from showc.ocp.refinement.constraint_generation import solve  # noqa: PLC0415
+    from showc.ocp.refinement.graded import linear_mesh  # noqa: PLC0415
+    from showc.ocp.refinement.options import Grading, Options  # noqa: PLC0415
 
     aircraft = programs.aircraft
     problem = single_problem(aircraft, minimum_time=True)
     widths = graded_widths(guessed, FIRST, END_GRADING)
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
-    solution = solve_graded(
+    solution = solve(
         problem,
         guess=flat_guess(aircraft, start, goal, widths),
         parameters=programs.ends | {"effort": effort},
-        options=GradedOptions(
-            tolerance=LONGER * tolerance,
-            accuracy=ACCURACY,
-            points=points,
-            margin=MARGIN,
-            first=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
+        options=Options.graded(
+            LONGER * tolerance,
+            grading=Grading(accuracy=ACCURACY, points=points, margin=MARGIN),
+            mesh=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
         ),
     )
     programs.iterations += solution.iterations

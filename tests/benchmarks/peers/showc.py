@@ -1,7 +1,7 @@
 """showc itself, in six ways.
 
 ``core``: the general optimal control core through its public API, with its defaults.
-``graded``: the core's ``solve_graded`` with its defaults, controls linear on intervals.
+``graded``: the core's grading with its defaults, controls linear on intervals.
 ``mesh``: the core on a fixed mesh. ``drone``: the least time of one drone. ``fleet``:
 a leg of several drones as ``compile`` solves it, in one process, without the cache.
 """
@@ -80,8 +80,8 @@ def solve(problem: Problem, settings: dict) -> Answer:
     if way == "mesh":
         return _fixed_mesh(problem)
     if way == "graded":
-        chosen = ocp.GradedOptions(**settings.get("options", {}))
-        return answer(ocp.solve_graded(build(problem), options=chosen))
+        chosen = ocp.Options.graded(**settings.get("options", {}))
+        return answer(ocp.solve(build(problem), options=chosen))
     if way == "fleet":
         return _fleet(problem, settings)
     return answer(ocp.solve(build(problem)))

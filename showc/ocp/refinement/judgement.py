@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.ocp.audit.optimality import objective_size
 from showc.ocp.outcome import ErrorEstimate
-from showc.ocp.refinement.adaptive.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.refinement.options import BOUNDARY_SHARE, CAUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
-    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.transcription import Transcription
 
 
 HUGE = 1e200
@@ -33,19 +34,21 @@ class Judgement:
     solution: Solution
     audits: tuple[PhaseAudit, ...]
     error: ErrorEstimate
-    indicators: tuple[FloatArray, ...]
-    """Error over tolerance of each interval, phase by phase."""
     shares: tuple[FloatArray, ...]
     """Share of each interval in the objective's relative error, phase by phase."""
-    must_cut: tuple[BoolArray, ...]
+    indicators: tuple[FloatArray, ...] = ()
+    """Error over tolerance of each interval, phase by phase."""
+    must_cut: tuple[BoolArray, ...] = ()
     """Intervals whose error is that of a control of given degree, phase by phase."""
-    structures: tuple[Structure | None, ...]
-    """The arcs the mesh was made for, phase by phase."""
-    moved: float
-    """Relative change of the objective since the mesh before; 0 for a first one."""
-    flattery: float
+    structures: tuple[Structure | None, ...] = ()
+    """The arcs the mesh was made for, phase by phase; empty: none were looked for."""
+    moved: float = 0.0
+    """Relative change of the objective since the mesh before."""
+    flattery: float = 0.0
     """By how much the objective may be better than the truth, relative: it costs this
     much to mend dynamics and path constraints between the nodes."""
+    program: Transcription | None = None
+    """What was solved."""
 
     @property
     def greatest(self) -> float:
@@ -67,6 +70,7 @@ def judge(
     former: Judgement | None,
     structures: Sequence[Structure | None],
     *,
+    program: Transcription | None,
     table: Table,
     tolerance: float,
     mended: bool = True,
@@ -125,12 +129,13 @@ def judge(
         solution,
         audits,
         error,
-        tuple(indicators),
         tuple((weight * part + left_open) / size for part in lost),
+        tuple(indicators),
         must_cut,
         tuple(structures),
         move,
         flattery / size,
+        program,
     )
 
 

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import BoolArray, FloatArray, IntArray
-    from showc.ocp.refinement.adaptive.options import Rule
-    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.refinement.options import Rule
+    from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from showc.ocp.audit.record import phase_record
-from showc.ocp.history import MeshRecord
+from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from showc.ocp.refinement.adaptive.judgement import Judgement
-    from showc.ocp.refinement.adaptive.proposal import Proposal
-    from showc.ocp.solution import Solution
+    from showc.ocp.audit.residuals import PhaseAudit
+    from showc.ocp.refinement.judgement import Judgement
+    from showc.ocp.refinement.proposal import Proposal
+    from showc.ocp.solution import PhaseSolution, Solution
 
 
 class Recorder:
@@ -82,3 +82,40 @@ class Recorder:
         )
         words = f"{record.action}; that was no better, so {proposal.words}"
         self.records[number] = replace(record, action=words, phases=phases)
+
+
+def phase_record(
+    part: PhaseSolution,
+    audit: PhaseAudit | None,
+    shares: Sequence[float] | None,
+    decisions: Sequence[Decision] | None,
+) -> PhaseRecord:
+    """Record of one phase of a solution.
+
+    Parameters
+    ----------
+    part
+        The phase as solved.
+    audit
+        Its audit; ``None`` if there was none.
+    shares
+        Each interval's share of the objective's relative error, shape (K,).
+    decisions
+        What is done next, interval by interval; ``None``: nothing.
+    """
+    breaks = [float(time) for time in part.states.breaks]
+    arcs = part.mesh.arcs
+    intervals = tuple(
+        IntervalRecord(
+            breaks[k],
+            breaks[k + 1],
+            part.mesh.points[k],
+            None if audit is None else float(audit.dynamics[k]),
+            None if shares is None else float(shares[k]),
+            None if audit is None else float(audit.path[k]),
+            Decision() if decisions is None else decisions[k],
+        )
+        for k in range(part.mesh.intervals)
+    )
+    borders = [breaks[k] for k in range(1, len(arcs)) if arcs[k] != arcs[k - 1]]
+    return PhaseRecord(part.name, intervals, tuple(borders))

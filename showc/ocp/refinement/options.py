@@ -1,9 +1,10 @@
-"""How an adaptive solve is steered, and the rules of thumb it follows."""
+"""How a solve is steered, and the rules of thumb that refinement follows."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, get_args
+from math import inf
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from showc.ocp.fault import StatementError
 from showc.ocp.nodes import Scheme
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from showc.ocp.mesh import Mesh
 
 Rule = Literal["decay", "curvature"]
-"""How an interval is refined; see :mod:`showc.ocp.refinement.adaptive.refine`."""
+"""How an interval is refined; see :mod:`showc.ocp.refinement.refine`."""
 
 INNER_DEGREE = 3
 """Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
@@ -67,6 +68,28 @@ SWITCH_TRIALS = 4
 
 
 @dataclass(frozen=True, slots=True)
+class Grading:
+    """Refinement by grading: controls linear on each interval, to be flown as they are.
+
+    A strategy for problems whose controls jump or whose states ride on their bounds;
+    see :mod:`showc.ocp.refinement.graded`.
+    """
+
+    accuracy: float = 2e-5
+    """Wanted error of the flown controls: the greatest distance between the states
+    and one integration of the clipped controls, over each state's range (or a
+    hundredth of its scale, if that is more); and wanted violation of path
+    constraints between the points, over their scale."""
+    intervals: tuple[int, ...] = (24, 44, 56, 72, 96, 128)
+    """Number of intervals of the meshes, shared by the phases."""
+    points: int = 3
+    """Collocation points of an interval; more where ``accuracy`` takes them."""
+    margin: float = 1e-6
+    """By how much, in their scale, path constraints are tightened, so that what the
+    solver's tolerance leaves stays within."""
+
+
+@dataclass(frozen=True, slots=True)
 class Options:
     """How a problem is solved; the defaults are meant for every problem."""
 
@@ -86,9 +109,12 @@ class Options:
     scheme: Scheme = "gauss"
     """Collocation points."""
     rule: Rule = "decay"
-    """How an interval is refined; see :mod:`showc.ocp.refinement.adaptive.refine`."""
+    """How an interval is refined; see :mod:`showc.ocp.refinement.refine`."""
     switches: bool = True
     """Whether switch times may become unknowns."""
+    grading: Grading | None = None
+    """Refine by grading instead: ``tolerance`` is then the relative change of the
+    objective, from one mesh to the next, that ends it. See :meth:`graded`."""
     scales: Mapping[str, float] = field(default_factory=dict)
     """Typical magnitudes by name, where bounds do not tell them."""
     couplings: tuple[Imposed, ...] = ()
@@ -103,6 +129,30 @@ class Options:
     :attr:`showc.ocp.Solution.optima` lists all that were found."""
     jobs: int = 1
     """Processes among which the starts are shared."""
+
+    @classmethod
+    def graded(
+        cls,
+        tolerance: float = 1e-3,
+        *,
+        grading: Grading | None = None,
+        **more: Any,  # noqa: ANN401 - of each field its own
+    ) -> Options:
+        """Refine by grading: for what is to be flown, or where controls jump.
+
+        Parameters
+        ----------
+        tolerance
+            Relative change of the objective from mesh to mesh that ends refinement;
+            each program is solved to a hundredth of it.
+        grading
+            Meshes and accuracy.
+        more
+            Other fields.
+        """
+        solver = SolverOptions(tolerance=1e-2 * tolerance, iterations=400)
+        given = {"solver": solver, "effort": inf, **more}
+        return cls(tolerance, grading=grading or Grading(), **given)
 
     def __post_init__(self) -> None:
         least = {"tolerance": 1e-15, "meshes": 1, "points": 1, "effort": 0.0}

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit.optimality import objective_size, ranges
-from showc.ocp.refinement.adaptive.options import CHEAP, EFFORT, Options
-from showc.ocp.refinement.adaptive.proposal import with_ends
+from showc.ocp.refinement.options import CHEAP, EFFORT, Options
+from showc.ocp.refinement.proposal import with_ends
 from showc.ocp.solution import Solution
 from showc.ocp.transcription.collocation.limits import Statement
 from showc.ocp.transcription.collocation.transcription import Transcription
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem
-    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.refinement.judgement import Judgement
+    from showc.ocp.refinement.switches import Structure
     from showc.ocp.transcription.collocation.limits import Overrides, Table
     from showc.ocp.transcription.solver import SolverOptions
 
@@ -92,18 +93,14 @@ class Attempts:
         unknowns = self.unknowns(mesh)
         self.effort += solution.iterations * unknowns if unknowns > CHEAP else 0.0
         self.latest = transcription
-        if not solution.result.usable or not self.problem.parameters:
-            return solution
-        slopes = self._sensitivities(transcription, solution, structures)
-        return replace(solution, sensitivities=slopes)
+        return solution
 
-    def _sensitivities(
-        self,
-        transcription: Transcription,
-        solution: Solution,
-        structures: Sequence[Structure | None] | None,
-    ) -> dict[str, float]:
+    def sensitivities(self, judgement: Judgement) -> dict[str, float]:
         """Differentiate the optimum by each parameter, by central differences."""
+        solution, transcription = judgement.solution, judgement.program
+        if transcription is None or not self.problem.parameters:
+            return {}
+        structures = judgement.structures
         statement = Statement(self.problem)
         values = statement.parameters(self.parameters)
         sign = -1.0 if self.problem.maximises else 1.0
@@ -124,6 +121,8 @@ class Attempts:
 
     def _limited(self, solver: SolverOptions, mesh: Mesh) -> SolverOptions:
         """Fewer iterations for a large program: a good start needs few."""
+        if self.options.grading:
+            return solver
         least = max(100, int(EFFORT / self.unknowns(mesh)))
         return replace(solver, iterations=min(solver.iterations, least))
 

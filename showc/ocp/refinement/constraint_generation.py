@@ -22,10 +22,10 @@ from showc.ocp.guess import check_guess
 from showc.ocp.mesh import Mesh
 from showc.ocp.outcome import Result
 from showc.ocp.problem import Problem
-from showc.ocp.refinement.adaptive.loop import solve as solve_adaptively
-from showc.ocp.refinement.adaptive.multistart import solve_from_many
-from showc.ocp.refinement.adaptive.nudge import nudged
-from showc.ocp.refinement.adaptive.options import Options
+from showc.ocp.refinement.loop import solve as refined
+from showc.ocp.refinement.multistart import solve_from_many
+from showc.ocp.refinement.nudge import nudged
+from showc.ocp.refinement.options import Options
 from showc.ocp.solution import Solution
 from showc.ocp.transcription.collocation.limits import Overrides, Statement
 
@@ -251,7 +251,7 @@ def solve(
         if former is not None:
             settings = replace(settings, mesh=_same_mesh(former))
             start = nudged(problem, former, couplings.fresh) or former
-        solution = solve_adaptively(
+        solution = refined(
             problem,
             guess=start,
             parameters=parameters,

@@ -1,4 +1,4 @@
-"""Solve a problem to a tolerance: mesh, audit, refine, place switches, repeat."""
+"""hp-refinement: intervals cut or raised one by one, switch times as unknowns."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit.optimality import objective_size
-from showc.ocp.audit.residuals import PhaseAuditor
 from showc.ocp.guess import Guess
 from showc.ocp.outcome import Result
-from showc.ocp.refinement.adaptive.attempts import Attempts
-from showc.ocp.refinement.adaptive.judgement import Judgement, is_worse, judge, refutes
-from showc.ocp.refinement.adaptive.multistart import varied
-from showc.ocp.refinement.adaptive.options import (
+from showc.ocp.refinement.judgement import Judgement, is_worse, judge, refutes
+from showc.ocp.refinement.multistart import uneven, unmoved, varied
+from showc.ocp.refinement.options import (
     CAUTION,
     CHEAP,
     CLOSE,
@@ -29,37 +27,29 @@ from showc.ocp.refinement.adaptive.options import (
     TRIAL_EFFORT,
     UNEVENNESS,
     WEIGHINGS,
-    Options,
 )
-from showc.ocp.refinement.adaptive.proposal import (
+from showc.ocp.refinement.proposal import (
     Proposal,
     place_switches,
     plain_mesh,
     refined,
     with_ends,
 )
-from showc.ocp.refinement.adaptive.recorder import Recorder
-from showc.ocp.refinement.adaptive.symmetry import uneven, unmoved
+from showc.ocp.refinement.strategy import Strategy
 from showc.ocp.solution import Solution
-from showc.ocp.transcription.collocation.limits import Overrides
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
-    from showc.ocp.problem import Problem
-    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.refinement.attempts import Attempts
+    from showc.ocp.refinement.switches import Structure
 
 
-class _Refinement:
-    """The state of one adaptive solve."""
+class Hp(Strategy):
+    """Refinement by intervals and arcs."""
 
     def __init__(self, attempts: Attempts) -> None:
-        self.attempts, self.options = attempts, attempts.options
-        problem = self.problem = attempts.problem
-        self.auditors = [
-            PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
-        ]
-        self.history = Recorder(self.options.progress)
+        super().__init__(attempts)
         # Where a coupling binds is known as a fraction of the phase, which moves with
         # the borders of arcs.
         placing = self.options.switches and not self.options.couplings
@@ -175,6 +165,21 @@ class _Refinement:
             return []
         return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
 
+    def start(self, solution: Solution) -> Judgement:
+        """Judge the first solution."""
+        none: list[Structure | None] = [None] * len(self.problem.phases)
+        judgement = self.judge(solution, None, none)
+        self.accept(judgement)
+        return judgement
+
+    def done(self, best: Judgement) -> bool:
+        """Whether all errors are within the tolerance."""
+        return best.greatest <= self.options.tolerance
+
+    def better(self, best: Judgement, current: Judgement) -> Judgement:
+        """Return what errs less."""
+        return min(best, current, key=lambda passed: passed.merit)
+
     def judge(
         self,
         solution: Solution,
@@ -190,6 +195,7 @@ class _Refinement:
             solution,
             former,
             structures,
+            program=self.attempts.latest,
             table=self.attempts.table,
             tolerance=self.options.tolerance,
             mended=mended,
@@ -284,9 +290,9 @@ class _Refinement:
         )
         return closer if closer.error.objective < fresh.error.objective else fresh
 
-    def reached(self, passed: Judgement) -> bool:
-        """Whether all errors are within the tolerance."""
-        tolerance, error = self.options.tolerance, passed.error
+    def reached(self, current: Judgement) -> bool:
+        """Whether all errors are within the tolerance, the objective's by far."""
+        tolerance, error = self.options.tolerance, current.error
         least = max(error.dynamics, error.path) <= tolerance
         return least and error.objective <= CAUTION * tolerance
 
@@ -315,11 +321,6 @@ class _Refinement:
             if solution.result.usable:
                 break
         return solution
-
-    def may_go_on(self) -> bool:
-        """Whether meshes and effort are left."""
-        few = len(self.history.records) < self.options.meshes - 1
-        return few and self.attempts.effort < self.options.effort
 
     def step(self, current: Judgement) -> Judgement | None:
         """Solve the next mesh: one whose arcs are new if there are any, or a finer one.
@@ -371,67 +372,3 @@ class _Refinement:
         if good and not self.rescaled:
             self.rescaled = True
             self.attempts.rescale(judgement.solution)
-
-
-def solve(
-    problem: Problem,
-    *,
-    guess: Guess | Solution | None = None,
-    parameters: Mapping[str, float] | None = None,
-    overrides: Overrides | None = None,
-    options: Options | None = None,
-) -> Solution:
-    """Solve ``problem`` to a tolerance, its couplings left out.
-
-    Arguments, result and errors are those of :func:`showc.ocp.solve`.
-    """
-    chosen = options or Options()
-    attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
-    work = _Refinement(attempts)
-    solution = work.first(guess)
-    if not solution.result.usable:
-        work.history.note(solution, None, "no solution on any first mesh")
-        return replace(
-            solution,
-            iterations=attempts.iterations,
-            history=tuple(work.history.records),
-        )
-    attempts.effort = 0.0
-    none: list[Structure | None] = [None] * len(problem.phases)
-    best = current = work.judge(solution, None, none)
-    work.accept(current)
-    while work.may_go_on() and not work.reached(current):
-        step = work.step(current)
-        if step is None:
-            break
-        current = step
-        best = min(best, current, key=lambda passed: passed.merit)
-    if current is not best and not work.history.knows(current.solution):
-        work.history.note(current.solution, current, "an earlier mesh was better")
-    done = best.greatest <= chosen.tolerance
-    work.history.note(best.solution, best, "tolerance reached" if done else "stopped")
-    return _finished(work, best, done=done)
-
-
-def _finished(work: _Refinement, best: Judgement, *, done: bool) -> Solution:
-    result = Result.SOLVED if done else Result.COARSE
-    table = work.attempts.table
-    audits = [a.audit(best.solution, table, shoot=True) for a in work.auditors]
-    error = replace(best.error, shooting=max(a.shooting for a in audits))
-    message = result.value
-    if not done:
-        message += (
-            f" Dynamics {error.dynamics:.1e}, path constraints {error.path:.1e}, "
-            f"objective {error.objective:.1e}; wanted {work.options.tolerance:.0e}."
-        )
-        worst = next((a.worst_path for a in audits if a.worst_path), "")
-        if worst and error.path > work.options.tolerance:
-            message += f" Violated most between the nodes: {worst}."
-    return replace(
-        best.solution,
-        result=result,
-        message=message,
-        iterations=work.attempts.iterations,
-        error=error,
-        history=tuple(work.history.records),
-    )

@@ -12,7 +12,7 @@ from showc.ocp.audit.optimality import ranges
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.nodes import fitting_points
-from showc.ocp.refinement.adaptive.options import (
+from showc.ocp.refinement.options import (
     BOUNDARY_SHARE,
     CHEAP,
     ELSEWHERE,
@@ -23,13 +23,13 @@ from showc.ocp.refinement.adaptive.options import (
     ROUGH,
     VAGUE,
 )
-from showc.ocp.refinement.adaptive.refine import (
+from showc.ocp.refinement.refine import (
     IntervalErrors,
     arc_mesh,
     refine,
     summary,
 )
-from showc.ocp.refinement.adaptive.switches import border_reasons, detect
+from showc.ocp.refinement.switches import border_reasons, detect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
-    from showc.ocp.refinement.adaptive.judgement import Judgement
-    from showc.ocp.refinement.adaptive.options import Options
-    from showc.ocp.refinement.adaptive.switches import Structure
+    from showc.ocp.refinement.judgement import Judgement
+    from showc.ocp.refinement.options import Options
+    from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 

@@ -1,1 +1,0 @@
-"""The mesh found by solving: audit, refine, place switches, impose couplings."""

@@ -1,1 +1,0 @@
-"""Controls linear on each interval, on meshes graded by what they cost."""

@@ -1,0 +1,99 @@
+"""The refinement loop: solve, audit, judge, propose the next mesh, repeat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from showc.ocp.outcome import Result
+from showc.ocp.refinement.attempts import Attempts
+from showc.ocp.refinement.graded import Graded
+from showc.ocp.refinement.hp import Hp
+from showc.ocp.refinement.options import Options
+from showc.ocp.transcription.collocation.limits import Overrides
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.ocp.guess import Guess
+    from showc.ocp.problem import Problem
+    from showc.ocp.refinement.judgement import Judgement
+    from showc.ocp.refinement.strategy import Strategy
+    from showc.ocp.solution import Solution
+
+
+def solve(
+    problem: Problem,
+    *,
+    guess: Guess | Solution | None = None,
+    parameters: Mapping[str, float] | None = None,
+    overrides: Overrides | None = None,
+    options: Options | None = None,
+) -> Solution:
+    """Solve ``problem`` to a tolerance, its couplings left out.
+
+    Arguments, result and errors are those of :func:`showc.ocp.solve`.
+    """
+    chosen = options or Options()
+    attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
+    work: Strategy = Graded(attempts) if chosen.grading else Hp(attempts)
+    solution = work.first(guess)
+    if not solution.result.usable:
+        work.history.note(solution, None, "no solution on any first mesh")
+        return replace(
+            solution,
+            iterations=attempts.iterations,
+            history=tuple(work.history.records),
+        )
+    attempts.effort = 0.0
+    best = current = work.start(solution)
+    while _may_go_on(work) and not work.reached(current):
+        step = work.step(current)
+        if step is None:
+            break
+        current = step
+        best = work.better(best, current)
+    if current is not best and not work.history.knows(current.solution):
+        work.history.note(current.solution, current, "an earlier mesh was better")
+    done = work.done(best)
+    work.history.note(best.solution, best, "tolerance reached" if done else "stopped")
+    return _finished(work, best, done=done)
+
+
+def _may_go_on(work: Strategy) -> bool:
+    """Whether meshes and effort are left."""
+    few = len(work.history.records) < work.options.meshes - 1
+    return few and work.attempts.effort < work.options.effort
+
+
+def _finished(work: Strategy, best: Judgement, *, done: bool) -> Solution:
+    result = Result.SOLVED if done else Result.COARSE
+    options, table = work.options, work.attempts.table
+    audits, error = best.audits, best.error
+    if not options.grading:
+        audits = tuple(a.audit(best.solution, table, shoot=True) for a in work.auditors)
+        error = replace(error, shooting=max(a.shooting for a in audits))
+    message = result.value
+    if not done:
+        wanted = f"{options.tolerance:.0e}"
+        if options.grading:
+            wanted += (
+                f", and {options.grading.accuracy:.0e} for controls flown (now "
+                f"{error.shooting:.1e}) and path constraints"
+            )
+        message += (
+            f" Dynamics {error.dynamics:.1e}, path constraints {error.path:.1e}, "
+            f"objective {error.objective:.1e}; wanted {wanted}."
+        )
+        worst = next((a.worst_path for a in audits if a.worst_path), "")
+        if worst and error.path > options.tolerance:
+            message += f" Violated most between the nodes: {worst}."
+    return replace(
+        best.solution,
+        result=result,
+        message=message,
+        iterations=work.attempts.iterations,
+        error=error,
+        history=tuple(work.history.records),
+        sensitivities=work.attempts.sensitivities(best),
+    )
