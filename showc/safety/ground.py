@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.safety.landing import Boxes
+from showc.safety.pieces import Pieces
 from showc.script.fence import fence_distance, inside_polygon
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
     from showc.safety.landing import FallTable
-    from showc.safety.pieces import Pieces
 
     Measure = Callable[[FloatArray], FloatArray]
     """From points (n, 2) to m numbers each, (n, m), none of which changes by more than
@@ -29,8 +29,10 @@ OPEN = 0.05
 """Distance that bounds may leave open [m]."""
 ROUNDS = 24
 """How often pieces are halved at most; each round leaves half of what was open."""
-DIRECTIONS = 96
-"""Directions of a hull: its corners lie at most 0.06 % outside a circle."""
+DIRECTIONS = 240
+"""Directions of a hull: its corners lie at most 0.01 % outside a circle."""
+BLOCK = 20_000
+"""Pieces that are looked at together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +44,7 @@ class Discs:
     radius: FloatArray
     """Shape (n,) [m]."""
     motion: FloatArray
-    """Part of the radius that shorter pieces do without, shape (n,) [m]."""
+    """Part of the radius that shorter pieces do without, about, shape (n,) [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,12 +104,12 @@ class Footing:
     def discs(self, pieces: Pieces) -> Discs:
         """Enclose what ``pieces`` may reach."""
         level = pieces.position[:, :, :2]
-        rest = np.full(len(pieces), self.wider)
+        rest, spread = np.full(len(pieces), self.wider), np.zeros(len(pieces))
         if self.table is not None:
             boxes = boxes_of(pieces, self.ground)
             found = self.table(boxes)
             level = level + found.carry[:, None, None] * pieces.velocity[:, :, :2]
-            rest = rest + found.radius
+            rest, spread = rest + found.radius, found.spread
         low, high = level.min(axis=1), level.max(axis=1)
         centre = 0.5 * (low + high)
         motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
@@ -119,7 +121,8 @@ class Footing:
             )
             middle = 0.5 * (slowest + fastest)
             level = level + middle[:, None, None] * pieces.velocity[:, :, :2]
-            rest = rest + 0.5 * (fastest - slowest) * boxes.speed_high
+            spread = 0.5 * (fastest - slowest) * boxes.speed_high
+            rest = rest + spread
             low, high = level.min(axis=1), level.max(axis=1)
             centre = 0.5 * (low + high)
             motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
@@ -127,7 +130,7 @@ class Footing:
             # A chord: 2 R sin(turn / 2), up to half a turn.
             far = np.hypot(centre[:, 0], centre[:, 1]) + motion
             rest = rest + 2.0 * far * np.sin(0.5 * min(self.turn, np.pi))
-        return Discs(centre, motion + rest, motion)
+        return Discs(centre, motion + rest, motion + spread)
 
 
 def boxes_of(pieces: Pieces, ground: float) -> Boxes:
@@ -159,31 +162,47 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     measure
         Numbers that no point may have too small.
     """
-    discs = footing.discs(pieces)
-    low = measure(discs.centre) - discs.radius[:, None]
-    motion = discs.motion
-    # Most pieces decide nothing, however short they were cut. What they bound counts.
-    matters = (low - OPEN <= (low + 2.0 * motion[:, None]).min(axis=0)).any(axis=1)
-    others = low[~matters].min(axis=0, initial=np.inf)
-    pieces, low, motion = pieces.select(matters), low[matters], motion[matters]
-    for _ in range(ROUNDS):
-        open_ = (low <= low.min(axis=0) + OPEN).any(axis=1) & (motion > OPEN)
-        if not open_.any():
+    found = reached = np.full(1, np.inf)
+    places: list[Place] = []
+    for cut in range(ROUNDS + 1):
+        left = []
+        for part in _blocks(pieces):
+            discs = footing.discs(part)
+            low = measure(discs.centre) - discs.radius[:, None]
+            # Points that are reached for sure say how far bounds need be followed.
+            likely = np.unique((low + 2.0 * discs.motion[:, None]).argmin(axis=0))
+            points = footing.discs(part.select(likely).starts())
+            seen = measure(points.centre) - points.radius[:, None]
+            reached = np.minimum(reached, seen.min(axis=0))
+            open_ = (low < reached - OPEN).any(axis=1) & (cut < ROUNDS)
+            left.append(part.select(open_))
+            sure = np.flatnonzero(~open_)
+            if not sure.size:
+                continue
+            first = sure[low[sure].argmin(axis=0)]
+            own = low[first, np.arange(first.size)]
+            places = [
+                _middle(part, piece) if better else places[column]
+                for column, (piece, better) in enumerate(
+                    zip(first.tolist(), own < found, strict=True)
+                )
+            ]
+            found = np.minimum(found, own)
+        pieces = Pieces.joined(left).parts(2)
+        if not len(pieces):
             break
-        halves = pieces.select(open_).parts(2)
-        discs = footing.discs(halves)
-        pieces = pieces.joined([pieces.select(~open_), halves])
-        fresh = measure(discs.centre) - discs.radius[:, None]
-        low = np.concatenate([low[~open_], fresh])
-        motion = np.concatenate([motion[~open_], discs.motion])
-    first = low.argmin(axis=0)
-    return Least(
-        np.minimum(low.min(axis=0), others),
-        tuple(
-            Place(int(pieces.drone[k]), float(0.5 * (pieces.start[k] + pieces.end[k])))
-            for k in first
-        ),
-    )
+    return Least(found, tuple(places))
+
+
+def _blocks(pieces: Pieces) -> Iterator[Pieces]:
+    """Pieces in blocks that bound the memory."""
+    for top in range(0, len(pieces), BLOCK):
+        yield pieces.select(np.arange(top, min(top + BLOCK, len(pieces))))
+
+
+def _middle(pieces: Pieces, piece: int) -> Place:
+    time = 0.5 * (pieces.start[piece] + pieces.end[piece])
+    return Place(int(pieces.drone[piece]), float(time))
 
 
 def hull(pieces: Pieces, footing: Footing) -> FloatArray:

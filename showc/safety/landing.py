@@ -25,6 +25,8 @@ ROUNDING = 1e-3
 """What every radius is taken farther for errors of the integration [m]."""
 FAN = np.pi / 18.0
 """Angle between the directions in which a fall's reach is worked out [rad]."""
+PARTS = 4
+"""Parts of a cell of airspeeds over which winds are bounded."""
 FANNED = np.arange(19) * FAN
 """These directions, from ahead to back [rad]."""
 
@@ -55,6 +57,8 @@ class Impacts:
     """[s]."""
     radius: FloatArray
     """[m]."""
+    spread: FloatArray
+    """Part of the radius that smaller boxes do without [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,20 +108,28 @@ class FallTable:
         lost = airspeeds[:, None, None] * time - way
         missed = remainder(fall, climb, (float(speeds[-1]), airspeeds[-1]), levels)
         ahead, radius = np.zeros((2, climb.size, speeds.size, levels.size))
-        room = np.empty(time.shape[1:])
+        # Over a cell of airspeeds the way lost is a line: the greater end, and shares.
+        greater = np.maximum(lost[:, :-1], lost[:, 1:])
+        slope = 1.0 - np.minimum(lost[:, :-1], lost[:, 1:]) / np.maximum(greater, 1e-12)
+        slope = np.where(greater > 0.0, slope, 0.0)
+        gentle, steep = slope.min(axis=2), slope.max(axis=2)
+        longest = np.maximum(time[:, :-1], time[:, 1:])
+        shortest = np.minimum(time[:, :-1], time[:, 1:])
         for number, own in enumerate(speeds.tolist()):
-            low = int(max(0.0, own - fall.wind) / AIRSPEED)
-            met = slice(low, int(np.ceil((own + fall.wind) / AIRSPEED)) + 1)
+            low = min(int(max(0.0, own - fall.wind) / AIRSPEED), airspeeds.size - 2)
+            high = max(int(np.ceil((own + fall.wind) / AIRSPEED)), low + 1)
+            met = slice(low, high)
             reach = np.empty((climb.size, levels.size, FANNED.size))
-            against = np.stack(
-                [_against(angle, own, airspeeds[met], fall.wind) for angle in FANNED]
-            )[:, :, None, None]
+            against = _against(own, airspeeds[met.start : met.stop + 1], fall.wind)
             # Row by row, for what the processor keeps at hand.
             for row in range(climb.size):
-                with_ground, through_air = own * time[row, met], lost[row, met]
+                through_air = greater[row, met]
+                share = _shares(against, gentle[row, met], steep[row, met])
                 for index, angle in enumerate(FANNED.tolist()):
-                    landed = np.multiply(against[index], through_air, out=room[met])
-                    landed += np.cos(angle) * with_ground
+                    along = np.cos(angle) * own
+                    with_ground = longest if along > 0.0 else shortest
+                    landed = share[index][:, None] * through_air
+                    landed += along * with_ground[row, met]
                     reach[row, :, index] = landed.max(axis=0).max(axis=0)
             reach = _down_to_heads(levels, reach)
             # The disc touches the falls that go farthest ahead and back.
@@ -149,7 +161,7 @@ class FallTable:
         low = np.clip(boxes.height_low, 0.0, high)
         fastest = 0.5 * (boxes.speed_low + boxes.speed_high)
         middle = 0.5 * (boxes.climb_low + boxes.climb_high)
-        centre, _ = self._at(middle, fastest, high)
+        centre, own = self._at(middle, fastest, high)
         carry = centre / np.maximum(fastest, 1e-9)
         carry[fastest < 1e-6] = 0.0
         radius = np.zeros(high.size)
@@ -166,7 +178,7 @@ class FallTable:
                     ahead, reach = self._at(climb[kept], speed, height[left][kept])
                     reach += np.abs(ahead - carry[some] * speed)
                     radius[some] = np.maximum(radius[some], reach)
-        return Impacts(carry, radius)
+        return Impacts(carry, radius, np.maximum(radius - own, 0.0))
 
     def _at(
         self, climb: FloatArray, speed: FloatArray, height: FloatArray
@@ -228,35 +240,61 @@ def _levels(height: float) -> FloatArray:
     return np.concatenate([low, (1.0 + 0.2 * np.arange(count + 1)) ** 2])
 
 
-def _against(
-    angle: float, speed: float, airspeeds: FloatArray, wind: float
-) -> FloatArray:
-    """Greatest component of the unit vector against the air, (n,).
+def _against(speed: float, airspeeds: FloatArray, wind: float) -> FloatArray:
+    """Greatest component of the unit vector against the air over parts of cells.
 
     Parameters
     ----------
-    angle
-        Direction of the component, from that of the drone's velocity [rad].
     speed
         Level speed over ground [m/s].
     airspeeds
-        At equal distances, shape (n,) [m/s]; each stands for those up to its
-        neighbours.
+        Borders of the cells, at equal distances, shape (n + 1,) [m/s].
     wind
         Greatest wind [m/s].
+
+    Returns
+    -------
+    ndarray, shape (angles, n, PARTS)
+        For each of the directions ``FANNED`` from the drone's velocity.
     """
-    # |u + s b| <= W keeps b ahead of u below (W² - u² - s²) / (2 u s). Over a cell that
+    # |u + s b| <= W keeps b ahead of u below (W² - u² - s²) / (2 u s). Over a part that
     # is greatest at one of its ends, or where s² = u² - W².
-    size = np.maximum(2.0 * speed * airspeeds, 1e-12)
-    room = (wind**2 - speed**2 - airspeeds**2) / size
+    cells = airspeeds.size - 1
+    border = airspeeds[0] + AIRSPEED / PARTS * np.arange(cells * PARTS + 1)
+    room = (wind**2 - speed**2 - border**2) / np.maximum(2.0 * speed * border, 1e-12)
+    most = np.maximum(room[:-1], room[1:])
     top = np.sqrt(max(speed**2 - wind**2, 0.0))
-    near = np.abs(airspeeds - top) <= AIRSPEED
     if top > 0.0:
-        room[near] = np.maximum(room[near], -top / speed)
-    sides = np.concatenate([room[:1], room, room[-1:]])
-    room = np.clip(np.maximum(np.maximum(sides[:-2], sides[2:]), room), -1.0, 1.0)
-    corner = np.arccos(room)
-    return np.where(angle >= corner, 1.0, np.cos(corner - angle))
+        holds = (border[:-1] <= top + 1e-9) & (top - 1e-9 <= border[1:])
+        most[holds] = np.maximum(most[holds], -top / speed)
+    corner = np.arccos(np.clip(most, -1.0, 1.0))
+    angle = FANNED[:, None]
+    found = np.where(angle >= corner, 1.0, np.cos(corner - angle))
+    return found.reshape(FANNED.size, cells, PARTS)
+
+
+def _shares(against: FloatArray, gentle: FloatArray, steep: FloatArray) -> FloatArray:
+    """Bound a component of the way lost, as a share of the greatest in a cell.
+
+    Parameters
+    ----------
+    against
+        As :func:`_against` has it, shape (angles, n, PARTS).
+    gentle, steep
+        Least and greatest share by which the way is less at the cell's lower end,
+        shape (n, levels).
+
+    Returns
+    -------
+    ndarray, shape (angles, n, levels)
+    """
+    found = np.full((against.shape[0], *gentle.shape), -np.inf)
+    for part in range(PARTS):
+        along = against[:, :, part, None]
+        upper, lower = 1.0 - (part + 1.0) / PARTS, 1.0 - part / PARTS
+        share = np.where(along >= 0.0, 1.0 - upper * gentle, 1.0 - lower * steep)
+        np.maximum(found, along * share, out=found)
+    return found
 
 
 def _down_to_heads(levels: FloatArray, reach: FloatArray) -> FloatArray:

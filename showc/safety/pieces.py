@@ -71,6 +71,12 @@ class Pieces:
             ),
         )
 
+    def starts(self) -> Pieces:
+        """Return the points at which the pieces start, as pieces without length."""
+        return Pieces(
+            self.drone, self.start, self.start, self.state[:, :1], self.control[:, :1]
+        )
+
     @classmethod
     def joined(cls, parts: list[Pieces]) -> Pieces:
         """Return the pieces of all ``parts``, which are of the same degrees."""

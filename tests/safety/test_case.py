@@ -12,7 +12,7 @@ from safety.falls import landings
 from showc.log.reader import read_log
 from showc.safety import codes
 from showc.safety.case import safety_case, show_of
-from showc.safety.ground import Footing, area, hull, least, outside
+from showc.safety.ground import Footing, area, corners_of, hull, least, outside
 from showc.safety.pieces import flight_pieces
 from showc.script.show import Audience, Building, Risk
 
@@ -69,6 +69,7 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
     reach = (case.footprint @ outward.T).max(axis=0)
     assert (farthest <= reach).all()
     assert (reach <= 1.05 * farthest).all()
+    assert area(case.footprint) <= 1.05 * area(corners_of(outward, farthest))
 
 
 def test_the_flight_is_inside_its_geography(logged, show):
