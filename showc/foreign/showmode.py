@@ -35,10 +35,11 @@ WINDOW = 0.25
 """Least time between the joints of which accelerations are formed [s]: the length of
 the pieces that were flown."""
 
-LOST = 0.06
-"""How much nearer two drones came than their files, at most, in calm air [m]. All fly
-by one clock and err alike: far less than twice the tube."""
-ROOM = 0.04
+LOST = 0.14
+"""How much nearer two drones came than their files, at most, in calm air [m], where
+those leave 3 m or less: in five shows, up to eight drones at once. All fly by one clock
+and err alike: far less than twice the tube."""
+ROOM = 0.08
 """Way of each drone for which a script plans, so that a pair has it left [m]: half of
 it, and the usual error of a fit."""
 

@@ -137,7 +137,7 @@ def test_a_folder_with_more_than_an_export_is_not_replaced(beside):
 def test_an_export_keeps_what_is_left_once_drones_have_strayed(tmp_path):
     path, log = tmp_path / "show.yaml", tmp_path / "show.mcap"
     path.write_text(
-        SCRIPT.replace("1.6 m", "{distance: 3.9 m, tracking: 4 cm}").replace(
+        SCRIPT.replace("1.6 m", "{distance: 3.8 m, tracking: 8 cm}").replace(
             "[kml, crazyflie, {to: skyb, separation: 1.5 m, lead: 12 s}]", "[skyc]"
         )
     )
@@ -146,5 +146,5 @@ def test_an_export_keeps_what_is_left_once_drones_have_strayed(tmp_path):
     assert run.return_value == 0, run.output
     assert failed(log) == set()
     manifest = json.loads((tmp_path / "show-skyc" / "export.json").read_text())
-    assert manifest["rules"]["separation"]["distance"] == pytest.approx(3.9)
-    assert manifest["rules"]["separation_flown"] == pytest.approx(3.9)
+    assert manifest["rules"]["separation"]["distance"] == pytest.approx(3.8)
+    assert manifest["rules"]["separation_flown"] == pytest.approx(3.8)
