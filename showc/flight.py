@@ -103,6 +103,8 @@ class LegFlight:
     trajectories: tuple[Trajectory, ...]
     """One for each drone of ``leg.drones``, in that order."""
     certificate: Certificate
+    parts: tuple[LegFlight, ...] = ()
+    """Flights of the leg's parts, each on its own clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,6 +12,7 @@ from showc.fleet.execution.cache import Cache, leg_key
 from showc.fleet.execution.journal import Journal, journals
 from showc.fleet.execution.pool import InProcess, workers
 from showc.fleet.execution.remembering import Remembering
+from showc.fleet.lanes import put_together
 from showc.fleet.leg import place, solve_leg
 from showc.fleet.proof import flaw
 from showc.fleet.timetable import timetable
@@ -72,7 +73,18 @@ def solve_itinerary(
             )
             known, found = _solved(free, options, crew, progress, found)
             itinerary = timetable(itinerary, {leg.leg.index: leg for leg in known})
-        flights, _ = _solved(itinerary, options, crew, progress, found)
+        moves = replace(
+            itinerary,
+            legs=tuple(part for leg in itinerary.legs for part in leg.parts or (leg,)),
+        )
+        solved, _ = _solved(moves, options, crew, progress, found)
+    given = iter(solved)
+    flights = tuple(
+        put_together(leg, [next(given) for _ in leg.parts], itinerary.show)
+        if leg.parts
+        else next(given)
+        for leg in itinerary.legs
+    )
     return Flight(itinerary, flights, _starts(flights))
 
 

@@ -228,7 +228,7 @@ class _Solver:
         trajectories = tuple(
             hover(self.aircraft, position, duration) for position in self.leg.start
         )
-        nearest = self._closest(trajectories)
+        nearest = nearest_pair(self.leg, trajectories, self.separation)
         certificate = Certificate(
             duration, 0.0, 0.0, None, nearest, "hold: every drone hovers", {}
         )
@@ -275,7 +275,7 @@ class _Solver:
             0.0,
             0.0,
             None,
-            self._closest(flights),
+            nearest_pair(leg, flights, self.separation),
             f"moving formation: polynomials within {moved.error:.1e} m of the motion",
             {
                 "drones": float(leg.drones.size),
@@ -322,7 +322,7 @@ class _Solver:
             min(alone, ascent.duration),
             witness.time,
             witness,
-            self._closest(flights),
+            nearest_pair(leg, flights, self.separation),
             "straight up or down, all on one profile",
             dict(sorted(statistics.items())),
         )
@@ -562,7 +562,7 @@ class _Solver:
         self, repair: Repair | StretchedFlights, limiting: Limiting
     ) -> LegFlight:
         trajectories = repair.trajectories
-        nearest = self._closest(trajectories)
+        nearest = nearest_pair(self.leg, trajectories, self.separation)
         statistics = {
             **self.tried.counts,
             **repair.counts,
@@ -639,22 +639,26 @@ class _Solver:
     def _pair(self, found: Encounters) -> str:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
 
-    def _closest(self, trajectories: tuple[Trajectory, ...]) -> Encounter | None:
-        if len(trajectories) < 2:
-            return None
-        # Drones that take no part count for the separation, not for this record.
-        found = closest(tracks_of(trajectories), self.separation)
-        first, second = int(found.first[0]), int(found.second[0])
-        gap = (
-            trajectories[first].state(found.time)[0, :3]
-            - trajectories[second].state(found.time)[0, :3]
-        )
-        return Encounter(
-            int(self.leg.drones[first]),
-            int(self.leg.drones[second]),
-            float(found.time[0]),
-            float(measure(gap, self.separation)),
-        )
+
+def nearest_pair(
+    leg: Leg, trajectories: tuple[Trajectory, ...], separation: Separation
+) -> Encounter | None:
+    """Return how near two drones of a leg come, at the nearest; None for one alone."""
+    if len(trajectories) < 2:
+        return None
+    # Drones that take no part count for the separation, not for this record.
+    found = closest(tracks_of(trajectories), separation)
+    first, second = int(found.first[0]), int(found.second[0])
+    gap = (
+        trajectories[first].state(found.time)[0, :3]
+        - trajectories[second].state(found.time)[0, :3]
+    )
+    return Encounter(
+        int(leg.drones[first]),
+        int(leg.drones[second]),
+        float(found.time[0]),
+        float(measure(gap, separation)),
+    )
 
 
 def place(leg: Leg) -> str:

@@ -12,6 +12,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from showc.errors import SolveError
 from showc.fleet.leg import aircraft_of, place, whole_milliseconds
 from showc.fleet.shared_profile.synchronise import shared_profile
@@ -19,7 +21,7 @@ from showc.fleet.single_drone.vertical import quickest_ascent
 from showc.plan.itinerary import Leg
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from showc.flight import LegFlight
     from showc.plan.itinerary import Itinerary
@@ -70,7 +72,8 @@ def scheduled(itinerary: Itinerary, times: Mapping[int, float]) -> Itinerary:
     """Do the same from the ``times`` [s] of those legs, by index, or estimates."""
     show, clock = itinerary.show, 0.0
     legs: list[Leg] = []
-    for leg in itinerary.legs:
+    for planned in itinerary.legs:
+        leg = _lanes(planned, show, clock, legs) if planned.parts else planned
         start, duration = _times(leg, show, clock, times, legs)
         wait = round(start - clock, 3)
         if wait > 0.0:
@@ -106,6 +109,50 @@ def _times(
             raise _late(leg, leg.arrive, clock + least, legs, least)
         raise _late(leg, start, clock, legs, 0.0)
     return max(start, clock), duration or 0.0
+
+
+def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
+    """Give every part of a leg its time, and the leg the time from first to last.
+
+    A group stands for as long as the script holds it before it moves again.
+    """
+    free: dict[int, float] = {}
+    parts: list[Leg] = []
+    for part in leg.parts:
+        group = int(part.drones[0])
+        before = [*legs, *(one for one in parts if int(one.drones[0]) == group)]
+        start, duration = _times(part, show, free.get(group, clock), {}, before)
+        parts.append(replace(part, depart=start, duration=duration))
+        held = (
+            0.0 if part.transition is None else show.transitions[part.transition].hold
+        )
+        free[group] = round(start + duration + held, 3)
+    begin = min(part.depart or 0.0 for part in parts)
+    end = max((part.depart or 0.0) + (part.duration or 0.0) for part in parts)
+    return replace(
+        leg,
+        parts=tuple(_among(part, leg, parts) for part in parts),
+        depart=begin,
+        duration=round(end - begin, 3),
+    )
+
+
+def _among(part: Leg, leg: Leg, parts: Sequence[Leg]) -> Leg:
+    """Put the drones that stand while a part of a leg is flown in its way."""
+    begin = part.depart or 0.0
+    end = begin + (part.duration or 0.0)
+    places, still = leg.start.copy(), np.ones(leg.drones.size, dtype=bool)
+    still[part.drones] = False
+    for other in parts:
+        start = other.depart or 0.0
+        if start + (other.duration or 0.0) <= begin:
+            places[other.drones] = other.goal
+        elif start < end:
+            still[other.drones] = False
+    parked = places[still] if still.any() else None
+    if parked is not None:
+        parked.setflags(write=False)
+    return replace(part, others_parked=parked)
 
 
 def _late(

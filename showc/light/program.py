@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from showc.light.colour import drive_bytes, full_hue, srgb_bytes
-from showc.light.keyframes import keyframes_of, placed
-from showc.script.show import chapters
+from showc.light.keyframes import Lit, keyframes_of, placed
+from showc.script.lanes import chapters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from showc.flight import Flight
     from showc.light.keyframes import Keyframes
     from showc.plan.itinerary import Leg
-    from showc.script.show import Effect, Show
+    from showc.script.show import Effect, Formation, Show, Transition
 
 
 _FLASH = 0.25
@@ -124,6 +124,94 @@ def _play(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LaneMove:
+    """The move of a group that has times of its own."""
+
+    transition: Transition
+    """What the script says of it."""
+    drones: IntArray
+    """Which drones, counting from 0, shape (n,)."""
+    places: IntArray
+    """Place of each in the formation reached, shape (n,); -1: parked and dark."""
+    start: float
+    """Show time of the departure [s]."""
+    end: float
+    """Show time of the arrival [s]."""
+
+
+def lane_spans(
+    show: Show,
+    moves: Sequence[LaneMove],
+    begin: FloatArray,
+    window: tuple[float, float],
+) -> list[LightSpan]:
+    """Lay out the light of the fleet while groups move at times of their own.
+
+    Parameters
+    ----------
+    show
+        With the formations.
+    moves
+        In order, those of each group.
+    begin
+        Linear colours of the fleet at the beginning, shape (drones, 3).
+    window
+        Show times of beginning and end [s].
+
+    Returns
+    -------
+    list[LightSpan]
+        Those of each drone follow each other without a gap, in order of their start.
+    """
+    first, last = window
+    found: list[LightSpan] = []
+    still = np.ones(show.drones, dtype=bool)
+
+    def lit(
+        move: LaneMove, start: float, end: float, now: FloatArray, *, there: bool
+    ) -> FloatArray:
+        """Light a group until it moves, while it does or, ``there``, after it."""
+        one = move.transition
+        formation = show.formations[one.to]
+        moving = start == move.start
+        everyone = np.arange(move.drones.size)
+        keys = keyframes_of(now, start, [Lit(one.lights, everyone, move.places)])
+        span = LightSpan(
+            start,
+            end - start,
+            move.drones,
+            now,
+            shown(one, formation, move.places) if moving else now,
+            one.fade if moving else "linear",
+            (one.effect or formation.effect) if there else None,
+            formation.points[np.maximum(move.places, 0)],
+            keys if there else None,
+        )
+        found.append(span)
+        return np.asarray(span.linear(np.array([span.duration]))[0])
+
+    for group in dict.fromkeys(move.transition.group for move in moves):
+        mine = [move for move in moves if move.transition.group == group]
+        still[mine[0].drones] = False
+        now = begin[mine[0].drones]
+        if mine[0].start > first:
+            now = lit(mine[0], first, mine[0].start, now, there=False)
+        for move, until in zip(mine, [*(m.start for m in mine[1:]), last], strict=True):
+            now = lit(move, move.start, move.end, now, there=False)
+            if until > move.end:
+                now = lit(move, move.end, until, now, there=True)
+    if still.any():
+        rows = np.flatnonzero(still)
+        colours, nowhere = begin[rows], np.zeros((rows.size, 3))
+        found.append(
+            LightSpan(
+                first, last - first, rows, colours, colours, "linear", None, nowhere
+            )
+        )
+    return sorted(found, key=lambda span: span.start)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LightProgram:
     """Colours of a whole fleet over a whole show."""
 
@@ -152,17 +240,40 @@ class LightProgram:
         """Lay out the light of legs that start and last as said, by the show [s]."""
         present = np.zeros((show.drones, 3))
         together = {index: flown for flown in chapters(show) for index in flown}
-        spans = []
-        for leg, start, duration in zip(legs, starts, durations, strict=True):
+        spans: list[LightSpan] = []
+        ends = [float(s) + d for s, d in zip(starts, durations, strict=True)]
+        lit = 0.0
+        for number, leg in enumerate(legs):
+            start, duration = float(starts[number]), durations[number]
+            if leg.parts:
+                # The hold after it belongs to what each group does last.
+                after = legs[number + 1 : number + 2]
+                held = any(one.kind == "hold" for one in after)
+                lit = ends[number + 1 if held else number]
+                moves = [
+                    LaneMove(
+                        show.transitions[part.transition or 0],
+                        part.drones,
+                        part.places,
+                        part.depart or 0.0,
+                        (part.depart or 0.0) + (part.duration or 0.0),
+                    )
+                    for part in leg.parts
+                ]
+                for span in lane_spans(show, moves, present.copy(), (start, lit)):
+                    spans.append(span)
+                    present[span.drones] = span.linear(np.array([span.duration]))[0]
+            if start < lit:
+                continue
             holding = leg.kind in {"hold", "motion"}
             begin = present[leg.drones]
             keys = None
             if holding and leg.transition is not None:
                 flown = [show.transitions[k] for k in together[leg.transition]]
-                lit = placed(show, flown, leg.start, leg.places)
-                keys = keyframes_of(begin, float(start), lit)
+                own = placed(show, flown, leg.start, leg.places)
+                keys = keyframes_of(begin, start, own)
             span = LightSpan(
-                start=float(start),
+                start=start,
                 duration=duration,
                 drones=leg.drones,
                 begin=begin,
@@ -175,8 +286,7 @@ class LightProgram:
             spans.append(span)
             # A fade starts from what an effect leaves, so that nothing jumps.
             present[leg.drones] = span.linear(np.array([span.duration]))[0]
-        end = max(span.start + span.duration for span in spans)
-        return cls(show.drones, end, tuple(spans))
+        return cls(show.drones, max(ends), tuple(spans))
 
     def linear(self, times: ArrayLike) -> FloatArray:
         """Linear light, 0 to 1, at show times (T,) [s]; shape (T, drones, 3).
@@ -241,6 +351,13 @@ class LightProgram:
                         times.append(float(moment[index]))
                         colours.append(colour)
         return np.array(times), np.array(colours)
+
+
+def shown(one: Transition, formation: Formation, places: IntArray) -> FloatArray:
+    """Linear colours that a transition gives to places (n,); those parked are dark."""
+    colours = formation.colours if one.colours is None else one.colours
+    parked = places < 0
+    return np.where(parked[:, None], 0.0, colours[np.where(parked, 0, places)])
 
 
 def _place_colours(show: Show, leg: Leg) -> FloatArray:

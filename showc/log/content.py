@@ -104,6 +104,21 @@ def segment_message(flight: Flight, number: int) -> pb.Segment:
         places=leg.places.tolist(),
         goals=leg.goal.ravel().tolist(),
         certificate=_certificate_message(flown.certificate),
+        moves=[_move_message(part, flight.itinerary.show) for part in flown.parts],
+    )
+
+
+def _move_message(flown: LegFlight, show: Show) -> pb.Move:
+    """Return the move of a group that has times of its own."""
+    leg = flown.leg
+    return pb.Move(
+        name=leg.name,
+        group=show.transitions[leg.transition or 0].group or "",
+        to_formation=leg.to_formation,
+        start=leg.depart or 0.0,
+        duration=flown.duration,
+        single_drone_minimum=flown.certificate.single_drone_minimum,
+        dual_bound=flown.certificate.dual_bound,
     )
 
 

@@ -1,7 +1,8 @@
 """From the show to its itinerary: launch, transitions with their holds, landing.
 
-Transitions of groups that stand next to each other in the script and share no drone
-are flown together, as one leg with one common time; drones of no group hover.
+Transitions of groups that are flown together (:mod:`showc.script.lanes`) are one leg;
+drones of no group hover. The leg has one common time, or a part for each move where
+groups have times of their own.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
 from showc.progress import Silent
+from showc.script.lanes import arrival, chapters, departure, own_times, rest
 from showc.script.moving import moving_places
-from showc.script.show import Formation, chapters
+from showc.script.show import Formation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,10 +121,11 @@ class _Builder:
     def chapter(self, indices: Sequence[int]) -> None:
         """One transition of the fleet, or several of groups at once, and the hold."""
         transitions = [self.show.transitions[index] for index in indices]
+        parts: tuple[Leg, ...] = ()
         if transitions[0].group is None:
             formation, given = self._whole_fleet(transitions[0])
         else:
-            formation, given = self._groups(transitions)
+            formation, given, parts = self._groups(indices)
         durations = [t.duration for t in transitions if t.duration is not None]
         name = " + ".join(transition.name for transition in transitions)
         asked = _Asked(
@@ -134,6 +137,13 @@ class _Builder:
             next((t.start for t in transitions if t.start is not None), None),
             max(t.pace for t in transitions),
         )
+        if own_times(transitions):
+            ends = max(arrival(one) or 0.0 for one in transitions)
+            asked = replace(asked, duration=None, arrive=ends, depart=None)
+            self._move("transition", name, formation, given, asked)
+            self.legs[-1] = replace(self.legs[-1], parts=parts)
+            self._hold(name, rest(transitions), asked)
+            return
         self._move("transition", name, formation, given, asked)
         hold = max(transition.hold for transition in transitions)
         self._hold(name, hold, asked, self._moving())
@@ -209,17 +219,25 @@ class _Builder:
         return tuple(found)
 
     def _groups(
-        self, transitions: Sequence[Transition]
-    ) -> tuple[Formation, Assignment]:
-        """Join the goals of all groups into one formation with a place per drone."""
-        points, colours = self.position.copy(), self.colours.copy()
-        reasons = []
+        self, indices: Sequence[int]
+    ) -> tuple[Formation, Assignment, tuple[Leg, ...]]:
+        """Join the goals of all groups into one formation with a place per drone.
+
+        Also return the move of each group by itself.
+        """
+        transitions = [self.show.transitions[index] for index in indices]
+        stood, colours = self.position, self.colours.copy()
+        reasons, parts = [], []
         self.placed = []
-        for transition in transitions:
+        for index, transition in zip(indices, transitions, strict=True):
             members = np.asarray(self.show.groups[str(transition.group)])
             formation = self.show.formations[transition.to]
             given = self._give(transition, formation, members)
-            points[members] = self._goals(formation, given.places, members)
+            goals = self._goals(formation, given.places, members)
+            parts.append(self._part(index, members, goals, given))
+            # A group may move again in the same chapter.
+            self.position = self.position.copy()
+            self.position[members] = goals
             shown = (
                 formation.colours if transition.colours is None else transition.colours
             )
@@ -230,11 +248,40 @@ class _Builder:
             colours[members[placed]] = shown[given.places[placed]]
             colours[members[~placed]] = 0.0
             reasons.append(given.reason)
-        name = " + ".join(f"{t.group} in {t.to}" for t in transitions)
+        last = {transition.group: transition.to for transition in transitions}
+        name = " + ".join(f"{group} in {to}" for group, to in last.items())
         effects = [t.effect or self.show.formations[t.to].effect for t in transitions]
         mark = transitions[0].mark
+        points, self.position = self.position, stood
         joined = self._added(name, points, colours, mark, effects[0])
-        return joined, Assignment(self.fleet, np.inf, "; ".join(dict.fromkeys(reasons)))
+        reason = "; ".join(dict.fromkeys(reasons))
+        return joined, Assignment(self.fleet, np.inf, reason), tuple(parts)
+
+    def _part(
+        self, index: int, members: IntArray, goals: FloatArray, given: Assignment
+    ) -> Leg:
+        """Return the move of a group by itself."""
+        transition = self.show.transitions[index]
+        return Leg(
+            index=len(self.legs),
+            name=transition.name,
+            kind="transition",
+            drones=_frozen(members.copy()),
+            start=_frozen(self.position[members]),
+            goal=_frozen(goals),
+            from_formation=self.formation,
+            to_formation=transition.to,
+            places=_frozen(given.places.copy()),
+            limits=self.show.limits,
+            duration=transition.duration,
+            after=(),
+            mark=transition.mark,
+            transition=index,
+            assignment=given.reason,
+            arrive=transition.at,
+            depart=departure(transition),
+            pace=transition.pace,
+        )
 
     def _give(
         self, transition: Transition, formation: Formation, members: IntArray

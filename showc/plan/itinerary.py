@@ -64,6 +64,9 @@ class Leg:
     """What drones of a ``motion`` do; the others hover."""
     pace: float = 1.0
     """How many times its straight flight's time it takes, if there is so much."""
+    parts: tuple[Leg, ...] = ()
+    """Moves of groups that have times of their own within this one, in the script's
+    order; each has the drones of its group. Before, between and after they hover."""
 
     @property
     def timed(self) -> bool:

@@ -162,12 +162,12 @@ def build_timeline(
 
 
 def refuse_motions(legs: Sequence[Leg]) -> None:
-    """Refuse formations that move while they are held.
+    """Refuse formations that move while held, and groups with times of their own.
 
     Raises
     ------
     ExportError
-        If there is one: a mission has straight legs and slots, nothing else.
+        If there is one: a mission has straight legs and slots for all, nothing else.
     """
     moving = [leg.name for leg in legs if leg.kind == "motion"]
     if moving:
@@ -175,6 +175,14 @@ def refuse_motions(legs: Sequence[Leg]) -> None:
         raise ExportError(
             f"a mission cannot carry a formation that moves: “{moving[0]}”{more}; fly "
             "the log with `showc stream`"
+        )
+    apart = [leg.name for leg in legs if leg.parts]
+    if apart:
+        more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
+        raise ExportError(
+            f"a mission cannot carry groups with times of their own: “{apart[0]}”"
+            f"{more}; fly the log with `showc stream`, or give groups that are flown "
+            "together the same times"
         )
 
 

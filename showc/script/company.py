@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
+from showc.script.lanes import arrival, chapters, departure, own_times
 from showc.script.settings import Settings
-from showc.script.show import chapters
 from showc.script.spacing import closest_between
 from showc.script.wording import number_text, point_text
 
@@ -93,14 +93,15 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
     if sketch.separation is None:
         return
     standing: dict[str, tuple[Formation, Settings]] = {}
-    for item in transitions_of(sketch):
+    gone = _gone(sketch.show)
+    for row, item in enumerate(transitions_of(sketch)):
         formation = sketch.formations.get(item.text("to"))
         if formation is None or "group" not in item:
             standing.clear()
             continue
         group = item.text("group")
         for other, (theirs, where) in standing.items():
-            if other == group:
+            if other == group or (other, row) in gone:
                 continue
             pair = closest_between(
                 formation.points,
@@ -122,6 +123,25 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
                     spot=Spot(formation.name, (pair.first,)),
                 )
         standing[group] = (formation, item)
+
+
+def _gone(show: Show | None) -> set[tuple[str, int]]:
+    """Find groups that have left again when another's transition, by index, arrives.
+
+    Only where groups have times of their own, and of what comes later in the script.
+    """
+    found: set[tuple[str, int]] = set()
+    if show is None:
+        return found
+    for chapter in chapters(show):
+        together = [show.transitions[index] for index in chapter]
+        for at, index in enumerate(chapter if own_times(together) else ()):
+            there = arrival(together[at])
+            for later in together[at + 1 :]:
+                leaves = departure(later)
+                if there is not None and leaves is not None and leaves < there:
+                    found.add((str(later.group), index))
+    return found
 
 
 def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:

@@ -172,7 +172,9 @@ TRANSITION = Section(
         Field(
             "group",
             Reference("group"),
-            "The drones that move.",
+            "The drones that move. Groups that follow each other in the list move at "
+            "once; with different times each keeps its own, and may move again while "
+            "others do.",
             default_text="the whole fleet",
         ),
         Field("colour", COLOUR, "Colours on arrival, instead of the formation's."),

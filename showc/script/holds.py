@@ -14,16 +14,9 @@ import numpy as np
 
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity, Spot
+from showc.script.lanes import chapters
 from showc.script.moving import moving_places
-from showc.script.show import (
-    Follow,
-    Morph,
-    Orbit,
-    Rotate,
-    Travel,
-    Wave,
-    chapters,
-)
+from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
 from showc.script.timing import least_duration
 from showc.script.wording import number_text

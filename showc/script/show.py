@@ -475,26 +475,3 @@ class Show:
     """Formation where drones without a place in a picture wait; None: not allowed."""
     music: Music | None = None
     """What it is flown to."""
-
-
-def chapters(show: Show) -> list[list[int]]:
-    """Transitions (by index) that are flown together, in order.
-
-    A transition of the whole fleet is a chapter of its own; consecutive transitions of
-    groups share a chapter while no drone is in two of them.
-    """
-    result: list[list[int]] = []
-    busy: set[int] = set()
-    for index, transition in enumerate(show.transitions):
-        if transition.group is None:
-            result.append([index])
-            busy = set(range(show.drones))
-            continue
-        members = set(show.groups[transition.group])
-        if not result or busy & members:
-            result.append([index])
-            busy = set(members)
-        else:
-            result[-1].append(index)
-            busy |= members
-    return result

@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity
-from showc.script.show import chapters
+from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
     from showc.script.build import Sketch
+    from showc.script.settings import Settings
     from showc.script.show import Mark, Show, Transition
     from showc.vehicle import Limits, Quadrotor
 
@@ -132,16 +133,16 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     )
     for members in chapters(show):
         index, together = members[0], [show.transitions[at] for at in members]
-        if odd := _odd_times(together):
-            yield Diagnostic(
-                "SHW213",
-                Severity.ERROR,
-                f"`{odd[0].name}` and `{odd[1].name}` are flown together and ask for "
-                "different times",
-                settings[members[together.index(odd[1])]].mark,
-                help="give them the same `at` and `start`, or let only one have them",
-            )
-            return
+        if own_times(together):
+            asked = [settings[row] for row in members]
+            if found := _lane_fault(show, together, asked, earliest, before):
+                yield found
+                return
+            ends = max(arrival(one) or 0.0 for one in together) + rest(together)
+            name = " + ".join(one.to for one in together)
+            earliest = ends
+            before = f"`{name}` is held until {_time(show, ends, up=True)}"
+            continue
         at = next((one.at for one in together if one.at is not None), None)
         start = next((one.start for one in together if one.start is not None), None)
         least = max(
@@ -182,14 +183,62 @@ _ON_TIME = 1e-6
 """By how much a bound may be above a time by rounding alone [s]."""
 
 
-def _odd_times(together: list[Transition]) -> tuple[Transition, Transition] | None:
-    """Return two transitions, flown together, that ask for different times."""
-    for key in ("at", "start"):
-        asked = [one for one in together if getattr(one, key) is not None]
-        for one in asked[1:]:
-            if getattr(one, key) != getattr(asked[0], key):
-                return asked[0], one
+def _lane_fault(
+    show: Show,
+    together: list[Transition],
+    asked: list[Settings],
+    earliest: float,
+    before: str,
+) -> Diagnostic | None:
+    """Say which transition of a group with times of its own cannot be (SHW213)."""
+    for lane in lanes(together):
+        free, why = earliest, before
+        for row in lane:
+            one, there = together[row], arrival(together[row])
+            starts = departure(one)
+            if there is None:
+                return Diagnostic(
+                    "SHW213",
+                    Severity.ERROR,
+                    f"when `{one.name}` arrives is not known, and other groups move "
+                    "meanwhile at times of their own",
+                    asked[row].mark,
+                    help="give it `at`, or `start` and `duration`",
+                )
+            if one.motion:
+                return Diagnostic(
+                    "SHW213",
+                    Severity.ERROR,
+                    f"`{one.name}` has a motion, and other groups move meanwhile at "
+                    "times of their own",
+                    asked[row].mark_of("motion"),
+                    help="give the groups that are flown with it the same times, or "
+                    "leave the motion out",
+                )
+            soonest = free if starts is not None else free + _SHORTEST
+            time = starts if starts is not None else there
+            if time < soonest - _ON_TIME:
+                key = "start" if one.start is not None else "at"
+                return Diagnostic(
+                    "SHW213",
+                    Severity.ERROR,
+                    f"`{one.name}` cannot start at {_time(show, time)}: "
+                    f"{number_text(_up(soonest - time))} s too early",
+                    asked[row].mark_of(key),
+                    notes=(why,),
+                    help=f"the earliest time is {_time(show, soonest, up=True)}, or "
+                    "later; shorten what comes before, or move the time",
+                )
+            free = there + one.hold
+            why = (
+                f"`{one.group}` stands in `{one.to}` at {_time(show, there)} and is "
+                f"held for {number_text(one.hold)} s"
+            )
     return None
+
+
+_SHORTEST = 0.1
+"""Least time of a move [s], as for `duration`."""
 
 
 def _time(show: Show, time: float, *, up: bool = False) -> str:

@@ -14,20 +14,28 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from showc.light.keyframes import Lit, keyframes_of
-from showc.light.program import LightProgram, LightSpan
+from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
-from showc.script.show import chapters
+from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.verify.kernel.choreography import REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.motion import FOLLOWED, astray, at_rest, held
+from showc.verify.specification.motion import (
+    FOLLOWED,
+    Held,
+    astray,
+    held,
+    reached,
+    unlike_claims,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from google.protobuf.message import Message
 
     from showc.arrays import BoolArray, FloatArray, IntArray
-    from showc.script.show import Effect, Formation, Show, Transition
+    from showc.script.show import Effect, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
     from showc.verify.report import Check
@@ -133,8 +141,9 @@ class _Walk:
         }
         self.limits: list[Limits] = []
         self.spans: list[LightSpan] = []
-        self.lighting: Sequence[Lit] = ()
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
+        self.grows: Iterator[bool] = iter(())
+        """Whether each hold, in order, lasts until a given time."""
         self.carried = 0
         self.numbers = np.arange(show.drones)
         """Place of each drone in the formation that it last flew to."""
@@ -149,12 +158,13 @@ class _Walk:
         self._own(segment, self.formations[up])
         self._arrive(segment, dark)
         parts = [[show.transitions[k] for k in chapter] for chapter in chapters(show)]
-        waits = [*(any(one.timed for one in part) for part in parts), False]
-        self._hold("launch", launch.hold, grows=waits[0])
-        for part, grows in zip(parts, waits[1:], strict=True):
-            self._chapter(part, grows=grows)
+        waits = [*(any(one.timed for one in part) for part in parts), False, False]
+        self.grows = iter(waits)
+        self._shine(self._hold("launch", launch.hold), self.lit)
+        for part in parts:
+            self._chapter(part)
         self._approach(self._raised(f"above {show.pads} to land", landing.altitude))
-        self._hold("reaching the pads", landing.hold)
+        self._shine(self._hold("reaching the pads", landing.hold), self.lit)
         sink = _upright(show.limits, landing.descent_speed)
         segment = self._leg("land", "land", show.pads, limits=sink)
         # Straight down: the pad below.
@@ -197,62 +207,99 @@ class _Walk:
             self._reach(segment, points[places])
         self._arrive(segment, np.zeros((self.show.drones, 3)))
 
-    def _chapter(self, transitions: Sequence[Transition], *, grows: bool) -> None:
+    def _chapter(self, transitions: Sequence[Transition]) -> None:
         """One transition of the fleet, or several of groups at once, and the hold."""
-        first = transitions[0]
-        name = " + ".join(one.name for one in transitions)
+        show, first, own = self.show, transitions[0], own_times(transitions)
+        name, to = " + ".join(one.name for one in transitions), first.to
         times = [one.duration for one in transitions if one.duration is not None]
-        duration = max(times) if times else None
-        formation = self.show.formations[first.to]
-        to = first.to
+        duration = max(times) if times and not own else None
         if first.group is not None:
-            to = self._unused(
-                " + ".join(f"{one.group} in {one.to}" for one in transitions)
-            )
+            last = {one.group: one.to for one in transitions}
+            to = self._unused(" + ".join(f"{group} in {last[group]}" for group in last))
         segment = self._leg("transition", name, to, duration=duration)
-        self._place(segment, transitions)
+        begin, end = segment.start, segment.end
+        flights = [(begin, end) for _ in transitions]
+        if own:
+            flights = self._lanes(segment, transitions)
+        for one, flown in zip(transitions, flights, strict=True):
+            self._on_time(one, *flown)
+        self._place(segment, transitions, [end for _, end in flights])
         if first.group is not None:
             self.formations[to] = segment.goals
             self._own(segment, segment.goals)
         elif not np.array_equal(self.placed[0][2], segment.message.places):
             self._wrong(segment, "the places claimed are not those of the goals")
-        self._arrive(segment, self.colours, first.fade)
-        self._on_time(segment, transitions)
-        hold = max(one.hold for one in transitions)
-        effect = first.effect or formation.effect
-        # By the places of the goals: those that the log claims may be any.
-        self.lighting = [Lit(one.lights, *there) for one, *there in self.placed]
-        take = self._moving if any(one.motion for one in transitions) else self._hold
-        take(name, hold, effect, grows=grows)
-        self.lighting = ()
+        if not own:
+            self._arrive(segment, self.colours, first.fade)
+            hold = max(one.hold for one in transitions)
+            moving = [held(*one, show.formations) for one in self.placed]
+            after = self._hold(name, hold, moving)
+            # By the places of the goals: those that the log claims may be any.
+            lit = [Lit(one.lights, *there) for one, *there in self.placed]
+            effect = first.effect or show.formations[first.to].effect
+            self._shine(after, self.lit, "linear", effect, lit)
+            return
+        self.at, self.position = to, segment.goals
+        after = self._hold(name, rest(transitions)) or segment
+        both = zip(self.placed, flights, strict=True)
+        moves, window = [LaneMove(*one, *at) for one, at in both], (begin, after.end)
+        for span in lane_spans(show, moves, self.lit, window):
+            self.spans.append(span)
+            self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
 
-    def _on_time(self, segment: Segment, transitions: Sequence[Transition]) -> None:
+    def _lanes(
+        self, segment: Segment, transitions: Sequence[Transition]
+    ) -> list[tuple[float, float]]:
+        """Return when groups move at times of their own: the log says so, and flies."""
+        claims = segment.message.moves
+        asked = [(one.name, one.group, one.to) for one in transitions]
+        if [(one.name, one.group, one.to_formation) for one in claims] != asked:
+            raise _StrayError(f"moves of “{segment.message.name}” are not the script's")
+        for lane in lanes(transitions):
+            free, members = segment.start, self.show.groups[str(asked[lane[0]][1])]
+            for one, claim in ((transitions[k], claims[k]) for k in lane):
+                if not free - MOMENT <= claim.start < segment.end:
+                    self.demands.times.append(f"“{one.name}” starts during a hold")
+                free = claim.start + claim.duration + one.hold
+            mine = [claims[k] for k in lane]
+            self.demands.times += unlike_claims(segment, np.array(members), mine)
+        return [(one.start, one.start + one.duration) for one in claims]
+
+    def _on_time(self, one: Transition, start: float, end: float) -> None:
         """Hold the times of a move against those that the script asks for."""
-        for one in transitions:
-            for asked, flown, what in (
-                (one.start, segment.start, "starts"),
-                (one.at, segment.end, "arrives"),
-            ):
-                if asked is not None and not abs(flown - asked) <= ON_TIME:
-                    self.demands.times.append(
-                        f"“{one.name}” {what} at {flown:.3f} s, the script asks for "
-                        f"{asked:.3f} s"
-                    )
+        for asked, flown, what in (
+            (departure(one), start, "starts"),
+            (arrival(one), end, "arrives"),
+        ):
+            if asked is not None and not abs(flown - asked) <= ON_TIME:
+                self.demands.times.append(
+                    f"“{one.name}” {what} at {flown:.3f} s, the script asks for "
+                    f"{asked:.3f} s"
+                )
 
-    def _place(self, segment: Segment, transitions: Sequence[Transition]) -> None:
-        """Check the goals of the fleet, or of groups; others stay where they are."""
+    def _place(
+        self, segment: Segment, transitions: Sequence[Transition], ends: list[float]
+    ) -> None:
+        """Check the goals of the fleet, or of groups; others stay where they are.
+
+        Where a group moves on in the leg, its goal is where it is at the end of a move.
+        """
         others = np.ones(self.show.drones, dtype=bool)
         colours = self.colours.copy()
         self.placed = []
-        for transition in transitions:
+        final = {one.group: at for at, one in enumerate(transitions)}
+        for at, transition in enumerate(transitions):
             group = transition.group
             members = np.array(self.fleet if group is None else self.show.groups[group])
             others[members] = False
             formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
-            places = self._given(segment, transition, formation, members)
+            goals, error = segment.goals[members], PLACE_ERROR
+            if at != final[group]:
+                goals, error = reached(segment, members, ends[at]), REACHED
+            places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
-            colours[members] = _shown(transition, formation, places)
+            colours[members] = shown(transition, formation, places)
         self._reach(segment, self.position, others)
         self.colours = colours
 
@@ -260,12 +307,12 @@ class _Walk:
         self,
         segment: Segment,
         transition: Transition,
-        formation: Formation,
         members: IntArray,
+        goals: FloatArray,
+        error: float,
     ) -> IntArray:
         """Find the place of each member by its goal; those parked have none."""
-        goals = segment.goals[members]
-        points = formation.points
+        points = self.show.formations[transition.to].points
         spots = np.empty((0, 3))
         free = np.empty(0, dtype=np.int64)
         if members.size > len(points) and self.show.parking is not None:
@@ -277,14 +324,14 @@ class _Walk:
         if transition.assignment == "keep":
             places = self.numbers[members]
             whole = np.array_equal(np.sort(places), np.arange(len(points)))
-            if not whole or not _near(goals, points[places]):
+            if not whole or not _near(goals, points[places], error):
                 self._wrong(segment, "drones do not keep the numbers of their places")
         elif transition.assignment == "fixed":
             wanted = allowed[: members.size]
-            if len(wanted) != members.size or not _near(goals, wanted):
+            if len(wanted) != members.size or not _near(goals, wanted, error):
                 self._wrong(segment, "drones are not at the places of their numbers")
         else:
-            found = _one_to_one(goals, allowed)
+            found = _one_to_one(goals, allowed, error)
             if found is None:
                 self._wrong(segment, "a goal is no place, or one place is taken twice")
             else:
@@ -344,69 +391,43 @@ class _Walk:
         return segment
 
     def _hold(
-        self,
-        name: str,
-        duration: float,
-        effect: Effect | None = None,
-        *,
-        grows: bool = False,
-    ) -> None:
-        """Take a hold, which may last longer if it ``grows`` towards a given time."""
-        title = f"hold after {name}"
-        rest = self.logged.segments[self.next : self.next + 1]
-        if duration <= 0.0 and not (
-            grows and any(one.message.name == title and one.holds for one in rest)
-        ):
-            return
-        asked = None if grows else duration
-        segment = self._leg("hold", title, self.at, duration=asked, least=duration)
-        self._stay(segment, self.position)
-        self._shine(segment, self.lit, "linear", effect)
+        self, name: str, least: float, moving: Sequence[Held] = ()
+    ) -> Segment | None:
+        """Take a hold, during which drones may move: look at where they are.
 
-    def _moving(
-        self, name: str, duration: float, effect: Effect | None, *, grows: bool
-    ) -> None:
-        """Take a hold during which drones move, and look at where they are."""
-        show, standing = self.show, np.ones(self.show.drones, dtype=bool)
-        parts = []
-        for transition, members, places in self.placed:
-            if transition.motion:
-                there = places != PARKED
-                formation = show.formations[transition.to]
-                moved = members[there]
-                parts.append(
-                    held(
-                        transition.motion,
-                        moved,
-                        places[there],
-                        formation,
-                        show.formations,
-                    )
-                )
-                standing[moved] = False
+        It may last longer if it grows towards a given time.
+        """
+        moving = [one for one in moving if one.motions]
+        kind, title = "motion" if moving else "hold", f"hold after {name}"
+        grows = next(self.grows)
+        following = self.logged.segments[self.next : self.next + 1]
+        there = any(one.message.name == title and one.holds for one in following)
+        if not moving and least <= 0.0 and not (grows and there):
+            return None
         to, goals = self.at, self.position.copy()
-        if any(one.moves_on for one in parts):
+        if any(one.moves_on for one in moving):
             self.carried += 1
             to = f"{self.at} after motion {self.carried}"
             points = np.array(self.formations[self.at])
             before = np.array(self.logged.segments[self.next - 1].message.places)
-            for one in parts:
+            for one in moving:
                 goals[one.drones] = one.at(np.ones(1), 1.0)[0]
                 points[before[one.drones]] = goals[one.drones]
             self.formations[to] = points
-        still = self.fleet[standing]
-        parts.append(at_rest(still, self.position[still]))
-        asked, title = None if grows else duration, f"hold after {name}"
-        segment = self._leg("motion", title, to, duration=asked, least=duration)
+        asked = None if grows else least
+        segment = self._leg(kind, title, to, duration=asked, least=least)
         self._stay(segment, goals)
-        off, drone = astray(segment, parts)
-        if not off <= FOLLOWED:
-            self.demands.motions.append(
-                f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m from "
-                f"where the motion wants it, {FOLLOWED:g} m is allowed"
-            )
+        if moving:
+            moved = np.concatenate([one.drones for one in moving])
+            still = np.setdiff1d(self.fleet, moved)
+            off, drone = astray(segment, [*moving, Held(still, self.position[still])])
+            if not off <= FOLLOWED:
+                self.demands.motions.append(
+                    f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m "
+                    f"from where the motion wants it, {FOLLOWED:g} m is allowed"
+                )
         self.at, self.position = to, segment.goals
-        self._shine(segment, self.lit, "linear", effect)
+        return segment
 
     def _own(self, segment: Segment, points: FloatArray) -> None:
         """Drone i takes place i."""
@@ -436,13 +457,20 @@ class _Walk:
         self.at = segment.message.to_formation
         self.position = segment.goals
         self.colours = colours
-        self._shine(segment, colours, fade, None)
+        self._shine(segment, colours, fade)
 
     def _shine(
-        self, segment: Segment, end: FloatArray, fade: str, effect: Effect | None
+        self,
+        segment: Segment | None,
+        end: FloatArray,
+        fade: str = "linear",
+        effect: Effect | None = None,
+        lit: Sequence[Lit] = (),
     ) -> None:
+        if segment is None:
+            return
         start, goals = segment.start, segment.goals
-        keys = keyframes_of(self.lit, start, self.lighting)
+        keys = keyframes_of(self.lit, start, lit)
         flown = start, segment.duration, self.fleet
         span = LightSpan(*flown, self.lit, end, fade, effect, goals, keys)
         self.spans.append(span)
@@ -452,25 +480,18 @@ class _Walk:
         self.demands.places.append(f"“{segment.message.name}”: {text}")
 
 
-def _shown(
-    transition: Transition, formation: Formation, places: IntArray
-) -> FloatArray:
-    """Colours at places (n,); those parked are dark."""
-    colours = formation.colours if transition.colours is None else transition.colours
-    parked = places == PARKED
-    return np.where(parked[:, None], 0.0, colours[np.where(parked, 0, places)])
+def _near(found: FloatArray, wanted: FloatArray, error: float = PLACE_ERROR) -> bool:
+    return bool(np.all(np.abs(found - wanted) <= error))
 
 
-def _near(found: FloatArray, wanted: FloatArray) -> bool:
-    return bool(np.all(np.abs(found - wanted) <= PLACE_ERROR))
-
-
-def _one_to_one(goals: FloatArray, allowed: FloatArray) -> IntArray | None:
+def _one_to_one(
+    goals: FloatArray, allowed: FloatArray, error: float = PLACE_ERROR
+) -> IntArray | None:
     """Find the place of each goal; None unless each has one of its own."""
     # Places stand apart by the separation: sorting by rounded numbers pairs them.
     found = np.empty(len(goals), dtype=np.int64)
     for row, goal in enumerate(goals):
-        near = np.flatnonzero(np.all(np.abs(allowed - goal) <= PLACE_ERROR, axis=1))
+        near = np.flatnonzero(np.all(np.abs(allowed - goal) <= error, axis=1))
         if near.size != 1:
             return None
         found[row] = near[0]

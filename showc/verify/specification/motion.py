@@ -14,20 +14,23 @@ gives from |S'| <= 35/16 and |S''| <= 7.52. So a few instants prove all of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from math import ceil, isinf, sqrt, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.script.show import Breathe, Follow, Morph, Orbit, Rotate, Travel, Wave
-from showc.verify.kernel.bernstein import basis
+from showc.verify.samples import evaluate
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.show import Formation, Motion
+    from showc.log.showc_pb2 import Move
+    from showc.script.show import Formation, Motion, Transition
     from showc.verify.kernel.show import PieceTable, Segment
 
 FOLLOWED = 1e-3
@@ -38,6 +41,8 @@ _REST = 4e-4
 """Share of it that is left to what happens between two instants [m]."""
 _MOST = 200_000
 """Instants of one motion at which a look gives up."""
+_STILL, _MOMENT = 1e-9, 1e-6
+"""Way that is rounding within an interval [m], and rounding of times [s]."""
 _SLOPE, _BEND = 35.0 / 16.0, 7.52
 """Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
 
@@ -50,12 +55,12 @@ class Held:
     """Which drones, counting from 0, shape (n,)."""
     places: FloatArray
     """Where they stand before, shape (n, 3) [m]."""
-    motions: tuple[Motion, ...]
+    motions: tuple[Motion, ...] = ()
     """What they do, in order."""
-    shapes: tuple[FloatArray, ...]
+    shapes: tuple[FloatArray, ...] = ()
     """What each motion goes through, (m, n, 3) [m]: displacements, formations or
     frames; none, m being 0, for the others."""
-    middle: FloatArray
+    middle: FloatArray = field(default_factory=partial(np.zeros, 3))
     """The middle of the box around the formation, (3,) [m]."""
 
     @property
@@ -79,39 +84,31 @@ class Held:
         return np.asarray(found)
 
 
-def at_rest(drones: IntArray, places: FloatArray) -> Held:
-    """Say that drones stay where they are."""
-    return Held(drones, places, (), (), np.zeros(3))
-
-
 def held(
-    transition_motions: tuple[Motion, ...],
+    transition: Transition,
     drones: IntArray,
     places: IntArray,
-    formation: Formation,
     formations: Mapping[str, Formation],
 ) -> Held:
-    """Say how drones, each at its place of a formation, are to move with it."""
-    shapes = []
-    for motion in transition_motions:
+    """Say how drones, each at its place of a formation, are to move while it is held.
+
+    Those without a place, at -1, do not.
+    """
+    drones, places = drones[places >= 0], places[places >= 0]
+    points, shapes = formations[transition.to].points, []
+    for motion in transition.motion:
         through = np.zeros((0, len(places), 3))
         if isinstance(motion, Travel):
             ways = np.array([(0.0, 0.0, 0.0), *motion.points])[:, None]
             through = np.repeat(ways, len(places), axis=1)
         elif isinstance(motion, Morph):
-            become = [formation, *(formations[name] for name in motion.through)]
-            through = np.array([one.points[places] for one in become])
+            become = [transition.to, *motion.through]
+            through = np.array([formations[name].points[places] for name in become])
         elif isinstance(motion, Follow):
             through = motion.frames[:, places]
         shapes.append(through)
-    box = formation.points
-    return Held(
-        drones,
-        formation.points[places],
-        transition_motions,
-        tuple(shapes),
-        (box.min(axis=0) + box.max(axis=0)) / 2.0,
-    )
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return Held(drones, points[places], transition.motion, tuple(shapes), middle)
 
 
 def _step(share: FloatArray) -> FloatArray:
@@ -299,32 +296,27 @@ def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
     worst, which = 0.0, 0
     for one in parts:
         asked = _restless(one, segment.duration) if one.motions else 0.0
-        for table in segment.tables:
-            columns = np.flatnonzero(np.isin(table.drones, one.drones))
-            if not columns.size:
+        tables = (table.parts(1) for table in segment.tables)
+        for alone in chain.from_iterable(tables):
+            row = np.flatnonzero(one.drones == alone.drones[0])
+            if not row.size:
                 continue
-            bend = asked + _bend(table)
+            bend = asked + _bend(alone)
             step = sqrt(8.0 * _REST / max(bend, 1e-9))
             count = max(2, ceil(segment.duration / min(step, segment.duration)) + 1)
             if not count <= _MOST:
-                return np.inf, int(table.drones[columns[0]])
+                return np.inf, int(alone.drones[0])
             times = np.linspace(0.0, segment.duration, count)
+            shapes = tuple(shape[:, row] for shape in one.shapes)
+            mine = replace(
+                one, drones=alone.drones, places=one.places[row], shapes=shapes
+            )
+            wanted = mine.at(times, segment.duration)[:, 0]
+            off = evaluate(alone, times)[:3, :, 0].T - wanted
             rest = bend * (times[1] - times[0]) ** 2 / 8.0
-            for column in columns.tolist():
-                drone = int(table.drones[column])
-                row = np.flatnonzero(one.drones == drone)
-                alone = Held(
-                    one.drones[row],
-                    one.places[row],
-                    one.motions,
-                    tuple(shape[:, row] for shape in one.shapes),
-                    one.middle,
-                )
-                flown = _positions(table, column, times)
-                wanted = alone.at(times, segment.duration)[:, 0]
-                off = float(np.sqrt(((flown - wanted) ** 2).sum(axis=1)).max()) + rest
-                if not off <= worst:
-                    worst, which = off, drone
+            far = float(np.sqrt((off**2).sum(axis=1)).max()) + rest
+            if not far <= worst:
+                worst, which = far, int(alone.drones[0])
     return worst, which
 
 
@@ -338,12 +330,37 @@ def _bend(table: PieceTable) -> float:
     return float(np.sqrt(((second / width**2) ** 2).sum(axis=2)).max())
 
 
-def _positions(table: PieceTable, column: int, times: FloatArray) -> FloatArray:
-    """Positions (m, 3) of a table's drone at times (m,) [s]."""
-    mine = slice(int(table.first[column]), int(table.first[column + 1]))
-    start, end, state = table.start[mine], table.end[mine], table.state[mine, :, :3]
-    row = np.searchsorted(start, times, side="right") - 1
-    row = np.clip(row, 0, start.size - 1)
-    share = (times - start[row]) / (end[row] - start[row])
-    weights = basis(state.shape[1] - 1, np.clip(share, 0.0, 1.0))
-    return np.asarray(np.einsum("mk,mkc->mc", weights, state[row]))
+def reached(segment: Segment, drones: IntArray, time: float) -> FloatArray:
+    """Where drones (n,), increasing, are at a show time [s], shape (n, 3) [m]."""
+    found = np.empty((drones.size, 3))
+    for table in segment.tables:
+        mine = np.isin(table.drones, drones)
+        there = evaluate(table, np.array([time - segment.start]))[:3, 0]
+        found[np.searchsorted(drones, table.drones[mine])] = there[:, mine].T
+    return found
+
+
+def unlike_claims(
+    segment: Segment, drones: IntArray, claims: Sequence[Move]
+) -> Iterator[str]:
+    """Yield moves of a group that do not begin and end when the log claims it.
+
+    At all other times every coefficient of its drones' positions is one place.
+    """
+    starts = np.array([claim.start for claim in claims])
+    first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
+    for table in segment.tables:
+        mine = np.isin(table.owner, drones)
+        way = table.state[mine, :, :3]
+        mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > _STILL
+        begin, end = segment.start + table.start[mine], segment.start + table.end[mine]
+        which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
+        np.minimum.at(first, which, begin)
+        np.maximum.at(last, which, end)
+    for claim, begins, ends in zip(claims, first, last, strict=True):
+        off = max(abs(begins - claim.start), abs(ends - claim.start - claim.duration))
+        if np.isfinite(begins) and not off <= _MOMENT:
+            yield (
+                f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the log "
+                f"says from {claim.start:.3f} s, for {claim.duration:.3f} s"
+            )

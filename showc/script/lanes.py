@@ -1,0 +1,100 @@
+"""Lanes: which transitions are flown together, and when each group moves by itself.
+
+Transitions of groups that stand next to each other in the script are flown together.
+Where they ask for different times, each group has a lane of its own: it stands, moves,
+and stands again, whatever the others do meanwhile. No drone is in two groups.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from showc.script.show import Show, Transition
+
+_SAME = 1e-6
+"""Times that differ by less are one: a bar's time may be off by rounding [s]."""
+
+
+def departure(one: Transition) -> float | None:
+    """Show time at which a transition starts, if the script fixes it [s]."""
+    if one.start is not None:
+        return one.start
+    if one.at is None or one.duration is None:
+        return None
+    return round(one.at - one.duration, 3)
+
+
+def arrival(one: Transition) -> float | None:
+    """Show time at which a transition arrives, if the script fixes it [s]."""
+    if one.at is not None:
+        return one.at
+    if one.start is None or one.duration is None:
+        return None
+    return round(one.start + one.duration, 3)
+
+
+def chapters(show: Show) -> list[list[int]]:
+    """Transitions (by index) that are flown together, in order.
+
+    A transition of the whole fleet is a chapter of its own. Consecutive transitions of
+    groups share a chapter while no group moves twice, and one that does joins them too
+    if it starts, or arrives at least, while another of them moves or is held, by the
+    script's times. One that starts after all of them are held begins a new chapter.
+    """
+    result: list[list[int]] = []
+    for index, transition in enumerate(show.transitions):
+        before = [show.transitions[k] for k in result[-1]] if result else []
+        if before and _joins(before, transition):
+            result[-1].append(index)
+        else:
+            result.append([index])
+    return result
+
+
+def _joins(before: Sequence[Transition], one: Transition) -> bool:
+    """Tell whether a transition is flown together with those before it."""
+    if one.group is None or before[0].group is None:
+        return False
+    again = any(other.group == one.group for other in before)
+    known, ends = departure(one), [arrival(other) for other in before]
+    starts = known if known is not None else arrival(one)
+    if starts is None or None in ends:
+        return not again
+    return (known is None and not again) or any(
+        starts < end + other.hold - _SAME
+        for other, end in zip(before, ends, strict=True)
+        if end is not None and other.group != one.group
+    )
+
+
+def own_times(together: Sequence[Transition]) -> bool:
+    """Tell whether transitions of a chapter are flown in different times.
+
+    So they are where two of them depart or arrive, by the script, at different times.
+    """
+    for time in (departure, arrival):
+        known = [found for one in together if (found := time(one)) is not None]
+        if known and max(known) - min(known) > _SAME:
+            return True
+    return len({one.group for one in together}) < len(together)
+
+
+def lanes(together: Sequence[Transition]) -> Iterator[list[int]]:
+    """Yield, for each group of a chapter, positions of its transitions, in order."""
+    for group in dict.fromkeys(one.group for one in together):
+        yield [at for at, one in enumerate(together) if one.group == group]
+
+
+def rest(together: Sequence[Transition]) -> float:
+    """How long a chapter of own times is held after its last arrival, at least [s].
+
+    Until each group has been held for as long as its last transition asks.
+    """
+    last = [together[lane[-1]] for lane in lanes(together)]
+    end = max(arrival(one) or 0.0 for one in together)
+    return max(
+        0.0, round(max((arrival(one) or 0.0) + one.hold for one in last) - end, 3)
+    )

@@ -1,0 +1,158 @@
+"""Groups with times of their own: proved from the script, and lies about them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from verified import loaded
+
+from showc.light.program import LightProgram
+from showc.pipeline.compile import CompileOptions, compile_script
+from showc.script import load_show
+from showc.verify import verify_log
+from showc.verify.specification.demands import hold_against
+
+SCRIPT = """\
+showc: 1
+name: Lanes
+drones: 5
+pads: {type: grid, rows: 1, step: 4, count: 5}
+launch: {altitude: 10, hold: 2}
+groups: {left: 1-2, right: 4-5}
+formations:
+  up: {type: points, points: [[-8, 0, 16], [-4, 0, 16]], colour: gold}
+  far: {type: points, points: [[8, 8, 10], [4, 8, 10]], colour: red, effect: pulse}
+  down: {type: points, points: [[-8, 0, 12], [-4, 0, 12]], colour: blue}
+transitions:
+  - {to: up, group: left, start: 10, at: 20}
+  - {to: far, group: right, at: 28, duration: 14, hold: 4}
+  - {to: down, group: left, at: 26, hold: 9}
+landing: {altitude: 10}
+"""
+LEG = 2
+"""Position of the leg of all three moves."""
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lanes")
+    script = folder / "lanes.yaml"
+    script.write_text(SCRIPT)
+    log = folder / "output.mcap"
+    return compile_script(script, log, CompileOptions(missions=False))
+
+
+def judged(compiled, change):
+    """What the script has against a log whose leg of groups was changed."""
+    _, logged = loaded(compiled.log)
+    segments = list(logged.segments)
+    leg = segments[LEG]
+    message = type(leg.message)()
+    message.CopyFrom(leg.message)
+    segments[LEG] = change(replace(leg, message=message))
+    show = load_show(compiled.log.parent / "lanes.yaml").show
+    return hold_against(show, replace(logged, segments=tuple(segments)))
+
+
+def delayed(leg, drones, start, end, delay):
+    """Let drones fly later what they fly between two times of the leg."""
+    tables = []
+    for table in leg.tables:
+        begins, ends = table.start.copy(), table.end.copy()
+        mine = np.isin(table.owner, drones)
+        inside = (table.start >= start - 1e-6) & (table.end <= end + 1e-6) & mine
+        begins[inside] += delay
+        ends[inside] += delay
+        ends[mine & (np.abs(table.end - start) < 1e-6)] += delay
+        begins[mine & (np.abs(table.start - end) < 1e-6)] += delay
+        tables.append(replace(table, start=begins, end=ends))
+    return replace(leg, tables=tuple(tables))
+
+
+def test_every_group_keeps_its_own_times_and_all_is_proved(compiled):
+    report = verify_log(compiled.log)
+    assert report.proved, report.to_json()
+    leg = compiled.flight.legs[LEG]
+    begin = compiled.flight.starts[LEG]
+    assert (begin, leg.duration) == (10.0, 18.0)
+    left, none, right = (leg.trajectories[row].state for row in (0, 2, 4))
+
+    def where(state, time):
+        return state(time - begin)[:3]
+
+    for state, stands, moves in (
+        (left, [(10.0, 10.0), (20.0, 21.0)], (10.0, 20.0)),
+        (right, [(10.0, 14.0), (28.0, 28.0)], (14.0, 28.0)),
+        (none, [(10.0, 28.0)], None),
+    ):
+        for first, last in stands:
+            assert np.array_equal(where(state, first), where(state, last))
+        if moves:
+            middle = where(state, sum(moves) / 2)
+            assert np.linalg.norm(middle - where(state, moves[0])) > 0.5
+    assert np.allclose(where(left, 21.0), [-8, 0, 16], atol=1e-6)
+    assert np.allclose(where(left, 26.0), [-8, 0, 12], atol=1e-6)
+    assert np.allclose(where(right, 28.0), [8, 8, 10], atol=1e-6)
+
+
+def test_each_group_fades_over_its_own_move(compiled):
+    light = LightProgram.of(compiled.flight)
+    gold, red, blue = (
+        compiled.flight.itinerary.show.formations[name].colours[0]
+        for name in ("up", "far", "down")
+    )
+    shown = light.linear([15.0, 20.5, 26.0, 34.9])[:, 0]
+    assert np.allclose(shown, [gold / 2, gold, blue, blue], atol=1e-9)
+    dark, half = light.linear([13.9, 21.0])[:, 3]
+    assert np.array_equal(dark, np.zeros(3))
+    assert np.allclose(half, red / 2, atol=1e-9)
+    # The effect of a picture plays when its group has reached it, on its drones alone.
+    during, later = light.linear([29.0, 30.0])[:, 3]
+    assert during[0] < 0.1
+    assert later[0] > 0.9
+
+
+def test_a_group_whose_flight_is_shifted_in_time_is_found(compiled):
+    late = judged(compiled, lambda leg: delayed(leg, [0, 1], 0.0, 10.0, 0.02))
+    assert "is flown from 10.020 s to 20.020 s" in late.times[0]
+    both = judged(compiled, lambda leg: claimed(delayed(leg, [0, 1], 0, 10, 0.02)))
+    assert both.times == [
+        "“launch -> up” starts at 10.020 s, the script asks for 10.000 s",
+        "“launch -> up” arrives at 20.020 s, the script asks for 20.000 s",
+    ]
+
+
+def claimed(leg):
+    """Let the log say so too."""
+    leg.message.moves[0].start += 0.02
+    return leg
+
+
+def test_a_claim_of_other_times_than_are_flown_is_found(compiled):
+    def lie(leg):
+        leg.message.moves[2].start -= 0.5
+        leg.message.moves[2].duration += 0.5
+        return leg
+
+    assert "“up -> down” is flown from" in judged(compiled, lie).times[0]
+
+
+def test_a_group_sent_elsewhere_on_the_way_is_found(compiled):
+    def lie(leg):
+        tables = []
+        for table in leg.tables:
+            state = table.state.copy()
+            state[np.isin(table.owner, [0, 1]), :, 1] += 0.5
+            tables.append(replace(table, state=state))
+        return replace(leg, tables=tuple(tables))
+
+    (found,) = judged(compiled, lie).places
+    assert "a goal is no place" in found
+
+
+def test_moves_of_other_groups_than_the_script_has_are_found(compiled):
+    def lie(leg):
+        leg.message.moves[0].group = "right"
+        return leg
+
+    assert "are not the script's" in judged(compiled, lie).legs[0]
