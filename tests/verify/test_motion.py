@@ -150,3 +150,25 @@ def test_a_motion_that_cannot_be_flown_is_refused_before_the_solve(
     with pytest.raises(RejectedScriptError) as refused:
         compile_script(script, tmp_path / "o.mcap", CompileOptions(missions=False))
     assert [said in one.message for one in refused.value.result.errors] == [True]
+
+
+def test_a_motion_of_minutes_follows_frames_and_is_proved(tmp_path):
+    """Without windows a bound of five minutes is a hundred times what is allowed."""
+    times = np.arange(0.0, 300.0, 0.5)
+    turns = [0.05 * times + np.pi * place for place in range(2)]
+    rows = [
+        f"{time:g},{place + 1},{6 * np.cos(turn):.4f},{6 * np.sin(turn):.4f},18"
+        for place, along in enumerate(turns)
+        for time, turn in zip(times, along, strict=True)
+    ]
+    (tmp_path / "dance.csv").write_text("time,place,x,y,z\n" + "\n".join(rows))
+    script = tmp_path / "long.yaml"
+    script.write_text(
+        "showc: 1\nseparation: 1.5\nlog_rate: 2\n"
+        "formations: {it: {type: csv, file: dance.csv}}\ntransitions:\n"
+        "  - {to: it, motion: [{follow: dance.csv}, {wave: 0.5}]}\n"
+    )
+    log = tmp_path / "long.mcap"
+    compile_script(script, log, CompileOptions(missions=False))
+    found = verify_log(log)
+    assert found.proved, [one for one in found.checks if not one.passed]
