@@ -234,6 +234,31 @@ def restrict(
     return left
 
 
+def product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Bernstein coefficients of products of polynomials on the same intervals.
+
+    Farouki 2012, equation 44.
+
+    Parameters
+    ----------
+    one, other
+        Coefficients along the last axis: (..., m + 1) and (..., n + 1).
+
+    Returns
+    -------
+    ndarray, shape (..., m + n + 1)
+    """
+    m, n = one.shape[-1] - 1, other.shape[-1] - 1
+    rows = np.array([comb(m, i) for i in range(m + 1)], dtype=np.float64) * one
+    columns = np.array([comb(n, j) for j in range(n + 1)], dtype=np.float64) * other
+    shape = (*np.broadcast_shapes(one.shape[:-1], other.shape[:-1]), m + n + 1)
+    result = np.zeros(shape)
+    for i in range(m + 1):
+        result[..., i : i + n + 1] += rows[..., i : i + 1] * columns
+    both = np.array([comb(m + n, k) for k in range(m + n + 1)], dtype=np.float64)
+    return np.asarray(result / both)
+
+
 def concatenate(parts: list[PiecewisePolynomial]) -> PiecewisePolynomial:
     """Join flights that follow each other without a gap, elevating as needed.
 

@@ -158,6 +158,7 @@ def _limits_message(limits: Limits) -> pb.Limits:
         acceleration=limits.acceleration,
         acceleration_up=limits.acceleration_up,
         acceleration_down=limits.acceleration_down,
+        jerk=limits.jerk,
     )
 
 

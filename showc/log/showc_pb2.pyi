@@ -88,7 +88,7 @@ class Vehicle(_message.Message):
     def __init__(self, name: _Optional[str] = ..., mass: _Optional[float] = ..., arm_length: _Optional[float] = ..., thrust_coefficient: _Optional[float] = ..., torque_coefficient: _Optional[float] = ..., inertia: _Optional[_Union[Vector3, _Mapping]] = ..., rotor_speed_max: _Optional[float] = ..., gravity: _Optional[float] = ..., torque_factor: _Optional[float] = ...) -> None: ...
 
 class Limits(_message.Message):
-    __slots__ = ("velocity_min", "velocity_max", "tilt", "body_rate", "thrust_min", "thrust_max", "torque_max", "position_min", "position_max", "level_speed", "acceleration", "acceleration_up", "acceleration_down")
+    __slots__ = ("velocity_min", "velocity_max", "tilt", "body_rate", "thrust_min", "thrust_max", "torque_max", "position_min", "position_max", "level_speed", "acceleration", "acceleration_up", "acceleration_down", "jerk")
     VELOCITY_MIN_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_MAX_FIELD_NUMBER: _ClassVar[int]
     TILT_FIELD_NUMBER: _ClassVar[int]
@@ -102,6 +102,7 @@ class Limits(_message.Message):
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_UP_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_DOWN_FIELD_NUMBER: _ClassVar[int]
+    JERK_FIELD_NUMBER: _ClassVar[int]
     velocity_min: Vector3
     velocity_max: Vector3
     tilt: float
@@ -115,7 +116,8 @@ class Limits(_message.Message):
     acceleration: float
     acceleration_up: float
     acceleration_down: float
-    def __init__(self, velocity_min: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_max: _Optional[_Union[Vector3, _Mapping]] = ..., tilt: _Optional[float] = ..., body_rate: _Optional[_Union[Vector3, _Mapping]] = ..., thrust_min: _Optional[float] = ..., thrust_max: _Optional[float] = ..., torque_max: _Optional[_Union[Vector3, _Mapping]] = ..., position_min: _Optional[_Union[Vector3, _Mapping]] = ..., position_max: _Optional[_Union[Vector3, _Mapping]] = ..., level_speed: _Optional[float] = ..., acceleration: _Optional[float] = ..., acceleration_up: _Optional[float] = ..., acceleration_down: _Optional[float] = ...) -> None: ...
+    jerk: float
+    def __init__(self, velocity_min: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_max: _Optional[_Union[Vector3, _Mapping]] = ..., tilt: _Optional[float] = ..., body_rate: _Optional[_Union[Vector3, _Mapping]] = ..., thrust_min: _Optional[float] = ..., thrust_max: _Optional[float] = ..., torque_max: _Optional[_Union[Vector3, _Mapping]] = ..., position_min: _Optional[_Union[Vector3, _Mapping]] = ..., position_max: _Optional[_Union[Vector3, _Mapping]] = ..., level_speed: _Optional[float] = ..., acceleration: _Optional[float] = ..., acceleration_up: _Optional[float] = ..., acceleration_down: _Optional[float] = ..., jerk: _Optional[float] = ...) -> None: ...
 
 class Separation(_message.Message):
     __slots__ = ("distance", "shape", "vertical_stretch")

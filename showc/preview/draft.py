@@ -195,11 +195,7 @@ def _flown(leg: Leg, show: Show, way: FloatArray) -> Course:
     if leg.kind in {"launch", "land"}:
         ascent = quickest_ascent(aircraft_of(show, leg), way[:, 2])
         times = np.linspace(0.0, ascent.duration, 101)
-        borders = np.cumsum([ascent.push, ascent.cruise, ascent.brake])
-        # Speed over the greatest one: up, level, down.
-        speed = np.interp(times, [0.0, *borders], [0.0, 1.0, 1.0, 0.0])
-        shares = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))])
-        return Course(times, shares / shares[-1])
+        return Course(times, ascent.derivatives()[0](times)[:, 0])
     rows = _telling(way)
     shapes = SHAPES[::_EVERY]
     least = least_times(

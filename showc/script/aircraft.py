@@ -117,6 +117,7 @@ def limits_of(
         acceleration=_given(settings, "acceleration", 0.0),
         acceleration_up=_given(settings, "acceleration_up", 0.0),
         acceleration_down=_given(settings, "acceleration_down", 0.0),
+        jerk=_given(settings, "jerk", 0.0),
     )
     sound = _can_hover(limits, vehicle, settings, aircraft, reader)
     return limits if sound else None

@@ -81,6 +81,7 @@ UNITS: Mapping[str, Unit] = MappingProxyType(
     )
     | _named("torque", {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3})
     | _named("acceleration", {"m/s²": 1.0, "m/s2": 1.0, "m/s^2": 1.0})
+    | _named("jerk", {"m/s³": 1.0, "m/s3": 1.0, "m/s^3": 1.0})
     | _named("area", {"m²": 1.0, "m2": 1.0, "m^2": 1.0, "cm²": 1e-4, "cm2": 1e-4})
     | _named("charge", {"C": 1.0, "Ah": 3600.0, "mAh": 3.6})
     | _units("voltage", V=1.0, mV=1e-3)

@@ -208,6 +208,13 @@ LIMITS = Section(
             default_text=_OF_ENVELOPE,
         ),
         Field(
+            "jerk",
+            Quantity("m/s³", minimum=1.0, maximum=1000.0),
+            "Greatest rate of the acceleration. Thrust is then continuous.",
+            default_text="none",
+            examples=("15 m/s^3",),
+        ),
+        Field(
             "tilt",
             Quantity("deg", minimum=1.0, maximum=80.0),
             "Greatest roll and pitch.",

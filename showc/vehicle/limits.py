@@ -41,6 +41,9 @@ class Limits:
     """Greatest az [m/s²]; 0: no limit."""
     acceleration_down: float = 0.0
     """Greatest -az [m/s²]; 0: no limit."""
+    jerk: float = 0.0
+    """Greatest length of the acceleration's rate [m/s³]; 0: no limit. Then thrust may
+    jump; else it is continuous, and that of the hover at both ends of a leg."""
 
     @property
     def limits_acceleration(self) -> bool:

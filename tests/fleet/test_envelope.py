@@ -38,6 +38,8 @@ TIGHT = {
     ),
     "level alone": replace(LIMITS, acceleration=2.0, level_speed=4.0),
     "upright alone": replace(LIMITS, acceleration_up=1.0, acceleration_down=0.7),
+    "the preset's and jerk": replace(ENVELOPE.within(LIMITS), jerk=15.0),
+    "jerk alone": replace(LIMITS, jerk=30.0),
 }
 
 
@@ -58,6 +60,13 @@ def assert_within(trajectory, limits):
     up, down = limits.acceleration_up, limits.acceleration_down
     assert acceleration[:, 2].max() <= (up or np.inf) * (1.0 + 1e-3)
     assert -acceleration[:, 2].min() <= (down or np.inf) * (1.0 + 1e-3)
+    if limits.jerk:
+        # Mean jerk from sample to sample: a thrust that jumps has a great one.
+        step = trajectory.state.end / (acceleration.shape[0] - 1)
+        jerk = np.linalg.norm(np.diff(acceleration, axis=0), axis=1) / step
+        assert jerk.max() <= limits.jerk * (1.0 + 1e-6)
+        # At rest at both ends, whatever comes before and after.
+        assert np.abs(acceleration[[0, -1]]).max() < 1e-9
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     assert speed.max() <= (limits.level_speed or np.inf) + 1e-6
 
@@ -73,7 +82,9 @@ def test_every_kind_of_flight_keeps_the_envelope_and_none_beats_the_bound(limits
     bound = lower_bound(
         Relaxation(VEHICLE, limits, "held", 0.3), 0, way, least.duration
     )
-    assert 0.97 * least.duration < bound.time <= least.duration
+    # The bound leaves jerk out, so it lies further below where jerk is limited.
+    near = 0.85 if limits.jerk else 0.97
+    assert near * least.duration < bound.time <= least.duration
     free = minimum_time(replace(aircraft, limits=LIMITS), start, start + way)
     assert least.duration > free.duration
 
@@ -83,15 +94,15 @@ def test_every_kind_of_flight_keeps_the_envelope_and_none_beats_the_bound(limits
     spline = follow_spline(
         aircraft, start, start + way, longer.derivatives()[0], intervals=40
     )
-    near = follow(
+    followed = follow(
         aircraft,
         start,
         start + way,
         longer.duration,
         reference=longer.derivatives()[0],
     )
-    assert near.solved
-    assert_within(near.trajectory, limits)
+    assert followed.solved
+    assert_within(followed.trajectory, limits)
     if spline is not None:
         assert_within(spline.flight.trajectory(0), limits)
 
@@ -132,7 +143,8 @@ def test_launch_and_landing_hold_x_and_y_under_any_limits(kind, limits):
         assert_within(trajectory, limits)
     certificate = flight.certificate
     assert certificate.dual_bound <= certificate.single_drone_minimum
-    assert certificate.dual_bound > 0.995 * certificate.single_drone_minimum
+    near = 0.9 if limits.jerk else 0.995
+    assert certificate.dual_bound > near * certificate.single_drone_minimum
     assert flight.duration < certificate.single_drone_minimum + 1e-3
 
 
@@ -154,8 +166,9 @@ def test_the_quickest_ascent_is_bang_and_brake():
     height = 1.0
     ascent = quickest_ascent(aircraft, np.array([height]))
     assert ascent.cruise == 0.0
-    assert up * ascent.push == pytest.approx(down * ascent.brake)
-    risen = 0.5 * up * ascent.push**2 + 0.5 * down * ascent.brake**2
+    push, brake = ascent.push.duration, ascent.brake.duration
+    assert up * push == pytest.approx(down * brake)
+    risen = 0.5 * up * push**2 + 0.5 * down * brake**2
     assert risen == pytest.approx(height)
 
 

@@ -44,10 +44,12 @@ def minimum_time_estimate(
     leaning = min(greatest * np.sin(limits.tilt), most)
     level = min(vehicle.gravity * np.tan(limits.tilt), most)
     turning = 2.0 * limits.tilt / min(limits.body_rate[:2])
-    turns = np.array([turning, turning, 0.0]) * (distance > 0.0)
 
     def slowest(horizontal: float) -> FloatArray:
         acceleration = np.array([horizontal, horizontal, vertical])
+        # The acceleration sets in and ends as jerk allows.
+        turns = acceleration / (limits.jerk or np.inf)
+        turns = np.maximum(turns, [turning, turning, 0.0]) * (distance > 0.0)
         move = np.where(
             distance * acceleration > speed**2,
             distance / speed + speed / acceleration,

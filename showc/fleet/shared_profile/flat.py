@@ -18,6 +18,7 @@ from showc.trajectory import (
     bernstein_basis,
     bernstein_basis_inverse,
 )
+from showc.vehicle.jerk import greatest_jerk
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
@@ -228,7 +229,7 @@ class Use:
     power: FloatArray
     """Of the greatest thrust, torques and rotor speeds."""
     acceleration: FloatArray
-    """Of level speed and of level and vertical acceleration."""
+    """Of level speed, of level and vertical acceleration, and of jerk."""
     outside: BoolArray
     """Whether the flight volume is left."""
     weak: BoolArray
@@ -270,19 +271,24 @@ def use_of_limits(vehicle: Quadrotor, limits: Limits, flights: FlatFlights) -> U
         size[:, 6:8].max(axis=1) / limits.tilt,
         (size[:, 9:12] / np.asarray(limits.body_rate)).max(axis=1),
         power.max(axis=1),
-        _round_use(limits, flights),
+        _round_use(vehicle, limits, flights),
         outside,
         weak,
     )
 
 
-def _round_use(limits: Limits, flights: FlatFlights) -> FloatArray:
-    """Greatest share of level speed and of accelerations, shape (n,)."""
+def _round_use(vehicle: Quadrotor, limits: Limits, flights: FlatFlights) -> FloatArray:
+    """Greatest share of level speed, of accelerations and of jerk, shape (n,)."""
     velocity = flights.state[..., 3:6]
     use = np.zeros(velocity.shape[0])
     if limits.rounds_speed:
         speed = np.hypot(velocity[..., 0], velocity[..., 1]).max(axis=(1, 2))
         use = np.maximum(use, speed / limits.level_speed)
+    if limits.jerk:
+        jerk = greatest_jerk(
+            vehicle, 0.0, flights.breaks, flights.state, flights.control
+        )
+        use = np.maximum(use, jerk.max(axis=(1, 2)) / limits.jerk)
     if not limits.limits_acceleration:
         return use
     widths = np.diff(flights.breaks)[None, :, None, None]

@@ -73,8 +73,8 @@ class Profile:
         widths, second = self._acceleration_pieces()
         breaks = np.concatenate([[0.0], np.cumsum(widths)])
         breaks[-1] = self.duration
-        first = _integral(second, widths)
-        zeroth = _integral(first, widths)
+        first = integral(second, widths)
+        zeroth = integral(first, widths)
         # Rounding leaves s(T) within a few ulp of 1 and s'(T) of 0; close both exactly,
         # so that flights end where they should.
         first[-1, -1] = 0.0
@@ -110,7 +110,7 @@ class Profile:
         return widths, self.acceleration * np.array([values for _, values in pieces])
 
 
-def _integral(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
+def integral(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
     """Bernstein coefficients (K, n + 2) of the integral from 0 of (K, n + 1)."""
     steps = coefficients * widths[:, None] / coefficients.shape[1]
     inner = np.concatenate(

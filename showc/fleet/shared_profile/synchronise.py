@@ -30,6 +30,9 @@ SHAPES: FloatArray = np.array(
 """Shapes tried: phase / T and ramp / T, shape (m, 2)."""
 _SAMPLE, _TRIED = 100, 24
 """Drones that name the shapes tried for many of them, and how many of these."""
+_JERKED = 1.02
+"""What the bound on jerk leaves out of the cosine of the roll, and the width of its
+enclosure: what the proof finds beyond the straight line's own jerk, as a share."""
 CLOSELY, ROUGHLY = 14, 8
 """Halvings of the time between twice too short and long enough."""
 
@@ -79,6 +82,8 @@ def strain(  # noqa: PLR0917 - vectorised physics names every quantity
         axis=1,
     )
     use = np.maximum(use, _round_strain(limits, displacement, speed, peak))
+    length = np.linalg.norm(displacement, axis=1)
+    use = np.maximum(use, _JERKED * length * jerk / (limits.jerk or np.inf))
     roll = np.abs(flat.roll[0]).max(axis=1)
     pitch = np.abs(flat.pitch[0]).max(axis=1)
     use = np.maximum(use, np.maximum(roll, pitch) / limits.tilt)

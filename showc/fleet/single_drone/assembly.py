@@ -113,13 +113,11 @@ def trajectory_of(
         (values("p_dot"), values("q_dot"), values("r_dot")),
     )
     inverse = bernstein_basis_inverse(CONTROL_DEGREE, _NODES)
-    control = np.stack(
-        [
-            _raised(breaks, get("thrust"), CONTROL_DEGREE),
-            *(np.asarray(torque) @ inverse.T for torque in torques),
-        ],
-        axis=2,
-    )
+    given = [get("thrust"), *(np.asarray(torque) @ inverse.T for torque in torques)]
+    degree = max(one.shape[1] for one in given) - 1
+    control = np.stack([_raised(breaks, one, degree) for one in given], axis=2)
+    if aircraft.limits.jerk:
+        control[0, 0, 0] = control[-1, -1, 0] = aircraft.vehicle.hover_thrust
     trajectory = Trajectory(
         PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
     )

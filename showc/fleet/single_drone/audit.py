@@ -10,6 +10,7 @@ import numpy as np
 
 from showc.trajectory import bernstein_basis, bernstein_basis_inverse
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
+from showc.vehicle.jerk import greatest_jerk, lean_factor
 from showc.vehicle.motion import thrust_direction
 
 if TYPE_CHECKING:
@@ -141,6 +142,15 @@ def _round_groups(aircraft: Aircraft, trajectory: Trajectory) -> Iterator[_Group
     if limits.rounds_speed:
         speed = np.hypot(velocity[..., :1], velocity[..., 1:2])
         yield _Group(("level speed",), speed, none, np.array([limits.level_speed]))
+    if limits.jerk:
+        jerk = greatest_jerk(
+            aircraft.vehicle,
+            lean_factor(limits.tilt, aircraft.yaw),
+            trajectory.state.breaks,
+            trajectory.state.coefficients,
+            trajectory.control.coefficients,
+        )
+        yield _Group(("jerk",), jerk[..., None], none, np.array([limits.jerk]))
     degree = velocity.shape[1] - 1
     if degree == 0 or not limits.limits_acceleration:
         return

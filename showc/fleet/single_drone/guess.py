@@ -148,7 +148,8 @@ def flown_guess(
     stretch = trajectory.state.end / float(widths.sum())
     borders = np.concatenate([[0.0], np.cumsum(widths)])
     times = borders * stretch
-    states = trajectory.state(times)[:, [order[name] for name in names]]
+    columns = [order[name] for name in names if name in order]
+    states = trajectory.state(times)[:, columns]
     for index, name in enumerate(names):
         if name.startswith("v") or name in {"p", "q", "r"}:
             states[:, index] *= stretch
@@ -168,11 +169,15 @@ def _guess(
     """States and thrust at the borders (K + 1), accelerations on the intervals (K)."""
     from showc.ocp.guess import Curve, Data, Guess  # noqa: PLC0415 - loads casadi
 
+    inputs = [np.stack([thrust[:-1], thrust[1:]], axis=1)]
+    if aircraft.limits.jerk:
+        thrust[[0, -1]] = aircraft.vehicle.hover_thrust
+        states = np.column_stack([states, thrust])
+        inputs = [(np.diff(thrust) / np.diff(borders))[:, None]]
     curves: dict[str, Curve] = {
         name: Data(borders, states[:, k])
         for k, name in enumerate(state_names(aircraft))
     }
-    inputs = [np.stack([thrust[:-1], thrust[1:]], axis=1)]
     inputs += [np.stack([column, column], axis=1) for column in turning.T]
     for name, table in zip(input_names(aircraft), inputs, strict=True):
         curves[name] = PiecewisePolynomial(borders, table[:, :, None])

@@ -2,9 +2,10 @@
 
 Unknown functions: position, velocity, roll and pitch with their rates, and yaw with
 its rate when it is free; thrust and angular accelerations, linear on each interval,
-as inputs. The torques follow from these exactly (rates are polynomials, so are the
-gyroscopic terms); with yaw held, yaw, its rate and U4 drop out:
-psi = heading, r = 0, U4 = -(Ix - Iy) p q.
+as inputs. Where jerk is limited, thrust is a state, and its rate, constant on each
+interval, the input. The torques follow from these exactly (rates are polynomials, so
+are the gyroscopic terms); with yaw held, yaw, its rate and U4 drop out: psi = heading,
+r = 0, U4 = -(Ix - Iy) p q.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from showc.vehicle import Limits, Quadrotor, Vector
+from showc.vehicle.jerk import jerk_square, lean_factor
 
 if TYPE_CHECKING:
     from showc.ocp.problem import Phase, Problem
@@ -36,6 +38,7 @@ ANGLE_SCALE = 0.35
 RATE_SCALE = 1.7
 ANGULAR_ACCELERATION_SCALE = 20.0
 ACCELERATION_SCALE = 5.0
+JERK_SCALE = 15.0
 ROOM = 2e-3
 """Between the points at which a program's velocities follow its thrust, what is flown
 goes beyond a limit of acceleration by up to so much of it."""
@@ -109,7 +112,8 @@ class Aircraft:
         limits = Limits(
             velocity_min=(-1.0, -1.0, -1.0),
             velocity_max=(1.0, 1.0, 1.0),
-            tilt=1.0,
+            # The bound on jerk with yaw free is made with the tilt.
+            tilt=self.limits.tilt if self.limits.jerk and self.yaw == "free" else 1.0,
             body_rate=(1.0, 1.0, 1.0),
             thrust_min=0.0,
             thrust_max=1.0,
@@ -119,6 +123,7 @@ class Aircraft:
             level_speed=1.0 if self.limits.rounds_speed else 0.0,
             acceleration=1.0 if self.limits.acceleration else 0.0,
             acceleration_up=1.0 if self._vertical else 0.0,
+            jerk=1.0 if self.limits.jerk else 0.0,
         )
         return replace(self, limits=limits, room=ROOM)
 
@@ -151,15 +156,17 @@ def _axes(aircraft: Aircraft) -> tuple[tuple[str, str, str, int], ...]:
 
 
 def input_names(aircraft: Aircraft) -> tuple[str, ...]:
-    """Names of the inputs: thrust, then angular accelerations."""
-    return ("thrust", *(axis[2] for axis in _axes(aircraft)))
+    """Names of the inputs: thrust or its rate, then angular accelerations."""
+    first = "thrust_rate" if aircraft.limits.jerk else "thrust"
+    return (first, *(axis[2] for axis in _axes(aircraft)))
 
 
 def state_names(aircraft: Aircraft) -> tuple[str, ...]:
     """Names of the states in the order of the problem."""
     angles = tuple(axis[0] for axis in _axes(aircraft))
     rates = tuple(axis[1] for axis in _axes(aircraft))
-    return (*POSITION, "vx", "vy", "vz", *angles, *rates)
+    thrust = ("thrust",) if aircraft.limits.jerk else ()
+    return (*POSITION, "vx", "vy", "vz", *angles, *rates, *thrust)
 
 
 def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
@@ -168,7 +175,7 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
     Keys are as ``CondensedTranscription.solve`` takes them.
     """
     limits = aircraft.limits
-    bounds: dict[tuple[str, str], tuple[float, float]] = {}
+    bounds: Bounds = {}
     for k, axis in enumerate(POSITION):
         bounds["bounds", axis] = limits.position_min[k], limits.position_max[k]
         bounds["bounds", f"v{axis}"] = limits.velocity_min[k], limits.velocity_max[k]
@@ -193,6 +200,14 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
     for rotor in range(4):
         share = float(margin[rotor])
         bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
+    bounds |= _optional_bounds(aircraft)
+    return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
+
+
+def _optional_bounds(aircraft: Aircraft) -> Bounds:
+    """Bounds of path constraints that are there only where a limit is given."""
+    limits = aircraft.limits
+    bounds: Bounds = {}
     if limits.acceleration:
         most = (1.0 - aircraft.room) * limits.acceleration
         bounds["path", "acceleration"] = -np.inf, most**2
@@ -201,10 +216,13 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
             -(1.0 - aircraft.room) * (limits.acceleration_down or UNREACHED),
             (1.0 - aircraft.room) * (limits.acceleration_up or UNREACHED),
         )
+    if limits.jerk:
+        most = (1.0 - aircraft.room) * aircraft.vehicle.mass * limits.jerk
+        bounds["path", "jerk"] = -np.inf, most**2
     if limits.rounds_speed:
         most = (1.0 - SPEED_ROOM * aircraft.room) * limits.level_speed
         bounds["path", "level_speed"] = -np.inf, most**2
-    return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
+    return bounds
 
 
 def add_drone(
@@ -238,13 +256,25 @@ def add_drone(
     velocity = [state(f"v{axis}", SPEED_SCALE, 0.0, 0.0) for axis in POSITION]
     angles = {}
     for name, _, _, axis in axes:
-        hover = aircraft.heading if axis == 2 else 0.0
-        angles[name] = state(name, ANGLE_SCALE, hover, hover)
+        level = aircraft.heading if axis == 2 else 0.0
+        angles[name] = state(name, ANGLE_SCALE, level, level)
     rates = [state(rate, RATE_SCALE, 0.0, 0.0) for _, rate, _, _ in axes]
-    lower, upper = bounds["bounds", f"thrust{tag}"]
-    thrust = phase.control(
-        f"thrust{tag}", lower, upper, degree=1, scale=vehicle.hover_thrust
-    )
+    hover = vehicle.hover_thrust
+    if aircraft.limits.jerk:
+        thrust = state("thrust", hover, hover, hover)
+        scale = vehicle.mass * JERK_SCALE
+        lean = lean_factor(aircraft.limits.tilt, aircraft.yaw)
+        change = phase.control(f"thrust_rate{tag}", degree=0, scale=scale)
+        phase.derivative(thrust, change)
+        phase.constrain(
+            jerk_square(thrust, change, rates, lean),
+            *bounds["path", f"jerk{tag}"],
+            name=f"jerk{tag}",
+            scale=scale**2,
+        )
+    else:
+        lower, upper = bounds["bounds", f"thrust{tag}"]
+        thrust = phase.control(f"thrust{tag}", lower, upper, degree=1, scale=hover)
     accelerations = [
         phase.control(
             name + tag,
@@ -306,7 +336,7 @@ def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
             scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
             phase.constrain(torques[k], *pair, name=name + tag, scale=scale)
     fractions = vehicle.rotor_fractions()
-    thrust = phase.controls[f"thrust{tag}"].quantity.symbol
+    thrust = _thrust(phase, tag)
     for rotor in range(4):
         name = f"rotor_{rotor + 1}{tag}"
         share = fractions[rotor, 0] * thrust + sum(
@@ -315,18 +345,26 @@ def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
         phase.constrain(share, *bounds["path", name], name=name, scale=1.0)
 
 
+def _thrust(phase: Phase, tag: str) -> Any:  # noqa: ANN401
+    """Return the thrust, a state or an input."""
+    name = f"thrust{tag}"
+    table = phase.controls if name in phase.controls else phase.states
+    return table[name].quantity.symbol
+
+
 EFFORT_TORQUE = 1.0
 """Weight of squared angular acceleration (over its scale) in the effort."""
 
 
 def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> Any:  # noqa: ANN401
     """Squared inputs, off hover and scaled: what an effort term integrates."""
-    controls = phase.controls
-    thrust = controls[f"thrust{tag}"].quantity.symbol
-    total = (thrust / aircraft.vehicle.hover_thrust - 1.0) ** 2
+    controls, vehicle = phase.controls, aircraft.vehicle
+    total = (_thrust(phase, tag) / vehicle.hover_thrust - 1.0) ** 2
     for name in input_names(aircraft)[1:]:
         symbol = controls[f"{name}{tag}"].quantity.symbol
         total += EFFORT_TORQUE * (symbol / ANGULAR_ACCELERATION_SCALE) ** 2
+    if rate := controls.get(f"thrust_rate{tag}"):
+        total += (rate.quantity.symbol / (vehicle.mass * JERK_SCALE)) ** 2
     return total
 
 

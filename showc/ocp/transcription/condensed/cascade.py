@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 Symbol = Any
 """A CasADi ``SX`` scalar."""
 
+HIGHEST = 4
+"""Degree of the expressions whose exact coefficients are worked out: squares of
+products."""
+
 Coefficients = list[Symbol]
 """Bernstein coefficients of one scalar polynomial on one interval."""
 
@@ -73,7 +77,8 @@ class Composition:
     members: tuple[str, ...]
     """States and controls it depends on."""
     order: int | None
-    """Its degree in the members together, at most 2; ``None``: no polynomial."""
+    """Its degree in the members together, at most :data:`HIGHEST`; ``None``: no
+    polynomial, or one of a higher degree."""
 
     @classmethod
     def of(cls, expression: Symbol, members: Mapping[str, Symbol]) -> Composition:
@@ -82,7 +87,7 @@ class Composition:
         vector = casadi.vertcat(*(members[name] for name in names))
         order: int | None = None
         derivative = casadi.SX(expression)
-        for candidate in range(3):
+        for candidate in range(HIGHEST + 1):
             if not depends_on(derivative, {name: members[name] for name in names}):
                 order = candidate
                 break
@@ -124,7 +129,7 @@ class Composition:
         """
         degree = self.degree(polynomials)
         if degree is None:
-            raise ValueError(f"{self.expression} is no polynomial of degree 2 or less")
+            raise ValueError(f"{self.expression} is no polynomial of low degree")
         if self.order == 1:
             return self._combine(polynomials, members, degree)
         nodes = fitting_points(degree)
