@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.vehicle.quadrotor import Quadrotor
 
-THRUST_JOINT = 1e-6
-"""Greatest jump of the thrust at a joint [N]: what the proof allows; rounding."""
+THRUST_JOINT = 5e-7
+"""Greatest jump of the thrust at a joint [N]: half of what the proof allows."""
 
 
 def lean_factor(tilt: float, yaw: Literal["held", "free"]) -> float:

@@ -109,6 +109,18 @@ def square_sum(coefficients: FloatArray) -> FloatArray:
     return result
 
 
+def product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Coefficients of products, (pieces, m + n + 1); Farouki 2012, equation 44.
+
+    Takes shapes (pieces, m + 1) and (pieces, n + 1).
+    """
+    m, n = one.shape[1] - 1, other.shape[1] - 1
+    result = np.zeros((one.shape[0], m + n + 1))
+    for i, weight in enumerate(binomials(m)):
+        result[:, i : i + n + 1] += weight * one[:, i : i + 1] * binomials(n) * other
+    return np.asarray(result / binomials(m + n))
+
+
 def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
     """Values at one ``fraction`` (pieces,) each; shape (pieces, components)."""
     weights = basis(coefficients.shape[1] - 1, fraction)

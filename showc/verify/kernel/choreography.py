@@ -44,6 +44,7 @@ def joined_up(show: LoggedShow) -> list[Statement]:
         ("VRF331", JOINT, "SI", _hover),
         ("VRF332", JOINT, "rad", _heading),
         ("VRF333", REACHED, "m", _goals),
+        ("VRF334", JOINT, "N", _thrusts),
         ("VRF335", JOINT, "SI", _inside),
         ("VRF336", MOMENT, "s", _gaps),
         ("VRF337", JOINT, "SI", _jumps),
@@ -110,6 +111,24 @@ def _inside(show: LoggedShow) -> Iterator[Seen]:
             edge = np.abs(table.end[last] - one.duration)
             edge = np.maximum(np.abs(table.start[first]), edge)
             yield Seen(name, time[first], table.drones, edge)
+
+
+def _thrusts(show: LoggedShow) -> Iterator[Seen]:
+    """Jumps of the thrust where jerk is limited; at both ends the drone's weight."""
+    weight = show.rules.vehicle.mass * show.rules.vehicle.gravity
+    before = np.full(show.drones, weight)
+    for one in show.segments:
+        limited = show.rules.limits[one.message.limits].jerk > 0.0
+        for table in one.tables if limited else ():
+            earlier = np.roll(table.control[:, -1, 0], 1)
+            earlier[table.first[:-1]] = before[table.drones]
+            jump = np.abs(table.control[:, 0, 0] - earlier)
+            yield Seen(one.message.name, one.start + table.start, table.owner, jump)
+        for table in one.tables:
+            before[table.drones] = table.control[table.first[1:] - 1, -1, 0]
+        if limited and one is show.segments[-1]:
+            fleet = np.arange(show.drones)
+            yield Seen(one.message.name, one.end, fleet, np.abs(before - weight))
 
 
 def _gaps(show: LoggedShow) -> Iterator[Seen]:

@@ -20,6 +20,13 @@ here is covered (Higham 2002, section 3.1).
 within 0.5 mm/s of these, the flown mean acceleration over any 0.1 s differs from the
 mean of the slope by at most 1 cm/s².
 
+*Jerk* follows from thrust T and body rates: along the unit vector b of the thrust it is
+T' / m, at right angles to it T |b'| / m. Roll and pitch turn b by sqrt(p² + q²) at most,
+yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held. As (a + s c)²
+<= (1 + s) (a² + s c²), the square of m |jerk| is at most the polynomial T'² + (1 + s) T²
+(p² + q² + s r²). Flown are this thrust, and rates within their radius R: the jerk flown
+is greater by (1 + s) T R / m at most. That thrust does not jump is VRF334.
+
 The distance to the fence is enclosed by :mod:`showc.verify.kernel.fence`.
 """
 
@@ -30,7 +37,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import least, square_sum
+from showc.verify.kernel.bernstein import elevate, least, product, square_sum
 from showc.verify.kernel.dynamics import GAMMA, TOLERANCES, rotor_shares
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
@@ -61,6 +68,7 @@ FAMILIES = {
     "rotor speeds": "VRF317",
     "accelerations": "VRF318",
     "fence": "VRF319",
+    "jerk": "VRF320",
 }
 """Code of each family of limits."""
 
@@ -74,8 +82,8 @@ class Bound:
     family: str
     """Key of ``FAMILIES``."""
     quantity: str
-    """A state, a control, ``rotor`` and its number, ``level`` and what, ``az``, or the
-    ``distance`` to the fence."""
+    """A state, a control, ``rotor`` and its number, ``level`` and what, ``az``,
+    ``jerk``, or the ``distance`` to the fence."""
     sign: float
     """1, or -1 where the quantity is bounded from below."""
     top: float
@@ -93,7 +101,7 @@ class Bound:
     @property
     def squared(self) -> bool:
         """Whether the quantity is a sum of squares, and its root is limited."""
-        return self.quantity.startswith("level ")
+        return self.quantity.startswith("level ") or self.quantity == "jerk"
 
     @property
     def states(self) -> list[int]:
@@ -166,6 +174,7 @@ def bounds(rules: Rules, limits: Limits) -> list[Bound]:
         ("accelerations", "level acceleration", 1.0, limits.acceleration, "m/s²"),
         ("accelerations", "az", 1.0, up, "m/s²"),
         ("accelerations", "az", -1.0, down, "m/s²"),
+        ("jerk", "jerk", 1.0, limits.jerk, "m/s³"),
     )
     found += [
         Bound(family, quantity, sign, most, most, unit)
@@ -187,12 +196,31 @@ def _coefficients(table: PieceTable, rules: Rules, quantity: str) -> FloatArray:
         return np.asarray(control @ share)
     if quantity == "level speed":
         return square_sum(state[:, :, 3:5])
-    degree = state.shape[1] - 1
-    width = (table.end - table.start)[:, None, None]
-    slope = degree * np.diff(state[:, :, 3:6], axis=1) / width
-    # Where the velocity is constant, there is no coefficient left.
-    slope = slope if degree else np.zeros((*width.shape[:2], 3))
+    if quantity == "jerk":
+        return _jerk_square(table, rules)
+    slope = _slope(table, state[:, :, 3:6])
     return slope[:, :, 2] if quantity == "az" else square_sum(slope[:, :, :2])
+
+
+def _slope(table: PieceTable, curves: FloatArray) -> FloatArray:
+    """Coefficients of the derivatives of curves (rows, degree + 1, m) of a table."""
+    degree, width = curves.shape[1] - 1, (table.end - table.start)[:, None, None]
+    # Where they are constant, there is no coefficient left.
+    return degree * np.diff(curves, axis=1) / width if degree else 0.0 * curves
+
+
+def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
+    """Coefficients of a bound on the squared jerk; see above."""
+    thrust, rates = table.control[:, :, :1], table.state[:, :, 9:]
+    lean = np.cos(
+        np.minimum(np.abs(table.state[:, :, 6:8]).max(axis=(0, 1)), np.pi / 2)
+    )
+    sine = 0.0 if rules.yaw_held else np.sqrt(1.0 - np.prod(lean) ** 2)
+    weights = np.sqrt(1.0 + sine) * np.array([1.0, 1.0, np.sqrt(sine)])
+    turning = product(square_sum(thrust), square_sum(weights * rates))
+    change = square_sum(_slope(table, thrust))[:, :, None]
+    push = elevate(change, turning.shape[1] - 1)[:, :, 0]
+    return np.asarray((push + turning) / rules.vehicle.mass**2)
 
 
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
