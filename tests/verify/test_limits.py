@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from verified import with_table
+from verified import loaded, proved_flight, script_of, with_table, written
 
 from showc.log import showc_pb2 as pb
+from showc.vehicle.motion import thrust_direction
 from showc.verify.kernel.bernstein import (
     basis,
     elevate,
@@ -15,6 +16,7 @@ from showc.verify.kernel.bernstein import (
     square_sum,
     values,
 )
+from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import allocation, rotor_shares
 from showc.verify.kernel.limits import (
     RESOLUTION,
@@ -22,6 +24,7 @@ from showc.verify.kernel.limits import (
     _greatest,
     bounds,
     extremes,
+    kept,
 )
 from showc.verify.kernel.show import PieceTable
 
@@ -189,6 +192,75 @@ def test_level_speed_and_accelerations_are_enclosed(seed, degree):
         most = value**2 if found.bound.squared else value
         size = max(most, found.bound.span**2, 1.0)
         assert most - 1e-12 * size <= found.upper <= most + 1e-4 * size
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(0, 4), st.booleans())
+def test_jerk_is_enclosed_whatever_turns(seed, degree, held):
+    rng = np.random.default_rng(seed)
+    width = rng.uniform(0.2, 2.0)
+    state, control = np.zeros((1, 5, 12)), np.zeros((1, degree + 1, 4))
+    angles = rng.normal(0.0, 0.15, (5, 3)) * [1.0, 1.0, 0.0 if held else 3.0]
+    state[0, :, 6:9] = angles
+    state[:, :, 9:] = elevate(4 * np.diff(angles[None], axis=1) / width, 4)
+    control[0, :, 0] = rng.uniform(5.0, 15.0, degree + 1)
+    flown = PieceTable(
+        np.array([0]), np.array([0, 1]), np.zeros(1), np.full(1, width), state, control
+    )
+    rules = pb.Rules(vehicle=RULES.vehicle, yaw_held=held)
+    # What thrust and attitude give, differentiated by samples.
+    shares = np.linspace(0.0, 1.0, 4001)
+    thrust = basis(degree, shares) @ control[0, :, 0]
+    direction = np.stack(thrust_direction(*(basis(4, shares) @ angles).T), axis=-1)
+    change = np.diff(thrust[:, None] * direction, axis=0) / (shares[1] * width)
+    truth = np.linalg.norm(change, axis=1).max()
+    found = _greatest(flown, rules, Bound("jerk", "jerk", 1.0, 9.0, 9.0, "m/s³"))
+    assert truth <= np.sqrt(found.upper) * (1.0 + 1e-9)
+    if held:
+        # What the bound leaves out is the cosine of the roll.
+        assert np.sqrt(found.upper) * np.cos(np.abs(angles).max()) <= truth * 1.01
+
+
+def jerky(limit, folder):
+    script = script_of(2).replace(b"\npads", b"\nlimits: {jerk: %g}\npads" % limit)
+    return loaded(written(proved_flight(2, script), folder / "jerky.mcap"))[1]
+
+
+def test_a_jerk_beyond_the_limit_and_a_thrust_that_jumps_are_found(tmp_path):
+    show = jerky(300.0, tmp_path)
+
+    def stated(show):
+        found = [extremes(one, show.rules) for one in show.segments]
+        radii = [np.zeros((2, 12))] * len(show.segments)
+        every = [*kept(show, radii, found), *joined_up(show)]
+        return {one.code: one for one in every}
+
+    before = stated(show)
+    assert before["VRF320"].holds
+    assert before["VRF334"].holds
+    peak = before["VRF320"].value
+    low = stated(jerky(np.floor(peak), tmp_path))
+    assert not low["VRF320"].holds
+    assert low["VRF334"].holds
+    # A push that neither mean nor node shows; a start and an end that are no hover.
+    for number, row, column in (
+        (2, 0, -1),
+        (0, 0, 0),
+        (len(show.segments) - 1, -1, -1),
+    ):
+        control = show.segments[number].tables[0].control.copy()
+        control[row, column, 0] += 2e-6
+        lie = stated(with_table(show, number, control=control))
+        assert not lie["VRF334"].holds
+        assert lie["VRF334"].value == pytest.approx(2e-6, rel=1e-3)
+
+
+def test_thrust_may_jump_where_jerk_is_not_limited(log_and_show):
+    _, show = log_and_show
+    control = show.segments[2].tables[0].control.copy()
+    control[0] *= 1.001
+    found = {one.code: one for one in joined_up(with_table(show, 2, control=control))}
+    assert found["VRF334"].holds is None
 
 
 def test_rotor_speeds_follow_the_allocation(log_and_show):

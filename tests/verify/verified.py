@@ -55,9 +55,9 @@ def script_of(drones=4):
     return SCRIPT.format(pads=pads, steps=steps, level=level, drones=drones).encode()
 
 
-def proved_flight(drones=4):
+def proved_flight(drones=4, script=None):
     """Flight that is exact, of a script, and claims nothing it cannot prove."""
-    result = read_script(script_of(drones), path="proved.yaml")
+    result = read_script(script or script_of(drones), path="proved.yaml")
     assert result.show is not None, result.diagnostics
     flight = vertical_flight(drones, show=result.show)
     legs = tuple(

@@ -44,10 +44,14 @@ def joined_up(show: LoggedShow) -> list[Statement]:
         ("VRF331", JOINT, "SI", _hover),
         ("VRF332", JOINT, "rad", _heading),
         ("VRF333", REACHED, "m", _goals),
-        ("VRF334", JOINT, "N", _thrusts),
         ("VRF335", JOINT, "SI", _inside),
         ("VRF336", MOMENT, "s", _gaps),
         ("VRF337", JOINT, "SI", _jumps),
+        *(
+            [("VRF334", JOINT, "N", _thrusts)]
+            if any(limits.jerk for limits in show.rules.limits)
+            else ()
+        ),
     )
     return [
         *(

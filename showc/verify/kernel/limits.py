@@ -21,11 +21,11 @@ within 0.5 mm/s of these, the flown mean acceleration over any 0.1 s differs fro
 mean of the slope by at most 1 cm/s².
 
 *Jerk* follows from thrust T and body rates: along the unit vector b of the thrust it is
-T' / m, at right angles to it T |b'| / m. Roll and pitch turn b by sqrt(p² + q²) at most,
-yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held. As (a + s c)²
-<= (1 + s) (a² + s c²), the square of m |jerk| is at most the polynomial T'² + (1 + s) T²
-(p² + q² + s r²). Flown are this thrust, and rates within their radius R: the jerk flown
-is greater by (1 + s) T R / m at most. That thrust does not jump is VRF334.
+T' / m, at right angles to it T |b'| / m. Roll and pitch turn b by sqrt(p² + q²) at
+most, yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held. As (a
++ s c)² <= (1 + s) (a² + s c²), the square of m |jerk| is at most the polynomial T'² +
+(1 + s) T² (p² + q² + s r²). Flown are this thrust, and rates within their radius R: the
+jerk flown is greater by (1 + s) T R / m at most. That thrust does not jump is VRF334.
 
 The distance to the fence is enclosed by :mod:`showc.verify.kernel.fence`.
 """
