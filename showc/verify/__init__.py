@@ -7,7 +7,7 @@ time, and the mission files beside it. ``showc/docs/verify.md`` says what is pro
 with which error bounds.
 """
 
-from showc.verify.damage import DamagedLogError
+from showc.verify.records import DamagedLogError
 from showc.verify.report import Check, Place, Verification
 from showc.verify.run import verify_log
 

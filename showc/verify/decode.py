@@ -17,7 +17,6 @@ from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
 from showc.log.schema import descriptor_set
-from showc.verify.damage import Damage
 from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
     LARGEST,
@@ -27,13 +26,14 @@ from showc.verify.kernel.show import (
     Segment,
     xyz,
 )
+from showc.verify.records import Damage
 from showc.verify.report import agreement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.verify.logfile import LogFile
-    from showc.verify.logfile import Message as LoggedMessage
+    from showc.verify.mcap import LogFile
+    from showc.verify.mcap import Message as LoggedMessage
     from showc.verify.report import Check
 
 Parsed = TypeVar("Parsed", bound=Message)

@@ -1,31 +1,35 @@
 """The container: every byte of an MCAP file accounted for.
 
 Reads the file from the first byte to the last and believes nothing that it has not
-recomputed: magics, lengths, CRCs, message indexes, sequence numbers, order in time. The
-summary is written anew from the data, and compared byte by byte. What cannot be
-confirmed is damage (:class:`DamagedLogError`); only a CRC that the writer left out is
-no more than a warning.
+worked out anew: magics, lengths, CRCs, message indexes, sequence numbers, order in
+time. The summary is written again from the data, and compared byte by byte. What cannot
+be confirmed is damage (:class:`DamagedLogError`); only a CRC that the writer left out
+is no more than a warning.
 """
 
 from __future__ import annotations
 
 import mmap
+import struct
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import zstandard
 
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, open_file
-from showc.verify.damage import Damage
-from showc.verify.logfile import MESSAGE_HEAD, Chunk, LogFile, Messages, inflate
 from showc.verify.records import (
-    HEAD,
     MAGIC,
     Attachment,
     Channel,
+    Damage,
+    DamagedLogError,
     Opcode,
     Record,
     Schema,
@@ -35,10 +39,16 @@ from showc.verify.records import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Iterator
+
+    from showc.arrays import IntArray
 
 LARGEST_FILE = 8 << 30
 """Size from which a log is refused [bytes]: an hour of 1,000 drones has half of it."""
+
+LARGEST_CHUNK = 1 << 26
+"""Greatest uncompressed size of a chunk that is read [bytes]: sixty times what showc
+writes, and no bomb gets further."""
 
 LARGEST_UNPACKED = 16 << 30
 """Size of all chunks together from which a log is refused [bytes]."""
@@ -54,9 +64,11 @@ _TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
 that stand beside those that move."""
 
-_MESSAGE = np.dtype(
-    [("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")]
-)
+_MESSAGE = struct.Struct("<HIQQ")
+"""Channel, sequence number, times logged and published, before a message's bytes."""
+
+_ENTRY = struct.Struct("<QQ")
+"""Entry of a message index: time, and offset in the uncompressed chunk."""
 
 _IN_SUMMARY = {
     Opcode.SCHEMA: "schemas",
@@ -67,6 +79,154 @@ _IN_SUMMARY = {
     Opcode.METADATA_INDEX: "index of the metadata",
 }
 """Groups of the summary, in their order."""
+
+
+class Message(NamedTuple):
+    """One message of a log."""
+
+    channel: int
+    time: int
+    """Time stamp [ns]."""
+    data: bytes
+    offset: int
+    """Where the data of its chunk begin in the file [bytes]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chunk:
+    """A chunk that was found whole, and where its messages lie."""
+
+    size: int
+    """When unpacked [bytes]."""
+    span: tuple[int, int]
+    """Start and stop of its data in the file [bytes]."""
+    channel: IntArray
+    """Channel number of each message, shape (n,)."""
+    time: IntArray
+    """Time stamp of each, shape (n,) [ns]."""
+    start: IntArray
+    """Where its own bytes begin in the unpacked chunk, shape (n,)."""
+    stop: IntArray
+    """Where they end, shape (n,)."""
+
+
+@dataclass(slots=True, eq=False)
+class LogFile:
+    """A whole log; made by :func:`open_log` only."""
+
+    path: Path
+    """As it was named."""
+    view: memoryview
+    """All its bytes."""
+    library: str = ""
+    """What the header names as the writer."""
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    """By number."""
+    channels: dict[int, Channel] = field(default_factory=dict)
+    """By number."""
+    chunks: list[Chunk] = field(default_factory=list)
+    """In the file's order, as all that follows."""
+    attachments: list[Attachment] = field(default_factory=list)
+    metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    """All metadata records: name and content."""
+    warnings: list[tuple[int, str]] = field(default_factory=list)
+    """Byte offset and text of every CRC that the writer left out."""
+
+    def attachment(self, name: str) -> bytes | None:
+        """Content of the attachment of that name; None if there is none."""
+        for attachment in self.attachments:
+            if attachment.name == name:
+                return bytes(self.view[slice(*attachment.span)])
+        return None
+
+    @contextmanager
+    def reported(self) -> Iterator[None]:
+        """Turn damage that is met into the error that a user sees."""
+        try:
+            yield
+        except Damage as damage:
+            times = [
+                (int(chunk.time[0]), int(chunk.time[-1]))
+                for chunk in self.chunks
+                if chunk.span[1] <= damage.offset and chunk.time.size
+            ]
+            whole = (times[-1][1] - times[0][0]) * 1e-9 if times else None
+            raise DamagedLogError(
+                str(self.path), damage.text, damage.offset, whole
+            ) from damage
+
+    def times(self, channel: int) -> IntArray:
+        """Time stamps of a channel's messages in order, shape (n,) [ns]."""
+        parts = [chunk.time[chunk.channel == channel] for chunk in self.chunks]
+        return np.concatenate([*parts, np.empty(0, dtype=np.int64)])
+
+    def messages(
+        self, channels: set[int], share: int = 0, shares: int = 1
+    ) -> Iterator[Message]:
+        """Go through the messages of some channels again, in the file's order.
+
+        Parameters
+        ----------
+        channels
+            Numbers of the channels.
+        share, shares
+            Which of the equal shares of the chunks that hold any, in the file's order.
+        """
+        wanted = np.isin(np.arange(1 << 16), list(channels))
+        kept = [
+            (chunk, rows)
+            for chunk in self.chunks
+            if (rows := np.flatnonzero(wanted[chunk.channel])).size
+        ]
+        first, last = (len(kept) * at // shares for at in (share, share + 1))
+        for chunk, rows in kept[first:last]:
+            data = inflate(self.view, chunk.span, chunk.size)
+            self.release()
+            columns = (chunk.channel, chunk.time, chunk.start, chunk.stop)
+            for number, time, start, stop in zip(
+                *(column[rows].tolist() for column in columns), strict=True
+            ):
+                yield Message(number, time, data[start:stop], chunk.span[0])
+
+    def release(self) -> None:
+        """Let the system take back the memory of the mapped file."""
+        if isinstance(self.view.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            self.view.obj.madvise(mmap.MADV_DONTNEED)
+
+
+@lru_cache(maxsize=1)
+def _unpacker() -> zstandard.ZstdDecompressor:
+    # Its tables take longer to make than a small chunk to unpack.
+    return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
+
+
+def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
+    """Return the uncompressed data of a chunk.
+
+    Raises
+    ------
+    Damage
+        If they are no single frame of zstd, or not of the declared size.
+    """
+    packed = view[slice(*span)]
+    if size > LARGEST_CHUNK:
+        raise Damage(
+            span[0],
+            f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused",
+        )
+    try:
+        declared = zstandard.get_frame_parameters(packed).content_size
+        if declared != size:
+            raise Damage(span[0], f"a chunk of {size:,} bytes declares {declared:,}")
+        unpacker = _unpacker().decompressobj()
+        data = unpacker.decompress(packed)
+    except (zstandard.ZstdError, MemoryError, ValueError) as error:
+        raise Damage(span[0], f"a chunk does not unpack ({error})") from error
+    if not unpacker.eof or unpacker.unused_data:
+        raise Damage(span[0], "a chunk is no single frame from its start to its end")
+    if len(data) != size:
+        raise Damage(span[0], f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
+    return data
 
 
 def open_log(path: Path) -> LogFile:
@@ -110,9 +270,10 @@ class _Walk:
         """What the summary must say of chunks, attachments and metadata."""
         self.counts: Counter[int] = Counter()
         """Messages of each channel so far."""
-        self.last: dict[int, int] = {}
+        self.last: dict[int, int] = defaultdict(lambda: -1)
         """Time of each channel's last message [ns]."""
-        self.end = self.unpacked = self.records = 0
+        self.end = self.unpacked = self.records = self.messages = 0
+        """Time of the last message [ns]; bytes unpacked, records, messages so far."""
 
     def run(self) -> LogFile:
         view, log = self.view, self.log
@@ -221,112 +382,81 @@ class _Walk:
         self.unpacked += size
         if self.unpacked > LARGEST_UNPACKED:
             raise Damage(position, "the chunks up to here are too large in sum")
-        heads, messages = self._scan(data, position)
-        self._check_times((start, end), heads, position)
-        wanted = self._check_channels(heads, messages, position)
-        self.log.chunks.append(Chunk(size, span, messages))
-        following, positions = self._next(record.stop), []
-        while following.opcode == Opcode.MESSAGE_INDEX:
-            channel, entries = fields(self.view, following)
-            if bytes(self.view[slice(*entries)]) != wanted.pop(channel, None):
+        entries: dict[int, bytearray] = defaultdict(bytearray)
+        try:
+            places = self._places(data, entries)
+        except Damage as damage:
+            raise Damage(position, f"in a chunk: {damage.text}") from damage
+        table = np.array(places, dtype=np.int64).reshape(-1, 4).T
+        found = (int(table[1, 0]), int(table[1, -1])) if places else (0, 0)
+        if found != (start, end):
+            raise Damage(
+                position,
+                f"a chunk claims the times {start} to {end} ns, its messages go from "
+                f"{found[0]} to {found[1]} ns",
+            )
+        self.log.chunks.append(Chunk(size, span, *table))
+        at, positions = record.stop, []
+        for channel, some in entries.items():
+            index = encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
+            if bytes(self.view[at : at + len(index)]) != index:
                 raise Damage(
-                    following.position,
+                    at,
                     "a message index does not say where the messages of its chunk lie",
                 )
-            positions.append((channel, following.position))
-            following = self._next(following.stop)
-        if wanted:
-            raise Damage(
-                following.position, "a chunk lacks the message index of a channel"
-            )
-        length, indexes = record.stop - position, following.position - record.stop
+            positions.append((channel, at))
+            at += len(index)
         self.index[Opcode.CHUNK_INDEX].append(
             (
-                *(start, end, position, length, positions, indexes),
-                *(compression, span[1] - span[0], size),
+                *(start, end, position, record.stop - position, positions),
+                *(at - record.stop, compression, span[1] - span[0], size),
             )
         )
-        return following
+        return self._next(at)
 
-    def _scan(self, data: bytes, offset: int) -> tuple[NDArray[np.void], Messages]:
-        """Walk the records of an uncompressed chunk: heads of messages, and places.
+    def _places(
+        self, data: bytes, entries: dict[int, bytearray]
+    ) -> list[tuple[int, int, int, int]]:
+        """Walk the records of an unpacked chunk.
 
-        Damage in a chunk is reported at the chunk.
+        Returns channel, time, start and stop of each message; ``entries`` takes what
+        the message index of each channel must hold.
         """
-        places: list[int] = []
-        sizes: list[int] = []
-        position = 0
+        found, position = [], 0
         while position < len(data):
-            try:
-                record = next_record(data, position)
-                if record.opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
-                    self._define(record, fields(data, record))
-            except Damage as damage:
-                raise Damage(offset, f"in a chunk: {damage.text}") from damage
-            size = record.stop - record.start
-            if record.opcode == Opcode.MESSAGE and size >= MESSAGE_HEAD:
-                places.append(position)
-                sizes.append(size - MESSAGE_HEAD)
-            elif record.opcode not in {Opcode.SCHEMA, Opcode.CHANNEL}:
-                raise Damage(
-                    offset,
-                    f"a record of kind {record.opcode} and {size:,} bytes stands in a "
-                    "chunk",
-                )
+            record = next_record(data, position)
+            if record.opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                self._define(record, fields(data, record))
+            elif record.opcode != Opcode.MESSAGE:
+                raise Damage(position, f"a record of kind {record.opcode} stands there")
+            else:
+                start = record.start + _MESSAGE.size
+                if start > record.stop:
+                    raise Damage(position, "a message is shorter than its head")
+                channel, time = self._follow(_MESSAGE.unpack_from(data, record.start))
+                entries[channel] += _ENTRY.pack(time, position)
+                found.append((channel, time, start, record.stop))
             position = record.stop
-        places_, raw = np.array(places, dtype=np.int64), np.frombuffer(data, np.uint8)
-        rows = raw[places_[:, None] + HEAD.size + np.arange(MESSAGE_HEAD)]
-        heads = np.ascontiguousarray(rows).view(_MESSAGE).reshape(-1)
-        channel, time = heads["channel"].copy(), heads["log"].astype(np.int64)
-        return heads, Messages(channel, time, places_, np.array(sizes, dtype=np.int64))
+        return found
 
-    def _check_times(
-        self, claimed: tuple[int, int], heads: NDArray[np.void], offset: int
-    ) -> None:
-        """Hold the times of a chunk against its messages and the chunks before."""
-        time = heads["log"].astype(np.int64)
-        found = (int(time.min()), int(time.max())) if time.size else (0, 0)
-        if found != claimed:
-            raise Damage(
-                offset,
-                f"a chunk claims the times {claimed[0]} to {claimed[1]} ns, its "
-                f"messages go from {found[0]} to {found[1]} ns",
-            )
-        if time.size and found[0] < self.end:
-            raise Damage(offset, "a chunk begins before the one before it ends")
-        self.end = max(self.end, found[1])
-        if np.any(np.diff(time) < 0):
-            raise Damage(offset, "messages in a chunk are not in order of time")
-        if np.any(heads["publish"] != heads["log"]):
-            raise Damage(offset, "a message has two different times")
-
-    def _check_channels(
-        self, heads: NDArray[np.void], messages: Messages, offset: int
-    ) -> dict[int, bytes]:
-        """Follow channels: sequences have no gap, times rise.
-
-        Returns what the message index of each channel must hold.
-        """
-        wanted: dict[int, bytes] = {}
-        order = np.argsort(messages.channel, kind="stable")
-        entries = np.column_stack([messages.log_time, messages.record]).astype("<u8")
-        edges = np.flatnonzero(np.diff(messages.channel[order])) + 1
-        for rows in np.split(order, edges) if order.size else ():
-            number = int(messages.channel[rows[0]])
-            if number not in self.log.channels:
-                raise Damage(offset, f"messages on channel {number}, not defined")
-            count, times = self.counts[number], messages.log_time[rows]
-            if np.any(heads["sequence"][rows] != count + np.arange(rows.size)):
-                raise Damage(offset, "messages are missing or double on a channel")
-            rise = np.diff(times, prepend=self.last.get(number, -1))
-            if np.any(rise < (self.log.channels[number].topic not in _TIES_ALLOWED)):
-                raise Damage(offset, "times on a channel do not increase")
-            self.last[number] = int(times[-1])
-            wanted[number] = entries[rows].tobytes()
-        self.counts.update(messages.channel.tolist())
-        if self.counts.total() > MOST_MESSAGES:
-            raise Damage(offset, f"the log has more than {MOST_MESSAGES:,} messages")
-        return wanted
+    def _follow(self, head: tuple[int, int, int, int]) -> tuple[int, int]:
+        """Hold a message against those before it; return its channel and its time."""
+        channel, sequence, time, published = head
+        if channel not in self.log.channels:
+            raise Damage(0, f"messages on channel {channel}, not defined")
+        if sequence != self.counts[channel]:
+            raise Damage(0, "messages are missing or double on a channel")
+        if published != time or not self.end <= time < 1 << 63:
+            raise Damage(0, "messages are not in order of time, or have two times")
+        ties = self.log.channels[channel].topic in _TIES_ALLOWED
+        if time < self.last[channel] + (not ties):
+            raise Damage(0, "times on a channel do not increase")
+        self.counts[channel] += 1
+        self.last[channel] = self.end = time
+        self.messages += 1
+        if self.messages > MOST_MESSAGES:
+            raise Damage(0, f"the log has more than {MOST_MESSAGES:,} messages")
+        return channel, time
 
     def _summary(self, begin: int) -> None:
         """Hold the rest of the file against what the data come to."""
@@ -369,7 +499,7 @@ class _Walk:
         log, chunks = self.log, self.index[Opcode.CHUNK_INDEX]
         filled = [chunk[:2] for chunk in chunks if chunk[1]]
         statistics = (
-            self.counts.total(),
+            self.messages,
             len(log.schemas),
             len(log.channels),
             len(log.attachments),

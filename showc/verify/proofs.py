@@ -8,7 +8,6 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from showc.processes import side_by_side
-from showc.verify.damage import Damage
 from showc.verify.decode import check_schemas, read_show
 from showc.verify.kernel.certificates import certified
 from showc.verify.kernel.choreography import joined_up
@@ -16,6 +15,7 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import Missions
+from showc.verify.records import Damage
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.show import LoggedShow, Segment, Statement
-    from showc.verify.logfile import LogFile
+    from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
 
@@ -123,7 +123,7 @@ def _metadata(log: LogFile) -> dict[str, str]:
 
 
 def _integrity(log: LogFile) -> list[Check]:
-    messages = sum(chunk.messages.size.size for chunk in log.chunks)
+    messages = sum(chunk.time.size for chunk in log.chunks)
     whole = (
         f"{messages:,} messages on {len(log.channels):,} channels in "
         f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"

@@ -9,7 +9,8 @@ import struct
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from showc.verify.damage import Damage
+from showc.errors import DamagedFileError
+from showc.verify.report import printable
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -42,7 +43,7 @@ _FIELDS = {
     Opcode.SCHEMA: "2 text text bytes4",
     Opcode.CHANNEL: "2 2 text text text-text",
     Opcode.CHUNK: "8 8 8 4 text span8",
-    Opcode.MESSAGE_INDEX: "2 span4",
+    Opcode.MESSAGE_INDEX: "2 bytes4",
     Opcode.CHUNK_INDEX: "8 8 8 8 2-8 8 text 8 8",
     Opcode.ATTACHMENT: "8 8 text text span8 4",
     Opcode.ATTACHMENT_INDEX: "8 8 8 8 8 text text",
@@ -54,6 +55,49 @@ _FIELDS = {
 }
 """Fields of each kind, in order: integers by their size, texts, maps by what they map,
 bytes and spans (start and stop of bytes), those with the size of their length."""
+
+
+class DamagedLogError(DamagedFileError):
+    """The log is cut, altered, or not one of showc's.
+
+    Attributes
+    ----------
+    offset
+        Byte of the file at which the damage shows.
+    good_until
+        Show time up to which all data before that byte are whole [s]; None if there
+        are none.
+    """
+
+    def __init__(
+        self, path: str, text: str, offset: int, good_until: float | None = None
+    ) -> None:
+        self.offset = offset
+        self.good_until = good_until
+        whole = (
+            "nothing before that can be used"
+            if good_until is None
+            else f"the data before that are whole up to {good_until:.3f} s of the show"
+        )
+        super().__init__(
+            printable(
+                f"{path}: {text}, at byte {offset:,}; {whole}. "
+                "Compile the show again, or fetch the file again."
+            )
+        )
+
+
+class Damage(Exception):  # noqa: N818 - it becomes a DamagedLogError at the border
+    """Raised inside the reader, which adds path and last good time."""
+
+    def __init__(self, offset: int, text: str) -> None:
+        super().__init__(text)
+        self.offset = offset
+        self.text = text
+
+    def __reduce__(self) -> tuple[type[Damage], tuple[int, str]]:
+        """Make a copy from the arguments; found elsewhere, it is raised here."""
+        return Damage, (self.offset, self.text)
 
 
 class Schema(NamedTuple):

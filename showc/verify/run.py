@@ -50,7 +50,7 @@ def verify_log(
         If the log cannot be read.
     DamagedFileError
         If it is cut, altered, or not a log of showc's; as
-        :class:`showc.verify.damage.DamagedLogError`, with the byte offset.
+        :class:`showc.verify.records.DamagedLogError`, with the byte offset.
     """
     watch = progress or Silent()
     watch.stage("reading every byte")

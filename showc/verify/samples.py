@@ -14,8 +14,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
-from itertools import groupby
-from typing import TYPE_CHECKING
+from itertools import groupby, islice
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -31,7 +31,6 @@ from showc.log.scene import (
     scene_update,
 )
 from showc.verify.kernel.bernstein import basis
-from showc.verify.logfile import messages_of
 from showc.verify.report import Place, checked
 
 if TYPE_CHECKING:
@@ -40,11 +39,11 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message as ProtobufMessage
     from numpy.typing import NDArray
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
     from showc.light.program import LightProgram
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
-    from showc.verify.logfile import LogFile, Message
+    from showc.verify.mcap import LogFile, Message
     from showc.verify.missions.drawn import Tubes
     from showc.verify.report import Check
 
@@ -175,6 +174,18 @@ class Compared:
             where=self.where,
             notes=(*notes, *self.odd[:3]),
         )
+
+
+class _Sampled(NamedTuple):
+    """Numbers that are shown, each of some drone at some time."""
+
+    times: FloatArray
+    """Show times, shape (n,) [s]."""
+    drones: IntArray
+    values: FloatArray
+    """State and control, shape (16, n), or with a quaternion (14, n)."""
+    colours: FloatArray
+    """Colour bytes, shape (3, n)."""
 
 
 Found = dict[str, Compared]
@@ -314,45 +325,27 @@ class Samples:
     def clouds(self, share: int) -> Found:
         """Compare what is drawn of whole fleets in one share of the file."""
         found: Found = defaultdict(Compared)
-        topics = [topic for topic in (FLEET, PREDICTED) if topic in self.topics]
-        looks = {FLEET: self._fleet, PREDICTED: self._predicted}
-        channels = {self.topics[topic] for topic in topics}
-        step = max(1, _AT_ONCE // self.show.drones)
-        for data, m, offset in self.log.read(channels, share, SHARES):
-            for topic in topics:
-                some = m.only(m.channel == self.topics[topic])
-                messages = list(messages_of(data, some, offset))
-                times = (some.log_time - self.show.epoch) / 1e9
-                for begin in range(0, len(messages), step):
-                    part = slice(begin, begin + step)
-                    looks[topic](found, messages[part], times[part])
+        for topic, look in ((FLEET, self._fleet), (PREDICTED, self._predicted)):
+            messages = self._messages(topic, share=share, shares=SHARES)
+            while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
+                look(found, some)
         return found
 
-    def _fleet(self, found: Found, messages: list[Message], times: FloatArray) -> None:
-        """Compare messages of the whole fleet at show times (n,) [s]."""
+    def _fleet(self, found: Found, messages: list[Message]) -> None:
+        """Compare messages of the whole fleet."""
         points = self._points(messages, POINT)
-        if points is None:
+        if points is None or np.any(points["alpha"] != 255):
             found["VRF122"].odd.append(_OTHERWISE)
             return
-        fleet = np.arange(self.show.drones)
-        every = np.repeat(times, fleet.size), np.tile(fleet, times.size)
-        values = np.stack([points[name] for name in _NUMBERS])
-        flight = flown(self.show, times).reshape(16, -1)
-        values = values.reshape(len(values), -1)
-        self._compare(found["VRF122"], values, flight, *every)
-        if self.lights is None:
-            found["VRF125"].odd.append(_DARK)
-            return
-        wanted = np.full((len(_COLOURS), *points.shape), 255)
-        wanted[:3] = np.moveaxis(srgb_bytes(self.lights.linear(times)), -1, 0)
-        shown = np.stack([points[name].astype(np.int64) for name in _COLOURS])
-        off = np.abs(shown - wanted).reshape(len(_COLOURS), -1)
-        found["VRF125"].see(off / COLOUR_ERROR, *every)
+        numbers, colours = (
+            np.stack([points[name].ravel() for name in names], dtype=np.float64)
+            for names in (_NUMBERS, _COLOURS[:3])
+        )
+        some = _Sampled(*self._every(messages), numbers, colours)
+        self._compare(found, "VRF122", some, srgb_bytes)
 
-    def _predicted(
-        self, found: Found, messages: list[Message], times: FloatArray
-    ) -> None:
-        """Compare messages of the predicted fleet at show times (n,) [s]."""
+    def _predicted(self, found: Found, messages: list[Message]) -> None:
+        """Compare messages of the predicted fleet."""
         points = self._points(messages, PLACE)
         if points is None:
             found["VRF127"].odd.append(_OTHERWISE)
@@ -362,42 +355,42 @@ class Samples:
             found["VRF127"].odd.append("it has another colour")
         if self.tubes is not None:
             drawn = np.stack([points[name] for name in "xyz"])
-            off = self.tubes.outside(times, drawn).reshape(1, -1)
-            fleet = np.arange(self.show.drones)
-            every = np.repeat(times, fleet.size), np.tile(fleet, times.size)
-            found["VRF421"].see(off, *every)
+            off = self.tubes.outside(self._since(messages), drawn).reshape(1, -1)
+            found["VRF421"].see(off, *self._every(messages))
+
+    def _since(self, messages: list[Message]) -> FloatArray:
+        """Show times (n,) of messages [s]."""
+        return np.array([one.time - self.show.epoch for one in messages]) / 1e9
+
+    def _every(self, messages: list[Message]) -> tuple[FloatArray, IntArray]:
+        """Show time [s] and drone of each point of messages of the whole fleet."""
+        times, fleet = self._since(messages), np.arange(self.show.drones)
+        return np.repeat(times, fleet.size), np.tile(fleet, times.size)
 
     def states(self, share: int) -> Found:
         """Compare the messages of single drones in one share of the file."""
-        numbers, colours = Compared(), Compared()
-        for data, m, _ in self.log.read(set(self.single), share, SHARES):
-            times = (m.log_time - self.show.epoch) / 1e9
-            drones = np.array([self.single[number] for number in m.channel.tolist()])
-            table = np.zeros(m.size.size, dtype=DRONE_STATE)
-            for row in np.flatnonzero(m.size == DRONE_STATE.itemsize).tolist():
-                table[row] = np.frombuffer(data, DRONE_STATE, 1, int(m.payload[row]))[0]
+        found: Found = defaultdict(Compared)
+        messages = self.log.messages(set(self.single), share, SHARES)
+        while some := [*islice(messages, _AT_ONCE)]:
+            drones = np.array([self.single[one.channel] for one in some])
+            times, size = self._since(some), DRONE_STATE.itemsize
+            content = (d if len(d := one.data) == size else bytes(size) for one in some)
+            table = np.frombuffer(b"".join(content), DRONE_STATE)
             again = np.repeat(_TEMPLATE, table.size)
             for name in _STATE:
                 again[name] = table[name]
-            raw = np.stack([table, again]).view(np.uint8).reshape(2, table.size, -1)
-            odd = np.flatnonzero(np.any(raw[0] != raw[1], axis=1))
+            raw = (one.view(np.uint8).reshape(-1, size) for one in (table, again))
+            odd = np.flatnonzero(np.any(np.not_equal(*raw), axis=1))
             if odd.size:
-                numbers.odd.append("a sample is not laid out as showc's are")
-                at = Place(drone=int(drones[odd[0]]) + 1, time=float(times[odd[0]]))
-                numbers.value, numbers.where = np.inf, at
-                break
-            values = np.stack([table[name] for name in _STATE])
-            flight = self._at(times, drones)
-            self._compare(numbers, values[:16], flight, times, drones)
-            if self.lights is None:
-                colours.odd.append(_DARK)
+                found["VRF123"].odd.append("a sample is not laid out as showc's are")
+                off = np.full((1, odd.size), np.inf)
+                found["VRF123"].see(off, times[odd], drones[odd])
                 continue
-            moments, index = np.unique(times, return_inverse=True)
-            light = drive_bytes(self.lights.linear(moments))[index, drones]
-            off = np.abs(values[16:] * 255.0 - light.T)
-            off = np.where(np.isnan(off), np.inf, off)
-            colours.see(off / COLOUR_ERROR, times, drones)
-        return {"VRF123": numbers, "VRF125": colours}
+            values = np.stack([table[name] for name in _STATE])
+            light = 255.0 * values[16:]
+            sampled = _Sampled(times, drones, values[:16], light)
+            self._compare(found, "VRF123", sampled, drive_bytes)
+        return found
 
     def frames(self) -> Found:
         """Compare the frames of the drones with the points of the fleet, and the root.
@@ -445,27 +438,29 @@ class Samples:
 
     def _compare(
         self,
-        worst: Compared,
-        values: FloatArray,
-        flight: FloatArray,
-        times: FloatArray,
-        drones: IntArray,
+        found: Found,
+        code: str,
+        some: _Sampled,
+        encode: Callable[[FloatArray], ByteArray],
     ) -> None:
-        """Compare values (fields, n) at show times (n,) of ``drones`` (n,).
-
-        ``flight`` (16, n) are state and control at these times.
-        """
-        ratio = _ratio(values, flight)
+        """Compare samples; ``encode`` makes colour bytes of light."""
+        times, drones, values, shown = some
+        moments, index = np.unique(times, return_inverse=True)
+        ratio = _ratio(values, flown(self.show, moments)[:, index, drones])
         late = np.flatnonzero(ratio.max(axis=0) > 1.0)
         for side in (-_SIDE, _SIDE) if late.size else ():
-            other = self._at(times[late] + side, drones[late])
-            ratio[:, late] = np.minimum(ratio[:, late], _ratio(values[:, late], other))
-        worst.see(ratio, times, drones)
-
-    def _at(self, times: FloatArray, drones: IntArray) -> FloatArray:
-        """State and control (16, n) of ``drones`` (n,) at show times (n,) [s]."""
-        moments, index = np.unique(times, return_inverse=True)
-        return flown(self.show, moments)[:, index, drones]
+            moved, at = np.unique(times[late] + side, return_inverse=True)
+            other = _ratio(
+                values[:, late], flown(self.show, moved)[:, at, drones[late]]
+            )
+            ratio[:, late] = np.minimum(ratio[:, late], other)
+        found[code].see(ratio, times, drones)
+        if self.lights is None:
+            found["VRF125"].odd.append(_DARK)
+            return
+        wanted = encode(self.lights.linear(moments))[index, drones]
+        off = np.abs(shown - wanted.T) / COLOUR_ERROR
+        found["VRF125"].see(np.where(np.isnan(off), np.inf, off), times, drones)
 
 
 def points_of(data: bytes, layout: np.dtype[np.void]) -> NDArray[np.void]:

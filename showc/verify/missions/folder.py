@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from showc.light.program import LightProgram
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.logfile import LogFile
+    from showc.verify.mcap import LogFile
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Check, Verdict
 

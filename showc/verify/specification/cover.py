@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from showc.verify.kernel.show import LoggedShow, Segment
-    from showc.verify.logfile import LogFile
+    from showc.verify.mcap import LogFile
     from showc.verify.report import Check
     from showc.verify.specification.script import Anchor
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from showc.script import LoadResult
     from showc.script.show import Show
-    from showc.verify.logfile import LogFile
+    from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
 MANIFEST, LAYOUT = "manifest.json", "layout.json"
