@@ -240,7 +240,7 @@ def test_rooms_of_verify_import_what_they_need_alone():
 
 
 def test_verify_shares_no_code_with_the_planner():
-    ours = loaded("import showc.verify.run, showc.verify.proofs")
+    ours = loaded("import showc.verify.proofs")
     planner = ("plan", "ocp", "fleet", "flight", "autopilot", "schedule", "mission")
     planner += ("pipeline", "view")
     writers = ("log.writer", "log.reader", "log.chunks", "log.content")

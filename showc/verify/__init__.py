@@ -7,9 +7,9 @@ time, and the mission files beside it. ``showc/docs/verify.md`` says what is pro
 with which error bounds.
 """
 
+from showc.verify.proofs import verify_log
 from showc.verify.records import DamagedLogError
 from showc.verify.report import Check, Place, Verification
-from showc.verify.run import verify_log
 
 __all__ = [
     "Check",

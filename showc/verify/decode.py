@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
+from operator import attrgetter
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -24,7 +25,6 @@ from showc.verify.kernel.show import (
     LoggedShow,
     PieceTable,
     Segment,
-    xyz,
 )
 from showc.verify.records import Damage
 from showc.verify.report import agreement
@@ -65,6 +65,14 @@ MOST_KNOTS = 1_000
 
 SMALLEST = 1e-15
 """Least number that what is positive can be (SI): below it quotients leave float64."""
+
+_POSITIVE = (
+    "drones log_rate vehicle.mass vehicle.arm_length vehicle.thrust_coefficient "
+    "vehicle.torque_coefficient vehicle.inertia.x vehicle.inertia.y vehicle.inertia.z "
+    "vehicle.rotor_speed_max vehicle.gravity vehicle.torque_factor "
+    "separation.distance separation.vertical_stretch"
+)
+"""Rules by which is divided."""
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
 
@@ -184,24 +192,9 @@ def _wrong_rules(rules: pb.Rules) -> Iterator[str]:
         yield "the fence is no polygon"
     if any(len(formation.points) % 3 for formation in rules.formations):
         yield "the places of a formation are no list of points"
-    vehicle, separation = rules.vehicle, rules.separation
-    positive = {
-        "drones": rules.drones,
-        "mass": vehicle.mass,
-        "arm length": vehicle.arm_length,
-        "thrust coefficient": vehicle.thrust_coefficient,
-        "torque coefficient": vehicle.torque_coefficient,
-        "moments of inertia": xyz(vehicle.inertia).min(),
-        "rotor speed": vehicle.rotor_speed_max,
-        "gravity": vehicle.gravity,
-        "torque factor": vehicle.torque_factor,
-        "separation": separation.distance,
-        "vertical stretch": separation.vertical_stretch,
-        "log rate": rules.log_rate,
-    }
-    for name, value in positive.items():
-        if value < SMALLEST:
-            yield f"the rules of the show say {value} for {name}"
+    for name in _POSITIVE.split():
+        if not attrgetter(name)(rules) >= SMALLEST:
+            yield f"the rules of the show say {attrgetter(name)(rules)} for {name}"
     if rules.duration * rules.log_rate > MOST_SAMPLES:
         yield (
             f"the show lasts {rules.duration:g} s with {rules.log_rate:g} samples a "
@@ -317,15 +310,10 @@ def _segment(message: pb.Segment, flights: dict[int, PieceTable]) -> Segment:
     groups: dict[tuple[int, int], list[PieceTable]] = defaultdict(list)
     for _, one in sorted(flights.items()):
         groups[one.state.shape[1], one.control.shape[1]].append(one)
-    tables = [
-        PieceTable(
-            drones=np.concatenate([one.drones for one in some]),
-            first=np.cumsum([0, *(len(one.state) for one in some)]),
-            start=np.concatenate([one.start for one in some]),
-            end=np.concatenate([one.end for one in some]),
-            state=np.concatenate([one.state for one in some]),
-            control=np.concatenate([one.control for one in some]),
-        )
-        for _, some in sorted(groups.items())
-    ]
+    tables = []
+    for _, some in sorted(groups.items()):
+        first = np.cumsum([0, *(len(one.state) for one in some)])
+        names = ("drones", "start", "end", "state", "control")
+        joined = {n: np.concatenate([getattr(one, n) for one in some]) for n in names}
+        tables.append(PieceTable(first=first, **joined))
     return Segment(message, tuple(tables), np.array(message.goals).reshape(-1, 3))

@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from showc.processes import side_by_side
+from showc.progress import Progress, Silent
 from showc.verify.decode import check_schemas, read_show
 from showc.verify.kernel.certificates import certified
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import Extreme, extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
+from showc.verify.mcap import open_log
 from showc.verify.missions import Missions
 from showc.verify.records import Damage
 from showc.verify.report import Place, Verification, checked
@@ -25,20 +30,62 @@ from showc.verify.specification.script import read_anchor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Rules
-    from showc.progress import Progress
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.show import LoggedShow, Segment, Statement
     from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
 
-def prove(
+def verify_log(
+    path: Path | str,
+    *,
+    missions: bool = True,
+    jobs: int | None = 1,
+    progress: Progress | None = None,
+    script: Path | None = None,
+) -> Verification:
+    """Prove a compiled show again, from its bytes alone.
+
+    Parameters
+    ----------
+    path
+        The log, ``output.mcap``; beside it the folder ``output``.
+    missions
+        Whether to check the files in that folder too.
+    jobs
+        Processes to share the work; None: one for each core. The copies are made by
+        ``fork``: a caller with threads of its own had better leave it at 1. What is
+        found does not depend on it.
+    progress
+        Hears of the course of the work.
+    script
+        The script to hold the log against; None: the one attached to the log.
+
+    Returns
+    -------
+    Verification
+        What was proved, and what was not.
+
+    Raises
+    ------
+    UsageError
+        If the log cannot be read.
+    DamagedFileError
+        If it is cut, altered, or not a log of showc's; as
+        :class:`showc.verify.records.DamagedLogError`, with the byte offset.
+    """
+    watch = progress or Silent()
+    watch.stage("reading every byte")
+    log = open_log(Path(path))
+    # What overflows is infinite or undefined, and no check passes with that.
+    with log.reported(), np.errstate(all="ignore"):
+        return _proved(log, watch, missions=missions, jobs=jobs, script=script)
+
+
+def _proved(
     log: LogFile,
     watch: Progress,
     *,
@@ -46,11 +93,7 @@ def prove(
     jobs: int | None,
     script: Path | None,
 ) -> Verification:
-    """Prove what a log says, every byte of which is accounted for.
-
-    The rest is as :func:`showc.verify.run.verify_log` has it; what contradicts itself
-    is ``Damage``.
-    """
+    """Prove what a log says, every byte of which is accounted for."""
     show = read_show(log)
     metadata = _metadata(log)
     anchor = read_anchor(log, metadata, script)
@@ -147,7 +190,7 @@ def _integrity(log: LogFile) -> list[Check]:
 class Examined:
     """What is proved about one segment by itself."""
 
-    radius: NDArray[np.float64]
+    radius: FloatArray
     extremes: list[Extreme]
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
     from showc.verify.mcap import LogFile, Message
-    from showc.verify.missions.drawn import Tubes
+    from showc.verify.missions.separation import Tubes
     from showc.verify.report import Check
 
 FLEET, PREDICTED, TRANSFORMS = "/fleet/state", "/fleet/predicted", "/tf"
@@ -185,7 +185,7 @@ class _Sampled(NamedTuple):
     values: FloatArray
     """State and control, shape (16, n), or with a quaternion (14, n)."""
     colours: FloatArray
-    """Colour bytes, shape (3, n)."""
+    """Colour bytes, shape (3, n), or with an alpha that hides nothing (4, n)."""
 
 
 Found = dict[str, Compared]
@@ -334,12 +334,12 @@ class Samples:
     def _fleet(self, found: Found, messages: list[Message]) -> None:
         """Compare messages of the whole fleet."""
         points = self._points(messages, POINT)
-        if points is None or np.any(points["alpha"] != 255):
+        if points is None:
             found["VRF122"].odd.append(_OTHERWISE)
             return
         numbers, colours = (
             np.stack([points[name].ravel() for name in names], dtype=np.float64)
-            for names in (_NUMBERS, _COLOURS[:3])
+            for names in (_NUMBERS, _COLOURS)
         )
         some = _Sampled(*self._every(messages), numbers, colours)
         self._compare(found, "VRF122", some, srgb_bytes)
@@ -458,8 +458,9 @@ class Samples:
         if self.lights is None:
             found["VRF125"].odd.append(_DARK)
             return
-        wanted = encode(self.lights.linear(moments))[index, drones]
-        off = np.abs(shown - wanted.T) / COLOUR_ERROR
+        wanted = np.full(shown.shape, 255.0)
+        wanted[:3] = encode(self.lights.linear(moments))[index, drones].T
+        off = np.abs(shown - wanted) / COLOUR_ERROR
         found["VRF125"].see(np.where(np.isnan(off), np.inf, off), times, drones)
 
 

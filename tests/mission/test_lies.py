@@ -17,7 +17,7 @@ from showc.script.show import MissionOptions
 from showc.verify.missions import Missions
 from showc.verify.missions.folder import check_parameters
 from showc.verify.missions.language import read_mission
-from showc.verify.missions.parameters import parameter_file
+from showc.verify.missions.law import parameter_file
 from showc.verify.missions.plan import check_plan
 
 LIGHTS = MissionOptions(light_servos=(9, 10, 11))

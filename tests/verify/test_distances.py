@@ -12,8 +12,6 @@ from showc.verify.kernel.slices import measures
 from showc.verify.missions.law import Profiles
 from showc.verify.missions.legs import FleetLegs
 from showc.verify.missions.separation import (
-    Nearest,
-    _Best,
     _near,
     nearest_untimed,
     part_distance,
@@ -80,21 +78,15 @@ def test_no_pair_of_parts_that_is_near_is_left_out(seed, shape, count, limit):
     generator = np.random.default_rng(seed)
     one = np.round(generator.normal(scale=15.0, size=(count, 3)))
     other = one + np.round(generator.normal(scale=3.0, size=(count, 3)))
-    best = _Best()
-    best.found = Nearest((0, 1), 0.0, limit)
     a, b = np.array(list(combinations(range(count), 2))).T
     for measure in measures(rules(shape)):
         begin, end = measure.space(one), measure.space(other)
-        found = [
-            pair
-            for rows, columns in _near(begin, end, measure, best)
-            for pair in zip(rows.tolist(), columns.tolist(), strict=True)
-        ]
+        found = [tuple(pair) for pair in _near(begin, end, measure, limit)[0].tolist()]
         assert len(set(found)) == len(found)
         assert all(first < second for first, second in found)
         gap = part_distance((begin[a], end[a]), (begin[b], end[b]), measure)
         near = gap < limit
-        assert set(zip(a[near].tolist(), b[near].tolist(), strict=True)) <= set(found)
+        assert set(zip(a[near].tolist(), b[near].tolist(), strict=True)) == set(found)
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.log import showc_pb2 as pb
-from showc.verify.missions.geodesy import east_north_up, to_show_frame
+from showc.verify.missions.legs import to_show_frame
 
 
 @settings(deadline=None, max_examples=100, derandomize=True)
@@ -29,8 +29,5 @@ def test_geodesy_agrees_with_another_library(
     ahead = np.array([np.sin(bearing), np.cos(bearing), 0.0])
     right = np.array([np.cos(bearing), -np.sin(bearing), 0.0])
     enu = point[0] * right + point[1] * ahead + np.array([0.0, 0.0, point[2]])
-    np.testing.assert_allclose(to_show_frame(site, ahead), [0.0, 1.0, 0.0], atol=1e-9)
     geodetic = pymap3d.enu2geodetic(*enu, latitude, longitude, altitude)
-    found = east_north_up(site, *geodetic)
-    np.testing.assert_allclose(found, enu, atol=1e-5)
-    np.testing.assert_allclose(to_show_frame(site, found), point, atol=1e-5)
+    np.testing.assert_allclose(to_show_frame(site, *geodetic), point, atol=1e-5)

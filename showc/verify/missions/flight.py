@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.log import showc_pb2 as pb
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import xyz
 from showc.verify.missions.language import MissionFormatError
-from showc.verify.missions.law import CLOCK_LAG, SETTLING, SPREAD
+from showc.verify.missions.law import CLOCK_LAG, FIRMWARE, SETTLING, SPREAD
 from showc.verify.missions.legs import DAY, HOUR, Clock
-from showc.verify.missions.parameters import FIRMWARE
 from showc.verify.missions.separation import (
     RESOLUTION,
     Nearest,
@@ -369,25 +369,28 @@ def _unlike_found(
     start: str | None,
 ) -> list[str]:
     """Say what differs of a prediction besides its encounters."""
-    wanted = {
+    moves = [
+        one.message
+        for one in show.segments
+        if one.message.kind in {pb.Segment.TRANSITION, pb.Segment.APPROACH}
+    ]
+    keys = _LEG if start is None else _LEG | {"slots_utc"}
+    # What is free stands here as it is said.
+    wanted = {key: said.get(key) for key in _PREDICTED} | {
         "firmware": FIRMWARE,
         "clock": "hour" if start is None else "UTC",
         "start": start,
         "delay_spread": SPREAD,
         "clock_lag": CLOCK_LAG,
         "required_separation": show.rules.separation.distance,
+        "legs": [
+            {key: leg.get(key) for key in keys} | {"leg": move.index, "name": move.name}
+            for leg, move in zip(
+                [*said["legs"], *[{}] * len(moves)], moves, strict=False
+            )
+        ],
     }
-    found = {key: said[key] for key in wanted}
-    wrong = list(unlike(found, wanted, "prediction", rounding=0.0))
-    messages = [one.message for one in show.segments]
-    moves = [m for m in messages if m.kind in {m.TRANSITION, m.APPROACH}]
-    keys = _LEG if start is None else _LEG | {"slots_utc"}
-    if said.keys() != wanted.keys() | _PREDICTED:
-        odd = sorted(said.keys() ^ (wanted.keys() | _PREDICTED))
-        wrong.append(f"prediction has, or lacks, {', '.join(odd)}")
-    told = [(leg["leg"], leg["name"]) for leg in said["legs"] if leg.keys() == keys]
-    if told != [(m.index, m.name) for m in moves] or len(told) != len(said["legs"]):
-        wrong.append("prediction.legs are not the moves of the log, or have other keys")
+    wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
     # Until when a mission may start, and reach its first slot.
     first = fleet.filled(fleet.release, np.inf)[:, 0]
     latest = float((first - _climbs(fleet)).min())

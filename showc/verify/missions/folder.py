@@ -16,12 +16,12 @@ import numpy as np
 
 from showc import files
 from showc.log import showc_pb2 as pb
-from showc.verify.missions.drawn import Tubes
 from showc.verify.missions.flight import check_flight, mission_clock
 from showc.verify.missions.language import Mission, MissionFormatError, read_mission
+from showc.verify.missions.law import PARAMETERS, parameter_file
 from showc.verify.missions.legs import fleet_legs
-from showc.verify.missions.parameters import PARAMETERS, parameter_file
 from showc.verify.missions.plan import check_plan
+from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
 from showc.verify.specification.cover import read_manifest
 

@@ -1,4 +1,4 @@
-"""The legs that a mission flies, read from its rows."""
+"""The legs that a mission flies, read from its rows, on the WGS 84 ellipsoid."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MissionFormatError
-from showc.verify.missions.law import METRES_PER_DEGREE, Law, Profiles, profiles
-from showc.verify.missions.parameters import parameters
+from showc.verify.missions.law import (
+    METRES_PER_DEGREE,
+    Law,
+    Profiles,
+    parameters,
+    profiles,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Site
@@ -29,6 +35,54 @@ UNTIMED = 3
 
 LEVEL, CLIMB, DESCENT = 1, 2, 3
 """First parameter of a speed item."""
+
+EQUATORIAL_RADIUS = 6378137.0
+"""Semi-major axis of WGS 84 [m]."""
+
+FLATTENING = 1.0 / 298.257223563
+"""Flattening of WGS 84."""
+
+_ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)  # of WGS 84
+
+
+def earth_centred(
+    latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+) -> FloatArray:
+    """Earth-centred, earth-fixed coordinates (..., 3) [m] of degrees and metres."""
+    phi, theta = np.radians(latitude), np.radians(longitude)
+    height = np.asarray(altitude, dtype=np.float64)
+    normal = EQUATORIAL_RADIUS / np.sqrt(1.0 - _ECCENTRICITY_SQUARED * np.sin(phi) ** 2)
+    return np.stack(
+        [
+            (normal + height) * np.cos(phi) * np.cos(theta),
+            (normal + height) * np.cos(phi) * np.sin(theta),
+            (normal * (1.0 - _ECCENTRICITY_SQUARED) + height) * np.sin(phi),
+        ],
+        axis=-1,
+    )
+
+
+def to_show_frame(
+    site: Site, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+) -> FloatArray:
+    """Show-frame points (..., 3) [m] of latitudes, longitudes [deg] and altitudes [m].
+
+    Geodetic to earth-centred (Hofmann-Wellenhof, Lichtenegger, Wasle 2008, GNSS,
+    equation 8.5), to east, north, up of the tangent plane at the site's origin
+    (equation 8.10), to the show frame, whose +y points along the site's heading, a
+    compass bearing. Exact to rounding, below a micrometre within tens of kilometres.
+    """
+    origin = earth_centred(site.latitude, site.longitude, site.altitude)
+    away = earth_centred(latitude, longitude, altitude) - origin
+    phi, theta = np.radians(site.latitude), np.radians(site.longitude)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    east = np.array([-np.sin(theta), np.cos(theta), 0.0])
+    north = np.array([-sine * np.cos(theta), -sine * np.sin(theta), cosine])
+    up = np.array([cosine * np.cos(theta), cosine * np.sin(theta), sine])
+    bearing = np.radians(site.heading)
+    right = np.cos(bearing) * east - np.sin(bearing) * north
+    ahead = np.sin(bearing) * east + np.cos(bearing) * north
+    return np.asarray(away @ np.stack([right, ahead, up], axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +229,7 @@ class _Flown:
         latitude = np.array([item.latitude for item in flown]) * 1e-7
         longitude = np.array([item.longitude for item in flown]) * 1e-7
         heights = _stored([0.0, *(item.height for item in flown[1:])])
-        places = east_north_up(site, latitude, longitude, heights + home.height)
+        places = to_show_frame(site, latitude, longitude, heights + home.height)
         shrink = np.cos(np.radians(site.latitude))
         steps = np.stack(
             [
@@ -188,7 +242,7 @@ class _Flown:
         level, climb, descent = np.array(in_force).T
         vertical = np.where(steps[:, 2] > 0.0, climb, descent)
         return cls(
-            to_show_frame(site, places),
+            places,
             np.array(releases),
             steps,
             np.stack([level, vertical], axis=1),

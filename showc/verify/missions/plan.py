@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.verify.missions.geodesy import east_north_up, to_show_frame
 from showc.verify.missions.language import MISSION, MissionFormatError
+from showc.verify.missions.legs import to_show_frame
 from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
@@ -138,8 +138,7 @@ def _check_fence(found: Any, site: Site) -> None:  # noqa: ANN401 - any JSON
             f"geoFence: the script's fence has {len(wanted)} corners, this another"
         )
     altitude = np.full(len(corners), site.altitude)
-    places = east_north_up(site, corners[:, 0], corners[:, 1], altitude)
-    level = to_show_frame(site, places)[:, :2]
+    level = to_show_frame(site, corners[:, 0], corners[:, 1], altitude)[:, :2]
     # A tangent plane has no corner off by its curve within any fence of a show.
     off = np.linalg.norm(level - wanted, axis=1)
     if not off.max() <= CORNER:

@@ -24,7 +24,8 @@ import numpy as np
 
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.slices import Slice, measures
-from showc.verify.missions.law import SETTLING, Covered
+from showc.verify.missions.law import CLOCK_LAG, SETTLING, Covered
+from showc.verify.missions.legs import UNTIMED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -189,13 +190,15 @@ def nearest_untimed(
     owner, best = fleet.owner[legs], _Best()
     for measure in measures(wanted):
         begin, end = (measure.space(some[legs]) for some in (fleet.begin, fleet.end))
-        for one, other in _near(begin, end, measure, best):
-            gap = part_distance(
-                (begin[one], end[one]), (begin[other], end[other]), measure
-            )
-            gap[owner[one] == owner[other]] = np.inf
-            row = int(np.argmin(gap))
-            best.take(owner[[one[row], other[row]]], 0.0, float(gap[row]))
+        order = np.lexsort(begin.T)
+        # Neighbours of some sort: a start that makes pruning work.
+        pairs = np.column_stack([order[:-1], order[1:]])
+        one, other = ((begin[leg], end[leg]) for leg in pairs.T)
+        gap = part_distance(one, other, measure)
+        for _ in range(2):
+            apart = owner[pairs[:, 0]] != owner[pairs[:, 1]]
+            best.take(owner[pairs[apart]], 0.0, gap[apart])
+            pairs, gap = _near(begin, end, measure, best.distance)
     return best.found
 
 
@@ -209,11 +212,12 @@ class _Best:
         """Its distance [m]; infinite if there is none."""
         return np.inf if self.found is None else self.found.distance
 
-    def take(self, pair: IntArray, time: float, distance: float) -> None:
-        """Remember an encounter if it is nearer."""
-        if distance < self.distance:
-            first, second = sorted(pair.tolist())
-            self.found = Nearest((first, second), time, distance)
+    def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
+        """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
+        row = int(np.argmin(gaps)) if gaps.size else 0
+        if gaps.size and gaps[row] < self.distance:
+            first, second = sorted(pairs[row].tolist())
+            self.found = Nearest((first, second), time, float(gaps[row]))
 
 
 class _Search:
@@ -261,15 +265,11 @@ class _Search:
             start = np.column_stack([order[:-1], order[1:]])
             start = start[np.any(moving[start], axis=1)]
             gap = self._gap(start, np.full(len(start), high))
-            self.best.take(start[np.argmin(gap)], high, float(gap.min()))
-        part = Slice(rear, front, 0.5 * length, length)
-        pairs = part.near(self.measure, self.best.distance) if moving.any() else None
-        if pairs is None:
+            self.best.take(start, high, gap)
+        if not moving.any():
             return np.empty((0, 2), dtype=np.int64)
-        pairs = pairs[np.any(moving[pairs], axis=1)]
-        one, other = ((rear[drone], front[drone]) for drone in pairs.T)
-        near = part_distance(one, other, self.measure) < self.best.distance
-        return np.asarray(pairs[near])
+        pairs, _ = _near(rear, front, self.measure, self.best.distance)
+        return np.asarray(pairs[np.any(moving[pairs], axis=1)])
 
     def _decide(self, pairs: IntArray, times: FloatArray) -> None:
         """Enclose the distances of pairs (n, 2) over times (n, 2) [s]."""
@@ -289,8 +289,8 @@ class _Search:
         time = float(begin + found.fraction * (end - begin))
         # Where the search gave up, nothing is known.
         known = np.isfinite(found.lower)
-        distance = found.upper if known else -np.inf
-        self.best.take(pairs[found.row], time, distance)
+        distance = np.array([found.upper if known else -np.inf])
+        self.best.take(pairs[found.row][None], time, distance)
 
     def _gap(self, pairs: IntArray, time: FloatArray) -> FloatArray:
         """Least distances (n,) of what pairs (n, 2) may be at ``time`` (n,) [s]."""
@@ -317,27 +317,18 @@ class _Search:
 
 
 def _near(
-    one: FloatArray, other: FloatArray, measure: Measure, best: _Best
-) -> Iterator[tuple[IntArray, IntArray]]:
-    """Pairs whose parts may come nearer than the best, some at a time.
+    begin: FloatArray, end: FloatArray, measure: Measure, least_: float
+) -> tuple[IntArray, FloatArray]:
+    """Pairs (n, 2) of straight parts nearer than ``least_`` [m], and their distances.
 
-    A part is the straight line from ``one`` to ``other``, both (n, axes); the boxes
-    around the parts of pairs that are left out are further apart.
+    Parts are given by their ends (drones, axes); a drone may be anywhere on its own.
     """
-    low, high = np.minimum(one, other), np.maximum(one, other)
-    rows: list[IntArray] = []
-    columns: list[IntArray] = []
-    count = 0
-    for row in range(len(low)):
-        back, ahead = low[row] - high[row + 1 :], low[row + 1 :] - high[row]
-        gap = measure(np.maximum(np.maximum(back, ahead), 0.0))
-        near = row + 1 + np.flatnonzero(gap < best.distance)
-        rows.append(np.full(near.size, row))
-        columns.append(near)
-        count += near.size
-        if count > TOGETHER or (count and row == len(low) - 1):
-            yield np.concatenate(rows), np.concatenate(columns)
-            rows, columns, count = [], [], 0
+    length = measure(end - begin)
+    pairs = Slice(begin, end, 0.5 * length, length).near(measure, least_)
+    assert pairs is not None  # noqa: S101 - as many as there are
+    one, other = ((begin[drone], end[drone]) for drone in pairs.T)
+    gap = part_distance(one, other, measure)
+    return pairs[gap < least_], gap[gap < least_]
 
 
 def part_distance(
@@ -377,3 +368,91 @@ def part_distance(
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nk,nk->n", one, other))
+
+
+BESIDE, BESIDE_FAST = 0.3, 0.06
+"""How far beside its part of a line a drone may be drawn [m], and by how much more for
+each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
+
+
+class Tubes:
+    """Where each drone of a fleet may be drawn at any time.
+
+    A drawn flight is an estimate: where on its leg a drone most likely is. What is
+    proved of it is that it lies where the proof of the separation has the drone: on the
+    part of its line between the greatest and the least delay, overshoot included, no
+    farther beside it than drones were flown.
+    """
+
+    def __init__(self, fleet: FleetLegs) -> None:
+        self._table = fleet.profiles
+        release = fleet.filled(fleet.release, np.inf)
+        self._release = np.column_stack([release, np.full(fleet.drones, np.inf)])
+        self._timed = np.diff(fleet.first) - UNTIMED
+        # Where there is no timed leg, the landing stands for it.
+        first, last = fleet.first[:-1], fleet.first[1:] - 1
+        rank = first[:, None] + 2 + np.arange(release.shape[1])
+        self._leg = np.minimum(rank, last[:, None])
+        self._begin, self._end = (
+            some[self._leg].transpose(2, 0, 1) for some in (fleet.begin, fleet.end)
+        )
+        # A drone is on its climb before its first timed leg, on its descent after the
+        # last one: each a line that it may be on at any time.
+        self._climb = np.stack([fleet.begin[first], fleet.begin[first + 2]], axis=1)
+        self._descent = np.stack([fleet.begin[last], fleet.end[last]], axis=1)
+        followed = self._table.followed(0.0)
+        self._over = np.where(
+            np.isfinite(self._release[:, :-1]), followed[self._leg], 0.0
+        )
+        ends = self._release[:, :-1] + self._over
+        self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
+        """When the last timed leg has been flown [s]."""
+
+    def outside(self, times: FloatArray, drawn: FloatArray) -> FloatArray:
+        """How far off each drone is ``drawn`` (3, m, n) [m], over what is allowed.
+
+        ``times`` (m,) [s]; the result (m, n), infinite where undefined.
+        """
+        shape = times.size, self._timed.size
+        leg = (self._release[:, :-1] <= times[:, None, None]).sum(axis=2) - 1
+        drone = np.broadcast_to(np.arange(self._timed.size), shape)
+        leg, drone, place = leg.ravel(), drone.ravel(), drawn.reshape(3, -1)
+        row = np.maximum(leg, 0)
+        own = self._leg[drone, row]
+        since = np.repeat(times, shape[1]) - self._release[drone, row]
+        late = self._table.law_time(own, since - CLOCK_LAG) - self._table.spread[own]
+        early = self._table.law_time(own, since) + self._table.spread[own]
+        covered = self._table.covered(own, late, early)
+        speed = covered.fast * self._table.length[own]
+        # Beyond its end a drone swings for longer than it counts for the separation.
+        front = covered.front * self._table.excess[own]
+        begin, end = self._begin[:, drone, row], self._end[:, drone, row]
+        along = end - begin
+        off = _distance(place, begin + covered.rear * along, begin + front * along)
+        # On the ground, on its climb or its descent a drone may be at any time.
+        for some, lines in (
+            (leg < 0, self._climb),
+            (
+                (leg == self._timed[drone] - 1) & (since > self._over[drone, row]),
+                self._descent,
+            ),
+        ):
+            rows = np.flatnonzero(some)
+            one, other = lines[drone[rows]].transpose(1, 2, 0)
+            there = _distance(place[:, rows], one, other)
+            swings = there - self._table.overshoot[own[rows]]
+            landing = np.minimum(swings, off[rows])
+            off[rows] = np.where(leg[rows] < 0, there, landing)
+        share = off / (BESIDE + BESIDE_FAST * speed)
+        # Whatever is no number on the drawn side must not pass for a small gap.
+        share = np.where(np.isnan(share), np.inf, share)
+        return np.asarray(share.reshape(shape))
+
+
+def _distance(point: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Distances (n,) of points from lines between two places, all (3, n) [m]."""
+    along, way = other - one, point - one
+    size = np.einsum("an,an->n", along, along)
+    share = np.einsum("an,an->n", along, way) / np.where(size > 0.0, size, 1.0)
+    gap = way - np.clip(share, 0.0, 1.0) * along
+    return np.asarray(np.sqrt(np.einsum("an,an->n", gap, gap)))
