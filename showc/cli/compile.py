@@ -13,6 +13,7 @@ import click
 from showc.cli.console import outside_option
 
 if TYPE_CHECKING:
+    from showc.flight import LegFlight
     from showc.pipeline.compile import Compiled
     from showc.script import LoadResult
 
@@ -231,31 +232,37 @@ def summary(compiled: Compiled) -> dict[str, Any]:
     }
 
 
+def _row(flown: LegFlight, start: float, name: str) -> tuple[str, ...]:
+    """Return the line of a leg or of a group's move."""
+    certificate = flown.certificate
+    least, bound = certificate.single_drone_minimum, certificate.dual_bound
+    near = certificate.closest
+    return (
+        name,
+        f"{start:.3f} s",
+        f"{flown.duration:.3f} s",
+        f"{least:.3f} s" if least > 0.0 else "",
+        f"{100.0 * certificate.gap:.2f} %" if least > 0.0 else "",
+        f"{bound:.3f} s" if bound > 0.0 else "",
+        f"{near.drone_a + 1} and {near.drone_b + 1}: {near.distance:.2f} m"
+        if near
+        else "",
+    )
+
+
 def table(compiled: Compiled) -> str:
     """Lay the result out for people: a line a leg, and where everything lies."""
     manifest = compiled.manifest
-    rows = [("leg", "starts", "takes", "minimum", "over", "bound", "closest pair")]
-    for leg in manifest["segments"]:
-        certificate = leg["certificate"]
-        least, bound = certificate["single_drone_minimum"], certificate["dual_bound"]
-        closest = certificate["closest"]
-        pair = (
-            "{} and {}: {:.2f} m".format(*closest["drones"], closest["distance"])
-            if closest
-            else ""
-        )
-        over = f"{100.0 * certificate['gap']:.2f} %" if least > 0.0 else ""
-        rows.append(
-            (
-                leg["name"],
-                f"{leg['start']:.3f} s",
-                f"{leg['duration']:.3f} s",
-                f"{least:.3f} s" if least > 0.0 else "",
-                over,
-                f"{bound:.3f} s" if bound > 0.0 else "",
-                pair,
-            )
-        )
+    rows: list[tuple[str, ...]] = [
+        ("leg", "starts", "takes", "minimum", "over", "bound", "closest pair")
+    ]
+    for flown, start in zip(compiled.flight.legs, compiled.flight.starts, strict=True):
+        rows.append(_row(flown, float(start), flown.leg.name))
+        # Moves of groups with times of their own, below the whole.
+        rows += [
+            _row(move, move.leg.depart or 0.0, f"  {move.leg.name}")
+            for move in flown.parts
+        ]
     widths = [max(len(row[column]) for row in rows) for column in range(7)]
     lines = []
     for row in rows:

@@ -73,39 +73,29 @@ def put_together(leg: Leg, moves: Sequence[LegFlight], show: Show) -> LegFlight:
             f"{separation.distance:.3f} m ({len(met)} pairs in all); let one of the "
             "groups move later, or move their formations apart"
         )
-    bound = _bound(leg, moves)
     certificate = Certificate(
         duration,
-        0.0 if bound is None else bound.single_drone_minimum,
-        0.0 if bound is None else bound.dual_bound,
-        None if bound is None else bound.witness,
+        0.0,
+        0.0,
+        None,
         nearest_pair(leg, flown, separation),
         "groups in times of their own: "
         + "; ".join(f"{move.leg.name}: {move.certificate.method}" for move in moves),
         {"drones": float(leg.drones.size), "moves": float(len(moves))},
     )
-    return LegFlight(leg, duration, flown, certificate, tuple(moves))
+    return LegFlight(
+        leg, duration, flown, certificate, tuple(_of_fleet(move) for move in moves)
+    )
 
 
-def _bound(leg: Leg, moves: Sequence[LegFlight]) -> Certificate | None:
-    """Return the certificate of the move that needs longest, its drone the fleet's.
-
-    A bound on a group's move is one on the whole leg, if the group moves but once.
-    """
-    groups = [int(part.drones[0]) for part in leg.parts]
-    once = [
-        move
-        for move in moves
-        if groups.count(int(move.leg.drones[0])) == 1
-        and move.certificate.witness is not None
-    ]
-    if not once:
-        return None
-    longest = max(once, key=lambda move: move.certificate.dual_bound)
-    found = longest.certificate
-    assert found.witness is not None  # noqa: S101 - others were left out
-    drone = int(longest.leg.drones[found.witness.drone])
-    return replace(found, witness=replace(found.witness, drone=drone))
+def _of_fleet(move: LegFlight) -> LegFlight:
+    """Return a move whose witness names its drone by its number in the fleet."""
+    certificate = move.certificate
+    if certificate.witness is None:
+        return move
+    drone = int(move.leg.drones[certificate.witness.drone])
+    witness = replace(certificate.witness, drone=drone)
+    return replace(move, certificate=replace(certificate, witness=witness))
 
 
 def _moves_of(

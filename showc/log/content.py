@@ -117,8 +117,7 @@ def _move_message(flown: LegFlight, show: Show) -> pb.Move:
         to_formation=leg.to_formation,
         start=leg.depart or 0.0,
         duration=flown.duration,
-        single_drone_minimum=flown.certificate.single_drone_minimum,
-        dual_bound=flown.certificate.dual_bound,
+        certificate=_certificate_message(flown.certificate),
     )
 
 

@@ -150,6 +150,24 @@ def test_a_group_sent_elsewhere_on_the_way_is_found(compiled):
     assert "a goal is no place" in found
 
 
+def test_a_bound_that_its_witness_does_not_prove_is_found(compiled):
+    def lie(leg):
+        leg.message.moves[2].certificate.dual_bound += 0.1
+        return leg
+
+    assert judged(compiled, lie).legs == ["“up -> down”: its bound is not proved"]
+
+
+@pytest.mark.parametrize("start", [19.0, float("nan"), 27.0])
+def test_a_move_during_its_groups_hold_is_found(compiled, start):
+    def lie(leg):
+        leg.message.moves[2].start = start
+        return leg
+
+    found = judged(compiled, lie)
+    assert found.legs == ["“up -> down” is flown while its group is held"]
+
+
 def test_moves_of_other_groups_than_the_script_has_are_found(compiled):
     def lie(leg):
         leg.message.moves[0].group = "right"

@@ -17,6 +17,7 @@ from showc.light.keyframes import Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.verify.kernel.certificates import refuted
 from showc.verify.kernel.choreography import REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
@@ -256,14 +257,29 @@ class _Walk:
         if [(one.name, one.group, one.to_formation) for one in claims] != asked:
             raise _StrayError(f"moves of “{segment.message.name}” are not the script's")
         for lane in lanes(transitions):
-            free, members = segment.start, self.show.groups[str(asked[lane[0]][1])]
+            members = np.array(self.show.groups[str(asked[lane[0]][1])])
+            free = segment.start
             for one, claim in ((transitions[k], claims[k]) for k in lane):
-                if not free - MOMENT <= claim.start < segment.end:
-                    self.demands.times.append(f"“{one.name}” starts during a hold")
-                free = claim.start + claim.duration + one.hold
+                end = claim.start + claim.duration
+                if not free - MOMENT <= claim.start < end <= segment.end + MOMENT:
+                    raise _StrayError(f"“{one.name}” is flown while its group is held")
+                free = end + one.hold
+                if not self._bounded(segment, members, claim):
+                    self.demands.legs.append(f"“{one.name}”: its bound is not proved")
             mine = [claims[k] for k in lane]
-            self.demands.times += unlike_claims(segment, np.array(members), mine)
+            self.demands.times += unlike_claims(segment, members, mine)
         return [(one.start, one.start + one.duration) for one in claims]
+
+    def _bounded(self, segment: Segment, drones: IntArray, claim: pb.Move) -> bool:
+        """Tell whether a lower bound on the time of a group's move has its proof."""
+        said, witness = claim.certificate, claim.certificate.witness
+        leg = pb.Segment(limits=segment.message.limits, certificate=said)
+        times = claim.start, claim.start + claim.duration
+        begin, end = (reached(segment, drones, time) for time in times)
+        way = (end - begin)[drones == witness.drone].sum(axis=0)
+        proved = witness.drone in drones and refuted(leg, self.logged.rules, way)
+        least = witness.time + MOMENT if proved else 0.0
+        return said.dual_bound <= min(least, claim.duration + MOMENT)
 
     def _on_time(self, one: Transition, start: float, end: float) -> None:
         """Hold the times of a move against those that the script asks for."""
