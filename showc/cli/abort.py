@@ -69,7 +69,7 @@ def command(
     from showc.cli.console import progress
     from showc.fleet.options import SolveOptions
     from showc.log.reader import read_log
-    from showc.safety.case import show_of
+    from showc.safety.assessment import show_of
     from showc.view.document import clock
 
     logged = read_log(log)

@@ -58,7 +58,7 @@ def command(
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
-    from showc.safety.case import safety_case
+    from showc.safety.assessment import safety_case
     from showc.verify import verify_log
     from showc.view import Beside, render_leg, render_report
 

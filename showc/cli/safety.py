@@ -68,7 +68,7 @@ def command(
     from showc.export.solved import solved_show
     from showc.files import write_file
     from showc.log.reader import read_log
-    from showc.safety.case import safety_case, show_of
+    from showc.safety.assessment import safety_case, show_of
     from showc.view import Beside, render_safety
 
     logged = read_log(log)

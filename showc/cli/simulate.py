@@ -93,7 +93,7 @@ def command(
 
     from showc.cli.console import progress
     from showc.log.reader import read_log
-    from showc.safety.case import show_of
+    from showc.safety.assessment import show_of
     from showc.simulate.campaign import Model, campaign
     from showc.simulate.results import Weather
     from showc.simulate.tracking import Gains

@@ -1,14 +1,7 @@
-"""Energy: power from the thrust of each rotor, charge and voltage along the flight.
+"""Energy: charge and voltage along the flight, from the power of each rotor.
 
-A rotor of disc area A with thrust T that climbs at c takes the ideal power
-
-    T (c + v),    v = -c / 2 + sqrt(c² / 4 + T / (2 rho A))
-
-by momentum theory (Leishman 2006, Principles of Helicopter Aerodynamics, 2.13); going
-down it is taken to need what hovering needs. The electrical power is an idle part and
-the ideal power over an efficiency, which follows from the power of hovering. The
-battery is an open-circuit voltage behind a resistance. All of this is a model: hover
-power within some per cent where it was measured, and an estimate elsewhere.
+The power follows :mod:`showc.vehicle.power`; the battery is an open-circuit voltage
+behind a resistance. All of it is a model and an estimate.
 """
 
 from __future__ import annotations
@@ -18,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.fall import AIR_DENSITY
 from showc.trajectory import bernstein_basis
-from showc.vehicle.motion import thrust_direction
+from showc.vehicle.power import Power
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -35,46 +27,6 @@ _CELL = np.array(
 )
 """Open-circuit voltage of a lithium polymer cell by the charge left [V]: the common
 table of makers of models; single cells differ by 0.05 V."""
-
-
-@dataclass(frozen=True, slots=True)
-class Power:
-    """What rotors take."""
-
-    idle: float
-    """Power without thrust [W]."""
-    efficiency: float
-    """Ideal power over the electrical power beyond the idle one."""
-    disc: float
-    """Area of one rotor's disc [m²]."""
-
-    @classmethod
-    def of(cls, battery: Battery, vehicle: Quadrotor) -> Power:
-        """Fit the efficiency to the hover power."""
-        disc = float(np.pi * battery.rotor_radius**2)
-        quarter = vehicle.hover_thrust / 4.0
-        ideal = 4.0 * quarter**1.5 / np.sqrt(2.0 * AIR_DENSITY * disc)
-        return cls(
-            battery.idle_power,
-            float(ideal / (battery.hover_power - battery.idle_power)),
-            disc,
-        )
-
-    def __call__(self, thrust: FloatArray, climb: FloatArray) -> FloatArray:
-        """Electrical power [W].
-
-        Parameters
-        ----------
-        thrust
-            Of each rotor, shape (..., 4) [N].
-        climb
-            Velocity along the rotors' axis, shape (...) [m/s].
-        """
-        pull, rise = np.maximum(thrust, 0.0), np.maximum(climb, 0.0)[..., None]
-        flow = 0.5 * rise + np.sqrt(
-            0.25 * rise**2 + pull / (2.0 * AIR_DENSITY * self.disc)
-        )
-        return np.asarray(self.idle + np.sum(pull * flow, axis=-1) / self.efficiency)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,13 +78,13 @@ def current(battery: Battery, left: FloatArray, power: FloatArray) -> FloatArray
     return np.asarray(2.0 * power / (source + root))
 
 
-def hover_endurance(battery: Battery) -> float:
+def hover_endurance(battery: Battery, hover_power: float) -> float:
     """How long a full battery hovers until it is empty or its voltage too low [s]."""
     left, time = 1.0, 0.0
-    power = np.array(battery.hover_power)
+    power = np.array(hover_power)
     while left > 0.0:
         drawn = float(current(battery, np.array(left), power))
-        under_load = battery.hover_power / drawn
+        under_load = hover_power / drawn
         if not under_load >= battery.voltage_min:
             break
         left -= drawn * STEP / battery.capacity
@@ -140,14 +92,12 @@ def hover_endurance(battery: Battery) -> float:
     return time
 
 
-def rotor_thrusts(vehicle: Quadrotor, control: FloatArray) -> FloatArray:
-    """Thrust of each rotor, shape (..., 4) [N], of controls U1..U4 (..., 4)."""
-    most = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
-    return np.asarray(control @ vehicle.rotor_fractions().T * most)
-
-
 def flight_energy(
-    pieces: Pieces, vehicle: Quadrotor, battery: Battery, abort: float
+    pieces: Pieces,
+    vehicle: Quadrotor,
+    battery: Battery,
+    abort: float,
+    altitude: float = 0.0,
 ) -> Energy:
     """Empty the batteries of a fleet along its flight.
 
@@ -161,8 +111,10 @@ def flight_energy(
         What it flies on, full at the start.
     abort
         How long the longest abort takes after the flight, hovering [s].
+    altitude
+        Of the site above sea level: thin air takes more power [m].
     """
-    model = Power.of(battery, vehicle)
+    model = Power.of(battery, vehicle, altitude)
     nodes, weights = np.polynomial.legendre.leggauss(3)
     drones = int(pieces.drone.max()) + 1
     steps = int(np.ceil(pieces.end.max() / STEP))
@@ -172,13 +124,7 @@ def flight_energy(
     for part in _cut(pieces, count):
         for node, weight in zip(0.5 * (nodes + 1.0), 0.5 * weights, strict=True):
             state = _at(part.state, float(node))
-            direction = np.stack(
-                thrust_direction(state[:, 6], state[:, 7], state[:, 8]), axis=1
-            )
-            power = model(
-                rotor_thrusts(vehicle, _at(part.control, float(node))),
-                np.sum(direction * state[:, 3:6], axis=1),
-            )
+            power = model.flown(vehicle, state, _at(part.control, float(node)))
             width = part.end - part.start
             moment = part.start + node * width
             step = np.minimum((moment / STEP).astype(int), steps - 1)
@@ -196,11 +142,11 @@ def flight_energy(
         drawn = np.nan_to_num(current(battery, now, power[step]), nan=np.inf)
         now = np.maximum(now - drawn * STEP / battery.capacity, 0.0)
         left[step] = now
-    hovering = np.array(battery.hover_power)
-    taken = current(battery, np.array(float(now.min())), hovering)
+    hovering = model.hover(vehicle)
+    taken = current(battery, np.array(float(now.min())), np.array(hovering))
     share = float(np.nan_to_num(taken, nan=np.inf)) * abort / battery.capacity
     times = np.asarray(STEP * (1.0 + np.arange(steps)))
-    endurance = hover_endurance(battery)
+    endurance = hover_endurance(battery, hovering)
     return Energy(times, power, left, voltage, endurance, share)
 
 

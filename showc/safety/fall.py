@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.vehicle.power import SEA_LEVEL
+
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
 
 
-AIR_DENSITY = 1.225
-"""Of the standard atmosphere at sea level [kg/m³]; thinner air carries less."""
 CELL = 0.5
 """Width of a table's cells in climb and in level speed over ground [m/s]."""
 AIRSPEED = 0.125
@@ -49,13 +49,16 @@ class Fall:
     """Greatest steady wind, from any direction [m/s]."""
     gravity: float = 9.81
     """[m/s²]."""
+    thinnest: float = SEA_LEVEL
+    """Least density of the air [kg/m³]; the greatest is that at sea level, for thin
+    air lets speed carry farther, and dense air the wind."""
 
     @property
     def drag(self) -> tuple[float, float]:
         """Least and greatest k = rho A / (2 m) [1/m]."""
         low, high = self.drag_area
-        factor = 0.5 * AIR_DENSITY / self.mass
-        return factor * low, factor * high
+        factor = 0.5 / self.mass
+        return factor * self.thinnest * low, factor * SEA_LEVEL * high
 
 
 def falls(

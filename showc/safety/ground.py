@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.safety.landing import Boxes
-from showc.safety.pieces import Pieces
+from showc.safety.pieces import Pieces, Place
 from showc.script.fence import fence_distance, inside_polygon
 
 if TYPE_CHECKING:
@@ -45,16 +45,6 @@ class Discs:
     """Shape (n,) [m]."""
     motion: FloatArray
     """Part of the radius that shorter pieces do without, about, shape (n,) [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where in a show something is at its worst."""
-
-    drone: int
-    """Counting from 0."""
-    time: float
-    """Show time [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +172,7 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
             first = sure[low[sure].argmin(axis=0)]
             own = low[first, np.arange(first.size)]
             places = [
-                _middle(part, piece) if better else places[column]
+                part.middle(piece) if better else places[column]
                 for column, (piece, better) in enumerate(
                     zip(first.tolist(), own < found, strict=True)
                 )
@@ -198,11 +188,6 @@ def _blocks(pieces: Pieces) -> Iterator[Pieces]:
     """Pieces in blocks that bound the memory."""
     for top in range(0, len(pieces), BLOCK):
         yield pieces.select(np.arange(top, min(top + BLOCK, len(pieces))))
-
-
-def _middle(pieces: Pieces, piece: int) -> Place:
-    time = 0.5 * (pieces.start[piece] + pieces.end[piece])
-    return Place(int(pieces.drone[piece]), float(time))
 
 
 def hull(pieces: Pieces, footing: Footing) -> FloatArray:

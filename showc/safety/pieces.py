@@ -14,6 +14,16 @@ if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where in a show something is at its worst."""
+
+    drone: int
+    """Counting from 0."""
+    time: float
+    """Show time [s]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
     """Polynomial pieces of flights, show frame."""
@@ -70,6 +80,11 @@ class Pieces:
                 for part in (self.state, self.control)
             ),
         )
+
+    def middle(self, piece: int) -> Place:
+        """Return the drone of a piece and the middle of its time."""
+        time = 0.5 * (self.start[piece] + self.end[piece])
+        return Place(int(self.drone[piece]), float(time))
 
     def starts(self) -> Pieces:
         """Return the points at which the pieces start, as pieces without length."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from showc.log.reader import read_log
-from showc.safety.case import show_of
+from showc.safety.assessment import show_of
 from showc.simulate import predictive
 from showc.simulate.campaign import Model, course_of, fly_once
 from showc.simulate.results import Weather

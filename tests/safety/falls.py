@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from showc.safety.fall import AIR_DENSITY
+from showc.vehicle.power import SEA_LEVEL
 
 MASS = 0.625
 
 
 def landings(velocity, height, wind, drag_area, step=0.005):
     """Ground points (n, 2) of falls, by Heun's method on the velocity itself."""
-    drag = 0.5 * AIR_DENSITY * drag_area / MASS
+    drag = 0.5 * SEA_LEVEL * drag_area / MASS
     speed = velocity.astype(float).copy()
     place = np.zeros_like(speed)
     place[:, 2] = height

@@ -13,7 +13,7 @@ from showc.fleet.options import SolveOptions
 from showc.fleet.proof import flaw
 from showc.log.reader import read_log
 from showc.progress import Silent
-from showc.safety.case import show_of
+from showc.safety.assessment import show_of
 from showc.script.show import Building
 from showc.vehicle import Separation
 

@@ -11,10 +11,11 @@ from safety.falls import landings
 
 from showc.log.reader import read_log
 from showc.safety import codes
-from showc.safety.case import safety_case, show_of
+from showc.safety.assessment import safety_case, show_of
 from showc.safety.ground import Footing, area, corners_of, hull, least, outside
 from showc.safety.pieces import flight_pieces
 from showc.script.show import Audience, Building, Risk
+from showc.vehicle.power import SEA_LEVEL, air_density
 
 RISK = Risk(wind=8.0, gnss_error=0.1, position_error=0.2, map_error=0.0)
 
@@ -59,7 +60,8 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
         count = len(states)
         bearing = rng.uniform(0.0, 2.0 * np.pi, count)
         wind = 8.0 * np.column_stack([np.cos(bearing), np.sin(bearing)])
-        drag = rng.choice(show.body.drag_area, count)
+        air = rng.choice([air_density(show.site.altitude) / SEA_LEVEL, 1.0], count)
+        drag = air * rng.choice(show.body.drag_area, count)
         high = np.maximum(states[:, 2], 0.0)
         ground = landings(states[:, 3:6], high, wind, drag, 0.04)
         hits = states[:, :2] + ground
@@ -122,6 +124,20 @@ def test_a_low_ceiling_and_a_near_building_are_found(logged, show):
     near = around(show, ceiling=top + 0.5, buildings=(Building("hall", corner, 40.0),))
     found = {item.code for item in safety_case(logged, near).errors}
     assert {"SAF102", "SAF121"} <= found
+
+
+def test_thin_air_carries_falls_farther_and_leaves_rotors_less(logged, show):
+    calm = around(show, risk=replace(RISK, wind=0.0))
+    low, high = (
+        safety_case(logged, around(calm, altitude=altitude)) for altitude in (0.0, 4e3)
+    )
+    assert area(high.footprint) > area(low.footprint)
+    assert {item.code for item in low.findings} >= {"SAF202"}
+    assert "SAF133" not in {item.code for item in low.findings}
+    thin = next(item for item in high.findings if item.code == "SAF133")
+    assert "67 % as dense" in thin.message
+    assert thin.place is not None
+    assert thin.missing > 0.1
 
 
 def test_the_formula_that_is_asked_for_is_judged(logged, show):

@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 
 from showc.log.reader import read_log
-from showc.safety.case import safety_case, show_of
-from showc.safety.energy import (
-    Power,
-    current,
-    flight_energy,
-    hover_endurance,
-    rotor_thrusts,
-)
+from showc.safety.assessment import safety_case, show_of
+from showc.safety.energy import current, flight_energy, hover_endurance
 from showc.safety.pieces import flight_pieces
 from showc.vehicle import PRESETS
+from showc.vehicle.power import Power, air_density, rotor_thrusts
 
 # Bitcraze wiki, misc:investigations:thrust: current [A], thrust [g], voltage [V].
 MEASURED = np.array(
@@ -48,7 +43,9 @@ def test_power_about_hover_is_the_measured_one():
 
 
 def test_the_crazyflie_hovers_as_long_as_published():
-    assert hover_endurance(CRAZYFLIE.battery) == pytest.approx(7 * 60.0, rel=0.10)
+    battery = CRAZYFLIE.battery
+    found = hover_endurance(battery, battery.hover_power)
+    assert found == pytest.approx(7 * 60.0, rel=0.10)
 
 
 def test_climbing_costs_more_and_descending_no_less_than_hovering():
@@ -58,6 +55,21 @@ def test_climbing_costs_more_and_descending_no_less_than_hovering():
     assert climb > level == descent
     # At least the weight's work over the efficiency.
     assert climb - level > 0.4 * CRAZYFLIE.vehicle.hover_thrust / model.efficiency
+
+
+def test_thin_air_takes_the_power_of_momentum_theory():
+    # ISO 2533: 0.9569 kg/m³ at 2,500 m. The ideal power goes with one over its root.
+    assert air_density(2500.0) == pytest.approx(0.9569, rel=1e-3)
+    assert air_density(0.0) == pytest.approx(1.225, rel=1e-6)
+    low, high = (
+        Power.of(CRAZYFLIE.battery, CRAZYFLIE.vehicle, altitude)
+        for altitude in (0.0, 2500.0)
+    )
+    idle, vehicle = CRAZYFLIE.battery.idle_power, CRAZYFLIE.vehicle
+    assert low.hover(vehicle) == pytest.approx(CRAZYFLIE.battery.hover_power)
+    assert (high.hover(vehicle) - idle) / (low.hover(vehicle) - idle) == pytest.approx(
+        (1.225 / 0.9569) ** 0.5, rel=1e-3
+    )
 
 
 def test_rotors_share_the_thrust():
@@ -105,5 +117,6 @@ def test_a_longer_abort_takes_more(logged):
     short, long = (safety_case(logged, show, abort).energy for abort in (10.0, 40.0))
     assert long.abort == pytest.approx(4.0 * short.abort)
     # Hovering for 40 s: its power at the voltage of the pack.
-    charge = 40.0 * show.battery.hover_power / show.battery.voltage
+    hover = Power.of(show.battery, show.vehicle, show.site.altitude)
+    charge = 40.0 * hover.hover(show.vehicle) / show.battery.voltage
     assert long.abort > charge / show.battery.capacity

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from safety.falls import MASS, landings
 
-from showc.safety.fall import AIR_DENSITY, Fall
+from showc.safety.fall import Fall
 from showc.safety.landing import Boxes, FallTable
+from showc.vehicle.power import SEA_LEVEL
 
 DRAG, WIND = (0.02, 0.04), 8.0
 
@@ -83,7 +84,7 @@ def test_without_wind_the_carry_is_that_of_the_literature():
 def test_no_impact_is_faster_than_the_bound(table):
     # Terminal speed of the least drag area, and the wind.
     found = table.impact_speed(box(0.0, 0.0, 60.0))
-    terminal = np.sqrt(2.0 * MASS * 9.81 / (AIR_DENSITY * DRAG[0]))
+    terminal = np.sqrt(2.0 * MASS * 9.81 / (SEA_LEVEL * DRAG[0]))
     assert 20.0 < found[0] <= np.hypot(terminal, WIND)
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.log.reader import read_log
-from showc.safety.case import show_of
+from showc.safety.assessment import show_of
 from showc.safety.stop import (
     PERIOD,
     Authority,

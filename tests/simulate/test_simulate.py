@@ -14,7 +14,7 @@ from showc.cli.beside import WIND, place_of, write_beside
 from showc.cli.simulate import wind_of
 from showc.log.reader import read_log
 from showc.progress import Silent
-from showc.safety.case import safety_case, show_of
+from showc.safety.assessment import safety_case, show_of
 from showc.script import load_show
 from showc.simulate.campaign import (
     Model,
