@@ -24,9 +24,8 @@ from showc.verify.records import Damage
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
-from showc.verify.specification.cover import check_cover
+from showc.verify.specification.cover import check_cover, read_anchor
 from showc.verify.specification.demands import hold_against
-from showc.verify.specification.script import read_anchor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -15,10 +15,9 @@ from mission.planted import Case, OtherManifest
 from showc.errors import ShowError
 from showc.script.show import MissionOptions
 from showc.verify.missions import Missions
-from showc.verify.missions.folder import check_parameters
+from showc.verify.missions.folder import check_parameters, check_plan
 from showc.verify.missions.language import read_mission
 from showc.verify.missions.law import parameter_file
-from showc.verify.missions.plan import check_plan
 
 LIGHTS = MissionOptions(light_servos=(9, 10, 11))
 MISSION, PLAN = "missions/drone_0002.waypoints", "missions/drone_0002.plan"

@@ -14,7 +14,6 @@ decimals, heights with three. So the bytes of a file follow from what it says.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -203,24 +202,20 @@ def _check_take_off(mission: Mission) -> None:
 def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
     """Read a row without its number: many drones have the same."""
     fields = text.split("\t")
-    if len(fields) != 11:
-        raise MissionFormatError(f"has {len(fields) + 1} fields, not 12")
     try:
-        current, frame, command = (int(field) for field in fields[:3])
-        values = [float(field) for field in fields[3:10]]
-        proceed = int(fields[10])
-    except ValueError as error:
-        raise MissionFormatError(f"holds no number ({error})") from None
-    if not all(map(math.isfinite, values)):
-        raise MissionFormatError("holds a number that is not finite")
-    if current != first or proceed != 1:
-        raise MissionFormatError("is marked wrongly as current, or does not go on")
-    one, two, three, four, latitude, longitude, height = values
-    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(height) < 1e5):
-        raise MissionFormatError("names a place that is nowhere on the globe")
+        _, frame, command = (int(field) for field in fields[:3])
+        one, two, three, four, latitude, longitude, height = map(float, fields[3:10])
+        degrees = round(latitude * 1e7), round(longitude * 1e7)
+    except (ValueError, OverflowError) as error:
+        raise MissionFormatError(f"holds no 12 numbers ({error})") from None
     parameters = one, two, three, four
     word = _word(frame, command, parameters)
-    if frame == MISSION and (latitude, longitude, height) != (0.0, 0.0, 0.0):
+    item = Item(word, frame, command, parameters, *degrees, height)
+    if _text(item, first) != text:
+        raise MissionFormatError("is not written as showc writes it")
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(height) < 1e5):
+        raise MissionFormatError("names a place that is nowhere on the globe")
+    if frame == MISSION and (*degrees, height) != (0, 0, 0.0):
         raise MissionFormatError("names a place, and its command has none")
     if word == "T" and not 0.0 < height <= GREATEST_TAKEOFF + 0.002:
         raise MissionFormatError(
@@ -228,17 +223,6 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
         )
     if frame == RELATIVE and not _stored(height):
         raise MissionFormatError(f"height {height:.3f} m is not a stored one")
-    item = Item(
-        word,
-        frame,
-        command,
-        parameters,
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        height,
-    )
-    if _text(item, current) != text:
-        raise MissionFormatError("is not written as showc writes it")
     return item
 
 
@@ -267,19 +251,17 @@ def _stored(height: float) -> bool:
     return abs(abs(height) - wanted) < 1e-6
 
 
-def _text(item: Item, current: int) -> str:
+def _text(item: Item, first: bool) -> str:  # noqa: FBT001 - which of two rows
     """Write a row, without its number, as showc writes it."""
-    numbers = [shortest(value) for value in item.parameters]
+    numbers = [
+        # Zero has no sign.
+        f"{one + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")
+        for one in item.parameters
+    ]
     places = [_degrees(item.latitude), _degrees(item.longitude), f"{item.height:.3f}"]
-    return "\t".join(
-        [str(current), str(item.frame), str(item.command), *numbers, *places, "1"]
-    )
-
-
-def shortest(value: float) -> str:
-    """Text of a number with up to four decimals."""
-    text = f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
-    return "0" if text in {"", "-0"} else text
+    # The last field: go on with the next row.
+    row = [int(first), item.frame, item.command, *numbers, *places, 1]
+    return "\t".join(map(str, row))
 
 
 def _degrees(value: int) -> str:
