@@ -102,12 +102,17 @@ def _stops(path: Path) -> list[Stop]:
     from showc.foreign.script import GROUND
 
     if is_foreign(path):
+        from showc.foreign.acts import holds
         from showc.foreign.reading import read_show
-        from showc.foreign.script import held, holds
+        from showc.foreign.script import held, pictures
 
         show = read_show(path)
-        shown = held(show, holds(show.tracks))
-        found = [Stop(one.name, one.begin, one.end) for one in shown]
+        stands = held(show, holds(show.tracks))
+        shown = [*pictures(show), *(one for one in stands if one.name == GROUND)]
+        found = [
+            Stop(one.name, one.begin, one.end)
+            for one in sorted(shown, key=lambda one: one.begin)
+        ]
         end = show.tracks.end
     else:
         from showc.log.reader import read_log
@@ -116,9 +121,13 @@ def _stops(path: Path) -> list[Stop]:
         found, end = [], log.duration
         for leg in log.segments:
             name, stop = str(leg.message.to_formation), leg.start + leg.duration
-            begin = leg.start if leg.kind == "hold" else stop
+            # Places that a motion ends in are still those of its picture.
+            name = name.partition(" after motion ")[0]
+            begin = stop if leg.kind == "transition" else leg.start
             # Above its pads a fleet only passes by.
-            if leg.kind in {"hold", "transition"} and not name.startswith("above "):
+            if leg.kind in {"hold", "motion", "transition"} and not name.startswith(
+                "above "
+            ):
                 found.append(Stop(name, begin, stop))
     if not found or found[0].name != GROUND:
         found.insert(0, Stop(GROUND, 0.0, 0.0))

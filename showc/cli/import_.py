@@ -27,6 +27,32 @@ class Instants(click.ParamType[tuple[float, ...]]):
             self.fail(f"{value!r} is no list of seconds such as 30,60.5", param, ctx)
 
 
+class Stretches(click.ParamType[tuple[tuple[float, float], ...]]):
+    """Begin and end of stretches, in seconds, with commas between them."""
+
+    name = "stretches"
+
+    def convert(
+        self,
+        value: str | tuple[tuple[float, float], ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[tuple[float, float], ...]:
+        """Parse them."""
+        if isinstance(value, tuple):
+            return value
+        found = []
+        for part in value.split(","):
+            begin, _, end = part.partition("-")
+            try:
+                found.append((float(begin), float(end)))
+            except ValueError:
+                self.fail(
+                    f"{part!r} is no stretch of seconds such as 30-60.5", param, ctx
+                )
+        return tuple(found)
+
+
 @click.command(name="import")
 @click.argument("show", type=click.Path(path_type=Path), metavar="SHOW")
 @click.option(
@@ -44,16 +70,32 @@ class Instants(click.ParamType[tuple[float, ...]]):
     metavar="SECONDS,...",
     help="Make formations of these instants too: for shows that never hold.",
 )
+@click.option(
+    "--moving",
+    type=Stretches(),
+    default=(),
+    metavar="BEGIN-END,...",
+    help="Make moving formations of these stretches too [s]: played as they are.",
+)
 @click.option("--force", is_flag=True, help="Replace a script that is there.")
-def command(show: Path, output: Path, at: tuple[float, ...], force: bool) -> int:
+def command(
+    show: Path,
+    output: Path,
+    at: tuple[float, ...],
+    moving: tuple[tuple[float, float], ...],
+    force: bool,
+) -> int:
     """Write a show of others as a script, to be solved again.
 
-    Where the whole fleet holds in the air is a formation, with its colours; transitions
-    lead from one to the next. Site, fence, speeds and least distance come along.
+    Where the whole fleet holds in the air is a formation, with its colours;
+    transitions lead from one to the next. A picture that turns, waves or grows
+    between two holds is a moving formation: it is played as it is. Lights over a
+    picture's time, site, fence, speeds and least distance come along.
 
     \b
       showc import night.skyc -o night.yaml
       showc import frames.zip -o night.yaml --at 30,60,90
+      showc import dance.glb -o dance.yaml --moving 12-40
     """
     from showc.errors import UsageError
     from showc.files import write_file
@@ -70,7 +112,7 @@ def command(show: Path, output: Path, at: tuple[float, ...], force: bool) -> int
         raise UsageError(
             f"{str(taken[0])!r} is there already; choose another name, or --force"
         )
-    imported = import_show(read_show(show), folder.name, at)
+    imported = import_show(read_show(show), folder.name, at, moving)
     for name, table in imported.tables.items():
         write_file(output.parent / name, table.encode())
     write_file(output, imported.script.encode())

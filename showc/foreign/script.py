@@ -2,36 +2,40 @@
 
 The fleet holds where no drone moves faster than a few centimetres a second for a while.
 Each such picture is a formation with its colours; between two of them lies a
-transition, which showc solves again in the least time. The first hold, on the ground,
-gives the pads. What moves all the time has no picture: instants can be asked for.
+transition, which showc solves again in the least time. A picture that moves is played
+as it is, from a table of frames, and lights that change from a table of colours. The
+first hold, on the ground, gives the pads. What moves all the time has no picture:
+instants and stretches can be asked for.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import UsageError
-from showc.foreign.lights import read_lights
+from showc.foreign.acts import (
+    COARSEST,
+    MOST_ROWS,
+    SHORTEST_HOLD,
+    acts,
+    frames_of,
+    holds,
+)
+from showc.foreign.lights import FRAME, read_lights
 from showc.foreign.motion import place_at
 from showc.light.colour import srgb_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from showc.arrays import ByteArray, FloatArray
-    from showc.foreign.show import ForeignShow
-    from showc.verify.kernel.slices import Tracks
+    from showc.foreign.acts import Act, Frames, Span
+    from showc.foreign.show import ForeignShow, LightTrack
 
-
-STILL = 0.05
-"""Speed below which a drone stands [m/s]: rounded files creep."""
-
-SHORTEST_HOLD = 0.5
-"""Shortest time that counts as a hold [s]."""
 
 ON_GROUND = 1.0
 """How far above its first place a drone still stands on its pad [m]."""
@@ -42,24 +46,31 @@ SAME = 0.1
 GROUND = "on the ground"
 """Name of what the fleet shows before and after the flight."""
 
+STATED = 0.02
+"""Distance from a file from which a curve beside it is named [m]."""
+
 MARGIN = 10.0
 """Space left around the flights [m]: solved transitions take other ways."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """The fleet at one hold."""
+    """What the fleet shows for a while."""
 
     name: str
-    """``hold-1``, ``hold-2``, ..., or the cue's."""
+    """``hold-1``, ``hold-2``, ...; ``move-1``, ... where it never holds."""
     begin: float
     """Show time [s]."""
     end: float
     """Show time [s]."""
     places: FloatArray
-    """Shape (drones, 3) [m]."""
+    """Shape (drones, 3) [m]; of one that moves, at its beginning."""
     colours: ByteArray | None
     """Screen colours (sRGB), shape (drones, 3); None: the file has no lights."""
+    moves: bool = False
+    """Whether it moves."""
+    frames: Frames | None = None
+    """How it moves; None: it stands, or frames would be too far apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,24 +85,6 @@ class Imported:
     """What the script shows."""
     lost: tuple[str, ...]
     """What of the show is not in it."""
-
-
-def holds(tracks: Tracks) -> list[tuple[float, float]]:
-    """Return the times in which no drone moves, in order [s]."""
-    width = np.maximum(tracks.ends - tracks.starts, 1e-9)
-    reach = tracks.position.max(axis=1) - tracks.position.min(axis=1)
-    moving = np.sqrt((reach**2).sum(axis=1)) > STILL * width
-    begin, end = tracks.starts[moving], tracks.ends[moving]
-    order = np.argsort(begin)
-    found: list[tuple[float, float]] = []
-    free = tracks.begin
-    for low, high in zip(begin[order].tolist(), end[order].tolist(), strict=True):
-        if low - free >= SHORTEST_HOLD:
-            found.append((free, low))
-        free = max(free, high)
-    if tracks.end - free >= SHORTEST_HOLD:
-        found.append((free, tracks.end))
-    return found
 
 
 def held(show: ForeignShow, spans: Sequence[tuple[float, float]]) -> list[Picture]:
@@ -124,13 +117,53 @@ def held(show: ForeignShow, spans: Sequence[tuple[float, float]]) -> list[Pictur
     return found
 
 
-def pictures(show: ForeignShow, instants: Sequence[float] = ()) -> list[Picture]:
-    """Return the holds of a show in the air, and what is there at ``instants`` [s]."""
-    found: dict[str, Picture] = {}
-    for one in held(show, [*holds(show.tracks), *((at, at) for at in instants)]):
-        if one.name != GROUND:
-            found.setdefault(one.name, one)
-    return list(found.values())
+def pictures(
+    show: ForeignShow, instants: Sequence[float] = (), moving: Sequence[Span] = ()
+) -> list[Picture]:
+    """Return what a show shows in the air, in order.
+
+    Parameters
+    ----------
+    show
+        What was read.
+    instants
+        Show times whose pictures are wanted too [s].
+    moving
+        Stretches that are wanted as moving pictures [s].
+
+    Raises
+    ------
+    UsageError
+        If one of them is none of the show.
+    """
+    spans = [*holds(show.tracks), *((at, at) for at in instants)]
+    stands = [one for one in held(show, spans) if one.name != GROUND]
+    found: list[Picture] = []
+    every = acts(show.tracks, [(one.begin, one.end) for one in stands], moving)
+    for act in every:
+        within = [one for one in stands if act.begin <= one.begin <= act.end]
+        if act.moves:
+            found.append(_moving(show, act, within, len(found)))
+        elif found and found[-1].name == within[0].name:
+            found[-1] = replace(found[-1], end=act.end)
+        else:
+            found.append(within[0])
+    return found
+
+
+def _moving(
+    show: ForeignShow, act: Act, within: Sequence[Picture], before: int
+) -> Picture:
+    colours = colours_at(show, np.array([act.begin]))
+    return Picture(
+        within[0].name if within else f"move-{before + 1}",
+        act.begin,
+        act.end,
+        place_at(show.tracks, act.begin),
+        None if colours is None else colours[0],
+        moves=True,
+        frames=frames_of(show.tracks, act),
+    )
 
 
 def colours_at(show: ForeignShow, times: FloatArray) -> ByteArray | None:
@@ -146,17 +179,26 @@ def colours_at(show: ForeignShow, times: FloatArray) -> ByteArray | None:
     if not any(light is not None for light in show.lights):
         return None
     result = np.zeros((times.size, show.drones, 3), dtype=np.uint8)
-    for drone, light in enumerate(show.lights):
-        track = light
-        if isinstance(track, bytes):
-            track = read_lights(track, show.names[drone], show.duration)
+    for drone, track in enumerate(_light_tracks(show)):
         if track is not None:
             result[:, drone] = srgb_bytes(track.at(times) / 255.0)
     return result
 
 
+def _light_tracks(show: ForeignShow) -> list[LightTrack | None]:
+    return [
+        read_lights(light, show.names[drone], show.duration)
+        if isinstance(light, bytes)
+        else light
+        for drone, light in enumerate(show.lights)
+    ]
+
+
 def import_show(
-    show: ForeignShow, folder: str, instants: Sequence[float] = ()
+    show: ForeignShow,
+    folder: str,
+    instants: Sequence[float] = (),
+    moving: Sequence[Span] = (),
 ) -> Imported:
     """Write a show down as a script.
 
@@ -168,41 +210,102 @@ def import_show(
         Where its tables go, relative to the script.
     instants
         Show times whose pictures become formations too [s].
+    moving
+        Stretches that become moving formations too [s].
 
     Raises
     ------
     UsageError
-        If the fleet holds nowhere in the air and no instants are given.
+        If the fleet holds nowhere in the air and no instants or stretches are given,
+        or if they are none of the show's.
     """
-    found = pictures(show, instants)
+    found = pictures(show, instants, moving)
     if not found:
         raise UsageError(
             f"{show.path}: the fleet stands still nowhere in the air, so there is no "
-            "picture to fly to; name instants with --at, for example --at 30,60"
+            "picture to fly to; name instants with --at, for example --at 30,60, or "
+            "stretches to be played as they are with --moving, for example "
+            "--moving 30-60"
         )
     tables = {f"{folder}/pads.csv": _table(_pads(show), None)}
-    for picture in found:
-        tables[f"{folder}/{picture.name}.csv"] = _table(picture.places, picture.colours)
     lines = [
         *_head(show, found),
         f"pads: {{type: csv, file: {folder}/pads.csv}}",
         f"launch: {{altitude: {_launch(show, found):g} m}}",
-        "",
-        "formations:",
-        *(
-            f"  {picture.name}: {{type: csv, file: {folder}/{picture.name}.csv}}"
-            for picture in found
-        ),
-        "",
-        "transitions:",
-        *(
-            f"  - {{to: {picture.name}, hold: "
-            f"{max(round(picture.end - picture.begin, 3), SHORTEST_HOLD):g} s}}"
-            f" # from {picture.begin:.2f} s in the file"
-            for picture in found
-        ),
     ]
-    return Imported("\n".join(lines) + "\n", tables, tuple(found), _lost(show, found))
+    if any(picture.frames is not None for picture in found):
+        # No mission goes along a curve.
+        lines.append("mission: {wanted: false}")
+    lines += ["", "formations:"]
+    for picture in found:
+        name = f"{folder}/{picture.name}.csv"
+        lines.append(f"  {picture.name}: {{type: csv, file: {name}}}")
+        tables[name] = _table(picture.places, picture.colours)
+    lines += ["", "transitions:"]
+    lights = _light_tracks(show)
+    for picture in found:
+        own = f"{folder}/{picture.name}"
+        lines += _transition(picture, own)
+        if picture.frames is not None:
+            tables[f"{own}-frames.csv"] = _frame_table(picture.frames)
+        table = _light_table(lights, picture)
+        if table:
+            lines.append(f"    lights: {own}-lights.csv")
+            tables[f"{own}-lights.csv"] = table
+    script = "\n".join(lines) + "\n"
+    return Imported(script, tables, tuple(found), _lost(show, found, tables))
+
+
+def _transition(picture: Picture, own: str) -> list[str]:
+    """Lines of a transition to a picture; its tables' names begin with ``own``."""
+    hold = max(round(picture.end - picture.begin, 3), SHORTEST_HOLD)
+    frames = picture.frames
+    if frames is not None:
+        hold = round(frames.length + frames.ramp, 3)
+    lines = [
+        f"  - to: {picture.name} # from {picture.begin:.2f} s in the file",
+        f"    hold: {hold:g} s",
+    ]
+    if frames is not None:
+        follow = f"{{file: {own}-frames.csv, ramp: {frames.ramp:g}}}"
+        lines.append(f"    motion: [{{follow: {follow}}}]")
+    return lines
+
+
+def _frame_table(frames: Frames) -> str:
+    rows = ["time,place,x,y,z"]
+    for index, places in enumerate((frames.points + 0.0).tolist()):
+        time = f"{index * frames.step:.4f}"
+        rows += [
+            f"{time},{place},{x:.4f},{y:.4f},{z:.4f}"
+            for place, (x, y, z) in enumerate(places, 1)
+        ]
+    return "\n".join(rows) + "\n"
+
+
+def _light_table(lights: Sequence[LightTrack | None], picture: Picture) -> str:
+    """Colours over a picture's time; nothing where they do not change, or too often."""
+    rows = ["time,place,red,green,blue"]
+    for place, light in enumerate(lights, 1):
+        if light is None:
+            continue
+        # A jump lies between two rows that are a frame apart.
+        jumps = light.times[1:][np.diff(light.times) == 0.0] - FRAME
+        times = np.concatenate([light.times, jumps])
+        times = times[(times > picture.begin) & (times < picture.end)]
+        times = np.unique(np.round([picture.begin, *times, picture.end], 3))
+        colours = srgb_bytes(light.at(times) / 255.0)
+        same = np.all(colours[1:] == colours[:-1], axis=1)
+        if same.all():
+            continue
+        keep = np.append(True, ~same) | np.append(~same, True)
+        rows += [
+            f"{time - picture.begin:.3f},{place},{red},{green},{blue}"
+            for time, (red, green, blue) in zip(
+                times[keep].tolist(), colours[keep].tolist(), strict=True
+            )
+        ]
+    return "\n".join(rows) + "\n" if 1 < len(rows) <= MOST_ROWS else ""
 
 
 def _head(show: ForeignShow, found: list[Picture]) -> list[str]:
@@ -266,7 +369,13 @@ def _box(show: ForeignShow) -> tuple[list[float], list[float]]:
 def _separation(show: ForeignShow, found: list[Picture]) -> float:
     """Least distance: the file's, but no more than pads and pictures leave [m]."""
     nearest = [_nearest(_pads(show)), *(_nearest(one.places) for one in found)]
-    least = np.floor(100.0 * min(nearest)) / 100.0
+    for picture in found:
+        if picture.frames is not None:
+            # Between frames, and on a curve beside them, drones are a bit nearer.
+            near = min(_nearest(places) for places in picture.frames.points)
+            nearest.append(near - 2.0 * picture.frames.beside)
+    # At least half a centimetre less, that drones that stand there can be proved to.
+    least = np.floor(100.0 * min(nearest) - 0.5) / 100.0
     if show.declared.distance is not None:
         least = min(least, show.declared.distance)
     return max(float(least), 0.05)
@@ -302,16 +411,34 @@ def _table(places: FloatArray, colours: ByteArray | None) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _lost(show: ForeignShow, found: list[Picture]) -> tuple[str, ...]:
+def _lost(
+    show: ForeignShow, found: list[Picture], tables: Mapping[str, str]
+) -> tuple[str, ...]:
     """Say what is not in the script."""
-    held = sum(picture.end - picture.begin for picture in found)
-    moving = show.duration - held
+    shown = sum(
+        one.end - one.begin for one in found if one.frames is not None or not one.moves
+    )
+    flown = f"{show.duration - shown:.1f} s of {show.duration:.1f} s"
     notes = [
-        f"how {moving:.1f} s of {show.duration:.1f} s are flown: they are solved anew",
+        f"how {flown} are flown: they are solved anew",
         "which drone is where: drones are assigned anew",
     ]
+    notes += [
+        f"how {one.name} moves: frames of {show.drones} drones for "
+        f"{one.end - one.begin:.1f} s would be more than {COARSEST:g} s apart"
+        for one in found
+        if one.moves and one.frames is None
+    ]
+    notes += [
+        f"how {one.name} moves within {one.frames.beside:.2f} m: a smooth curve goes "
+        "beside the file's corners"
+        for one in found
+        if one.frames is not None and one.frames.beside > STATED
+    ]
     if any(light is not None for light in show.lights):
-        notes.append("lights between the pictures: they fade evenly")
+        lit = any(name.endswith("-lights.csv") for name in tables)
+        which = "between the pictures" if lit else "but for the pictures' own"
+        notes.append(f"lights {which}: they fade evenly")
     if sum(not fence.inclusion for fence in show.fences):
         notes.append("areas of the fence to stay out of")
     if sum(fence.inclusion for fence in show.fences) > 1:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import DamagedFileError
+from showc.foreign.acts import holds
 from showc.foreign.motion import derivative, place_at, portions
-from showc.foreign.script import GROUND, ON_GROUND, colours_at, held, holds
+from showc.foreign.script import GROUND, ON_GROUND, colours_at, held
 from showc.foreign.smoothing import GRAVITY, acceleration, tilt_of
 from showc.log.showc_pb2 import Separation
 from showc.view.digest import metric_scale, nearest_at

@@ -11,8 +11,9 @@ from synthetic import gliding_flight
 from showc.cli.diff import command as diff
 from showc.cli.import_ import command as import_
 from showc.errors import UsageError
+from showc.foreign.acts import holds
 from showc.foreign.reading import read_show
-from showc.foreign.script import holds, import_show, pictures
+from showc.foreign.script import import_show, pictures
 from showc.foreign.show import (
     Declared,
     FencePolygon,
