@@ -16,6 +16,24 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary, Leg
 
 
+@dataclass(frozen=True, slots=True)
+class MeshTaken:
+    """One mesh on which a flight was solved."""
+
+    breaks: tuple[float, ...]
+    """Borders of its K intervals as they came to lie, K + 1 times [s]."""
+    points: tuple[int, ...]
+    """Collocation points of each interval."""
+    iterations: int
+    """Of the nonlinear programming solver."""
+    why: str
+    """Why this mesh was taken."""
+    found: str
+    """What came out: how the solve ended, or what flying it again showed."""
+    errors: tuple[float, ...] = ()
+    """Greatest error of each interval over its scale; empty: not known one by one."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
     """States and controls of one drone over one leg, from time 0 to its duration."""
@@ -24,6 +42,8 @@ class Trajectory:
     """12 components in the order of ``showc.vehicle.STATE_NAMES``."""
     control: PiecewisePolynomial
     """4 components in the order of ``showc.vehicle.CONTROL_NAMES``; same breaks."""
+    meshes: tuple[MeshTaken, ...] = ()
+    """Meshes on which it was sought by optimal control, in order; empty if built."""
 
 
 @dataclass(frozen=True, slots=True)

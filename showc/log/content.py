@@ -132,6 +132,17 @@ def trajectory_message(flown: LegFlight, number: int, position: int) -> pb.Traje
         state=trajectory.state.coefficients.ravel().tolist(),
         control_degree=trajectory.control.degree,
         control=trajectory.control.coefficients.ravel().tolist(),
+        meshes=[
+            pb.Mesh(
+                breaks=mesh.breaks,
+                points=mesh.points,
+                iterations=mesh.iterations,
+                why=mesh.why,
+                found=mesh.found,
+                errors=mesh.errors,
+            )
+            for mesh in trajectory.meshes
+        ],
     )
 
 

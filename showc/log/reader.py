@@ -25,7 +25,7 @@ from zstandard import ZstdError
 
 from showc.errors import DamagedFileError, UsageError
 from showc.files import UnreadableFileError, open_file
-from showc.flight import Trajectory
+from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.sample import PLACE, POINT
@@ -114,7 +114,18 @@ class LoggedSegment:
                 f"segment {self.message.index}: the trajectory of drone "
                 f"{self.message.drones[position] + 1} makes no polynomials: {error}"
             ) from error
-        return Trajectory(*parts)
+        meshes = tuple(
+            MeshTaken(
+                tuple(mesh.breaks),
+                tuple(mesh.points),
+                mesh.iterations,
+                mesh.why,
+                mesh.found,
+                tuple(mesh.errors),
+            )
+            for mesh in message.meshes
+        )
+        return Trajectory(parts[0], parts[1], meshes)
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:

@@ -257,7 +257,7 @@ class Encounter(_message.Message):
     def __init__(self, drone_a: _Optional[int] = ..., drone_b: _Optional[int] = ..., time: _Optional[float] = ..., distance: _Optional[float] = ...) -> None: ...
 
 class Trajectory(_message.Message):
-    __slots__ = ("segment", "drone", "breaks", "state_degree", "state", "control_degree", "control")
+    __slots__ = ("segment", "drone", "breaks", "state_degree", "state", "control_degree", "control", "meshes")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     DRONE_FIELD_NUMBER: _ClassVar[int]
     BREAKS_FIELD_NUMBER: _ClassVar[int]
@@ -265,6 +265,7 @@ class Trajectory(_message.Message):
     STATE_FIELD_NUMBER: _ClassVar[int]
     CONTROL_DEGREE_FIELD_NUMBER: _ClassVar[int]
     CONTROL_FIELD_NUMBER: _ClassVar[int]
+    MESHES_FIELD_NUMBER: _ClassVar[int]
     segment: int
     drone: int
     breaks: _containers.RepeatedScalarFieldContainer[float]
@@ -272,7 +273,24 @@ class Trajectory(_message.Message):
     state: _containers.RepeatedScalarFieldContainer[float]
     control_degree: int
     control: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, segment: _Optional[int] = ..., drone: _Optional[int] = ..., breaks: _Optional[_Iterable[float]] = ..., state_degree: _Optional[int] = ..., state: _Optional[_Iterable[float]] = ..., control_degree: _Optional[int] = ..., control: _Optional[_Iterable[float]] = ...) -> None: ...
+    meshes: _containers.RepeatedCompositeFieldContainer[Mesh]
+    def __init__(self, segment: _Optional[int] = ..., drone: _Optional[int] = ..., breaks: _Optional[_Iterable[float]] = ..., state_degree: _Optional[int] = ..., state: _Optional[_Iterable[float]] = ..., control_degree: _Optional[int] = ..., control: _Optional[_Iterable[float]] = ..., meshes: _Optional[_Iterable[_Union[Mesh, _Mapping]]] = ...) -> None: ...
+
+class Mesh(_message.Message):
+    __slots__ = ("breaks", "points", "iterations", "why", "found", "errors")
+    BREAKS_FIELD_NUMBER: _ClassVar[int]
+    POINTS_FIELD_NUMBER: _ClassVar[int]
+    ITERATIONS_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    FOUND_FIELD_NUMBER: _ClassVar[int]
+    ERRORS_FIELD_NUMBER: _ClassVar[int]
+    breaks: _containers.RepeatedScalarFieldContainer[float]
+    points: _containers.RepeatedScalarFieldContainer[int]
+    iterations: int
+    why: str
+    found: str
+    errors: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, breaks: _Optional[_Iterable[float]] = ..., points: _Optional[_Iterable[int]] = ..., iterations: _Optional[int] = ..., why: _Optional[str] = ..., found: _Optional[str] = ..., errors: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class DroneState(_message.Message):
     __slots__ = ("position", "velocity", "attitude", "body_rate", "thrust", "torque", "led")

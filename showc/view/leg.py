@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import degrees
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord
+from showc.ocp.outcome import ErrorEstimate, Result
 from showc.view.course import Course, course_of
 from showc.view.document import document, row, table, text
+from showc.view.mesh import mesh_plot
 from showc.view.plot import Curve, bar_plot, line_plot
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
+    from showc.flight import MeshTaken
     from showc.log import showc_pb2 as pb
     from showc.log.reader import LoggedShow
 
@@ -214,7 +219,31 @@ def _margins(course: Course) -> str:
 
 
 def _origin_of_mesh(course: Course) -> str:
-    """Say how the mesh came about: there is no refinement to draw."""
+    """Draw the meshes on which the flight was sought, or say how its own was made."""
+    taken = course.trajectory.meshes
+    if taken:
+        heads = ["", "Intervals", "Points", "Iterations", "Why", "Then"]
+        words = frozenset({4, 5})
+        rows = [
+            row(
+                [
+                    str(number),
+                    str(len(mesh.points)),
+                    str(sum(mesh.points)),
+                    str(mesh.iterations),
+                    text(mesh.why),
+                    text(mesh.found),
+                ],
+                words=words,
+            )
+            for number, mesh in enumerate(taken, start=1)
+        ]
+        return (
+            "<h2>Meshes<small>on which the flight was sought by optimal control, each "
+            "from where the one before ended</small></h2>"
+            f"{mesh_plot('leg', [_record(mesh) for mesh in taken])}"
+            f"{table(heads, rows, words=words, kind='meshes')}"
+        )
     breaks = course.breaks
     if breaks.size == 2:
         return '<p class="note">One interval: a hover is exact, nothing was solved.</p>'
@@ -223,14 +252,31 @@ def _origin_of_mesh(course: Course) -> str:
     return (
         f'<p class="note">{widths.size} intervals, from {1e3 * widths[narrow]:.0f} ms '
         f"at {breaks[narrow]:.2f} s to {1e3 * widths[wide]:.0f} ms at "
-        f"{breaks[wide]:.2f} s. Straight flights and splines have those of their "
-        "construction. A flight by optimal control has its intervals condensed: the "
-        "number of intervals follows from its duration; they are graded towards both "
-        "ends, where the attitude moves, and near the least time their borders are "
-        "unknowns of the problem, which the solver moves to where limits begin and end "
-        "to bind. If the controls, integrated again, miss the flight by more than is "
-        "allowed, the whole mesh is made finer; intervals are not refined one by one, "
-        "so there is no history of single intervals to show.</p>"
+        f"{breaks[wide]:.2f} s: a straight flight or a spline has those of its "
+        "construction, and no mesh was sought.</p>"
+    )
+
+
+def _record(mesh: MeshTaken) -> MeshRecord:
+    """Return a mesh as the figure of refinements takes it."""
+    errors: tuple[float | None, ...] = mesh.errors or (None,) * len(mesh.points)
+    decision = Decision(reason=f"{mesh.why}; {mesh.found}")
+    intervals = tuple(
+        IntervalRecord(*borders, points, error, None, None, decision)
+        for borders, points, error in zip(
+            pairwise(mesh.breaks), mesh.points, errors, strict=True
+        )
+    )
+    worst = max(mesh.errors, default=0.0)
+    return MeshRecord(
+        len(intervals),
+        sum(mesh.points),
+        mesh.breaks[-1],
+        mesh.iterations,
+        Result.SOLVED,
+        ErrorEstimate(worst, worst, 0.0, 0.0) if mesh.errors else None,
+        mesh.found,
+        (PhaseRecord("leg", intervals, ()),),
     )
 
 

@@ -48,6 +48,7 @@ def test_what_is_kept_comes_back_bit_for_bit(solved, tmp_path):
     )
     assert dict(found.certificate.statistics) == dict(flight.certificate.statistics)
     for one, other in zip(found.trajectories, flight.trajectories, strict=True):
+        assert one.meshes == other.meshes
         for a, b in ((one.state, other.state), (one.control, other.control)):
             assert np.array_equal(a.breaks, b.breaks)
             assert np.array_equal(a.coefficients, b.coefficients)

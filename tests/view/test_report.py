@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from synthetic import gliding_flight, vertical_flight
 
 from showc.errors import UsageError
+from showc.log.reader import read_log
 from showc.view import render_leg, render_page, render_report
 from showc.view.course import course_of
 from showc.view.digest import digest
@@ -156,7 +157,20 @@ def test_leg_says_how_its_mesh_was_made(gliding_log):
         assert "a hover is exact" in text
     else:
         assert f"{widths.size} intervals, from {1e3 * widths.min():.0f} ms" in text
-        assert "no history of single intervals" in text
+        assert "no mesh was sought" in text
+
+
+def test_leg_draws_the_meshes_it_took_and_says_why(compiled):
+    logged = read_log(compiled("swap"))
+    taken = logged.segments[2].trajectory(0).meshes
+    assert len(taken) >= 1
+    assert len(taken[-1].points) == len(taken[-1].breaks) - 1
+    np.testing.assert_allclose(taken[-1].breaks, course_of(logged, 2, 0).breaks)
+    page = render_leg(logged, 2, 0)
+    for mesh in taken:
+        assert mesh.why in words(page) and mesh.found in words(page)
+    bars = re.findall(r"<title>[^<]*points", page)
+    assert len(bars) == sum(len(mesh.points) for mesh in taken)
 
 
 def test_leg_wants_a_leg_and_a_drone_of_it(gliding_log):

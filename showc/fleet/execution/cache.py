@@ -30,6 +30,7 @@ from showc.flight import (
     DualWitness,
     Encounter,
     LegFlight,
+    MeshTaken,
     Trajectory,
 )
 from showc.trajectory import PiecewisePolynomial
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import Leg
     from showc.script.show import Show
 
-FORMAT = "showc-leg-3"
+FORMAT = "showc-leg-4"
 """Changes whenever results or their encoding change."""
 _MAGIC = b"showcleg"
 _DIGEST = 32
@@ -263,6 +264,11 @@ def _encoded(flight: LegFlight) -> bytes:
         "duration": flight.duration,
         "groups": len(alike),
         "certificate": dataclasses.asdict(flight.certificate),
+        "meshes": {
+            index: [dataclasses.asdict(mesh) for mesh in trajectory.meshes]
+            for index, trajectory in enumerate(flight.trajectories)
+            if trajectory.meshes
+        },
     }
     arrays["note"] = np.frombuffer(json.dumps(note).encode(), dtype=np.uint8)
     stream = io.BytesIO()
@@ -293,6 +299,7 @@ def _decoded(content: bytes, leg: Leg) -> LegFlight | None:
                 trajectories[index] = Trajectory(
                     PiecewisePolynomial(breaks, states[place]),
                     PiecewisePolynomial(breaks, controls[place]),
+                    tuple(map(_mesh, note["meshes"].get(str(index), ()))),
                 )
     record = note["certificate"]
     witness, closest = record.pop("witness"), record.pop("closest")
@@ -311,3 +318,11 @@ def _decoded(content: bytes, leg: Leg) -> LegFlight | None:
     )
     ordered = tuple(trajectories[index] for index in range(len(trajectories)))
     return LegFlight(leg, note["duration"], ordered, certificate)
+
+
+def _mesh(record: dict[str, Any]) -> MeshTaken:
+    parts: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in record.items()
+    }
+    return MeshTaken(**parts)

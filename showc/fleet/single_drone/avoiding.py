@@ -9,6 +9,7 @@ the solver need not converge far.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -103,19 +104,24 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     """
     duration = reference.end
     if earlier is not None:
-        borders = earlier.state.breaks
+        borders, why = earlier.state.breaks, "the mesh of the flight before"
     elif shortest is not None:
         borders = shortest.state.breaks * (duration / shortest.state.end)
+        why = "the mesh of the flight in least time, stretched"
     else:
         count = interval_count(duration, INTERVALS)
         widths = graded_widths(duration, count, END_GRADING)
         borders = np.concatenate([[0.0], np.cumsum(widths)])
+        why = "graded towards both ends"
     widths = _cut(borders, walls, duration, present.intervals if present else 1)
+    programs = Programs(aircraft, start, goal)
     guesses = [flat_guess(aircraft, start, goal, widths, reference)]
     if (flown := earlier or shortest) is not None:
         guesses.insert(0, flown_guess(aircraft, flown, widths))
+        programs.meshes += flown.meshes
+    if walls.interval.size:
+        why += ", cut along the walls of other drones"
     program = _built(aircraft.canonical(), widths.size)
-    programs = Programs(aircraft, start, goal)
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     nodes = np.array(program.stage.cost_nodes)
     times = breaks[:-1, None] + widths[:, None] * nodes
@@ -130,11 +136,15 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
         "stiffness": STIFFNESS if walls.interval.size else 0.0,
     }
     for guess in guesses:
-        solution = programs.solve(program, widths, guess, weights, signals=signals)
+        solution = programs.solve(
+            program, widths, guess, weights, why=why, signals=signals
+        )
         if solution.result.usable:
             flight = trajectory_of(aircraft, solution, start, goal, duration)
-            if judge(aircraft, flight).status == "solved":
-                return flight
+            verdict = judge(aircraft, flight)
+            programs.found(verdict.found)
+            if verdict.status == "solved":
+                return replace(flight, meshes=tuple(programs.meshes))
     return None
 
 

@@ -112,6 +112,8 @@ def follow(
     if still and not half_spaces and (reference is None or reference.components == 1):
         flight = _pause(aircraft, start, goal, duration)
         return Verdict("solved").result(programs, duration, flight)
+    if (earlier := start_from or shortest) is not None:
+        programs.meshes += earlier.meshes
     task = _Task(
         aircraft,
         start,
@@ -123,8 +125,8 @@ def follow(
         shortest,
     )
     verdict = Verdict("infeasible")
-    for widths, solver, guess in _ladder(task):
-        solution = _solve(task, programs, widths, solver, guess)
+    for rung in _ladder(task):
+        solution = _solve(task, programs, rung)
         if not solution.result.usable:
             verdict = Verdict("infeasible", solution.message)
             continue
@@ -132,6 +134,7 @@ def follow(
             aircraft, solution, start, goal, duration, half_spaces=half_spaces
         )
         verdict = judge(aircraft, trajectory, half_spaces, accuracy)
+        programs.found(verdict.found)
         if verdict.status == "solved":
             return verdict.result(programs, duration, trajectory)
     if verdict.status == "infeasible":
@@ -191,7 +194,19 @@ class _Task:
         return np.asarray(widths * (self.duration / widths.sum()))
 
 
-def _ladder(task: _Task) -> Iterator[tuple[FloatArray, SolverName, Guess]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rung:
+    """A mesh to try, and how."""
+
+    widths: FloatArray
+    """Of its intervals, shape (K,) [s]."""
+    guess: Guess
+    why: str
+    """Why on this mesh."""
+    solver: SolverName = "fatrop"
+
+
+def _ladder(task: _Task) -> Iterator[_Rung]:
     """Meshes and starts to try, cheapest first.
 
     With time to spare a coarse mesh does. Near the least time the flight needs its
@@ -201,33 +216,38 @@ def _ladder(task: _Task) -> Iterator[tuple[FloatArray, SolverName, Guess]]:
     duration, earlier = task.duration, task.start_from
     if earlier is not None and earlier.state.intervals in COUNTS:
         widths = task.stretched(earlier)
-        yield widths, "fatrop", task.guess(widths)
+        yield _Rung(widths, task.guess(widths), "the mesh of the flight before")
     low, _ = minimum_time_estimate(task.aircraft, task.start[None], task.goal[None])
     slack = duration / max(float(low[0]), 1e-9)
     if task.shortest is None and slack > TIGHT:
         least = 12 if slack > AMPLE else 16
         count: int | None = interval_count(duration, least)
-        for _ in range(2):
+        for which in ("a coarse mesh", "the next finer"):
             widths = graded_widths(duration, count or 16)
-            yield widths, "fatrop", task.guess(widths)
+            words = f"{which}: {slack:.3g} times the least time estimated is given"
+            yield _Rung(widths, task.guess(widths), words)
             count = finer(count or 16)
     if task.shortest is None:
         count = interval_count(duration, 24)
         widths = graded_widths(duration, count, END_GRADING)
-        yield widths, "fatrop", task.guess(widths)
+        words = "graded towards both ends: near the least time"
+        yield _Rung(widths, task.guess(widths), words)
     time, shortest = task.shortest_flight()
     if duration < HOPELESS * time:
         return
     if shortest is not None and time <= duration:
         widths = task.stretched(shortest)
         near = flown_guess(task.aircraft, shortest, widths)
+        words = "the mesh of the flight in least time, stretched"
         if task.shortest is not None:
-            yield widths, "fatrop", task.guess(widths)
-        yield widths, "fatrop", near
-        yield widths, "ipopt", near
+            yield _Rung(widths, task.guess(widths), words)
+        words += ", started from that flight"
+        yield _Rung(widths, near, words)
+        yield _Rung(widths, near, words, "ipopt")
     for count in (32, 56):
         widths = graded_widths(duration, interval_count(duration, count), END_GRADING)
-        yield widths, "ipopt", task.guess(widths)
+        words = "nothing else did: even finer"
+        yield _Rung(widths, task.guess(widths), words, "ipopt")
 
 
 @lru_cache(maxsize=256)
@@ -238,18 +258,13 @@ def _least(
     return minimum_time(aircraft, np.array(start), np.array(goal))
 
 
-def _solve(
-    task: _Task,
-    programs: Programs,
-    widths: FloatArray,
-    solver: SolverName,
-    guess: Guess,
-) -> Solution:
+def _solve(task: _Task, programs: Programs, rung: _Rung) -> Solution:
     """Solve the program of a given time on one mesh."""
+    widths = rung.widths
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     normals, offsets = _slots(task.half_spaces, breaks)
     slots = normals.shape[1]
-    program = programs.program(widths.size, "given", slots, solver)
+    program = programs.program(widths.size, "given", slots, rung.solver)
     nodes = np.array(program.stage.cost_nodes)
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals, nearness = np.zeros((*times.shape, 3)), 0.0
@@ -262,8 +277,9 @@ def _solve(
     return programs.solve(
         program,
         widths,
-        guess,
+        rung.guess,
         {"effort": EFFORT, "nearness": nearness},
+        why=rung.why,
         signals=signals,
         half_spaces={HALF_SPACES: (normals, offsets)} if slots else None,
     )

@@ -84,6 +84,5 @@ def solve_on_graded_meshes(
             mesh=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
         ),
     )
-    programs.iterations += solution.iterations
-    programs.solves += len(solution.history)
+    programs.refined(solution, "graded towards both ends, where the attitude moves")
     return solution

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,6 +76,12 @@ class Verdict:
     position_error: float = 0.0
     attitude_error: float = 0.0
 
+    @property
+    def found(self) -> str:
+        """What came out, in words."""
+        missed = f"the controls, flown, miss it by {1e3 * self.position_error:.2g} mm"
+        return self.message or missed
+
     def result(
         self,
         programs: Programs,
@@ -84,6 +90,8 @@ class Verdict:
     ) -> Result:
         """Return it as a result; only a solved one has its trajectory."""
         solved = self.status == "solved" and trajectory is not None
+        if solved and trajectory is not None:
+            trajectory = replace(trajectory, meshes=tuple(programs.meshes))
         return Result(
             self.status,
             duration,

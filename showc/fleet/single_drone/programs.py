@@ -12,6 +12,7 @@ from showc.fleet.single_drone.model import (
     limit_bounds,
     single_problem,
 )
+from showc.flight import MeshTaken
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -79,6 +80,8 @@ class Programs:
         }
         self.iterations = 0
         self.solves = 0
+        self.meshes: list[MeshTaken] = []
+        """Meshes of all solves, and what came of them."""
 
     def leave(self, room: float) -> None:
         """Leave a share of the limits of acceleration unused from now on."""
@@ -102,10 +105,14 @@ class Programs:
         guess: Guess | Solution,
         parameters: dict[str, float],
         *,
+        why: str,
         signals: FloatArray | None = None,
         half_spaces: dict[str, tuple[FloatArray, FloatArray]] | None = None,
     ) -> Solution:
-        """Solve once, with this aircraft's limits and hovers."""
+        """Solve once, with this aircraft's limits and hovers.
+
+        ``why`` tells why on this mesh.
+        """
         solution = program.solve(
             widths=widths,
             guess=guess,
@@ -116,4 +123,33 @@ class Programs:
         )
         self.iterations += solution.iterations
         self.solves += 1
+        part = solution.phases[0]
+        breaks = tuple(part.states.breaks.tolist())
+        found = solution.message
+        self.meshes.append(
+            MeshTaken(breaks, part.mesh.points, solution.iterations, why, found)
+        )
         return solution
+
+    def refined(self, solution: Solution, why: str) -> None:
+        """Keep the meshes of a solve that finds its own; ``why`` tells why it does."""
+        self.iterations += solution.iterations
+        self.solves += len(solution.history)
+        for number, record in enumerate(solution.history):
+            intervals = record.phases[0].intervals
+            borders = (*(one.start for one in intervals), intervals[-1].end)
+            errors = [one.error for one in intervals if one.error is not None]
+            self.meshes.append(
+                MeshTaken(
+                    borders,
+                    tuple(one.points for one in intervals),
+                    record.iterations,
+                    why if number == 0 else solution.history[number - 1].action,
+                    f"{record.objective:.6g} s",
+                    tuple(errors),
+                )
+            )
+
+    def found(self, words: str) -> None:
+        """Tell what flying the latest solution again has shown."""
+        self.meshes[-1] = replace(self.meshes[-1], found=words)

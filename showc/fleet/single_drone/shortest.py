@@ -98,6 +98,7 @@ def minimum_time(
             aircraft, attempt, start, goal, duration, origin=start
         )
         verdict = judge(aircraft, trajectory)
+        programs.found(verdict.found)
         if verdict.status == "solved":
             return verdict.result(programs, duration, trajectory)
     return verdict.result(programs, 0.0)
@@ -159,8 +160,10 @@ def _moving(
     """
     program = programs.program(widths.size, "movable")
     best: Solution | None = None
+    why = "graded towards both ends; borders move to where limits begin to bind"
     for _ in range(PASSES):
-        moved = programs.solve(program, widths, guess, {"effort": EFFORT})
+        moved = programs.solve(program, widths, guess, {"effort": EFFORT}, why=why)
+        why = "from where the borders came to lie, they move on"
         gain = 1.0 - moved.duration / float(widths.sum())
         if not moved.result.usable or (best is None and gain < 1.0 - PROMISING):
             break

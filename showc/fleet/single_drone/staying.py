@@ -101,6 +101,7 @@ def _lingering(
     return Trajectory(
         PiecewisePolynomial(breaks, longer(flight.state, still.state)),
         PiecewisePolynomial(breaks, longer(flight.control, still.control)),
+        flight.meshes,
     )
 
 

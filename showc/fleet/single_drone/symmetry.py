@@ -111,6 +111,7 @@ def image(
         PiecewisePolynomial(
             flight.control.breaks, flight.control.coefficients * control_signs
         ),
+        flight.meshes,
     )
 
 
