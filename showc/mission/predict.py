@@ -97,16 +97,15 @@ class PredictedFlight:
         """
         t = np.asarray(times, dtype=np.float64)[:, None]
         line = self.timeline
-        base, moved = line.pads.copy(), []
+        place = np.broadcast_to(line.pads, (t.shape[0], *line.pads.shape)).copy()
         for drones, since, over, ways in self._moves(t):
-            # Most stages are over, or have not begun, at all of these times.
-            if np.all(since >= over):
-                base[drones] += ways(since[:1])[0]
-            elif np.any(since >= -INSTANT):
-                moved.append((drones, ways(since)))
-        place = np.broadcast_to(base, (t.shape[0], *base.shape)).copy()
-        for drones, way in moved:
-            place[:, drones] += way
+            # Most stages are over, or have not begun, at most of these times.
+            ended = np.all(since >= over, axis=1)
+            moving = np.any(since >= -INSTANT, axis=1) & ~ended
+            if ended.any():
+                place[np.ix_(ended, drones)] += ways(since[ended][:1])
+            if moving.any():
+                place[np.ix_(moving, drones)] += ways(since[moving])
         land = line.land
         height = land.begin[:, 2] - land.end[:, 2]
         since = t - self._landings()[land.drones]
