@@ -70,7 +70,7 @@ class MovingFlight:
             "greatest tilt": use.tilt,
             "greatest body rate": use.rate,
             "greatest thrust or torque": use.power,
-            "greatest acceleration or level speed": use.acceleration,
+            "greatest acceleration, jerk or level speed": use.acceleration,
         }
         name = max(parts, key=lambda one: float(parts[one].max()))
         row = int(np.argmax(parts[name]))

@@ -170,14 +170,13 @@ class _Flown:
         return self._beyond(rows, states) or self._outside(rows, states) or self._near()
 
     def _states(self, rows: IntArray, instants: FloatArray) -> FloatArray:
-        """Position, velocity and acceleration, shape (3, instants, rows, 3) (SI)."""
+        """Position, velocity, acceleration, jerk, shape (4, instants, rows, 3) (SI)."""
         frames = tuple(
             frame if frame.shape[1] in {0, 1} else frame[:, rows]
             for frame in self.moving.frames
         )
         chosen = type(self.moving)(rows, self.motion, self.moving.middle, frames)
-        found = chosen.derivatives(self.points[rows], self.time, instants)
-        return np.asarray(found[:3])
+        return chosen.derivatives(self.points[rows], self.time, instants)
 
     def _outermost(self, most: int) -> IntArray:
         """Return the places that are furthest out, and others up to ``most``."""
@@ -206,7 +205,7 @@ class _Flown:
 
     def _needs(self, rows: IntArray, states: FloatArray) -> Iterator[_Need]:
         limits, vehicle = self.show.limits, self.show.vehicle
-        _, speed, push = states
+        _, speed, push, change = states
 
         def need(
             what: str, unit: str, used: FloatArray, limit: float, power: float
@@ -233,6 +232,9 @@ class _Flown:
         # Nothing falls faster than freely.
         down = limits.acceleration_down or vehicle.gravity
         yield need("downward acceleration", "m/s²", -push[..., 2], down, 2.0)
+        if limits.jerk:
+            jerk = np.linalg.norm(change, axis=-1)
+            yield need("jerk", "m/s³", jerk, limits.jerk, 3.0)
         roll, pitch, thrust = attitude_and_thrust(vehicle, push, self.show.heading)
         tilt = np.degrees(np.maximum(np.abs(roll), np.abs(pitch)))
         tilt[push[..., 2] <= -vehicle.gravity] = 0.0

@@ -45,7 +45,7 @@ def least_times(
     these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the speed v. The
     horizontal acceleration is at most the thrust's horizontal part at full tilt, the
     vertical one what thrust and weight leave; both are generous, so that the time is
-    a lower bound.
+    a lower bound. Where jerk is at most j, a move of length d takes (32 d / j)^(1/3).
 
     Parameters
     ----------
@@ -67,7 +67,8 @@ def least_times(
     level = min(level, limits.acceleration or inf)
     up = min(thrust - vehicle.gravity, limits.acceleration_up or inf)
     down = min(vehicle.gravity, limits.acceleration_down or inf)
-    times = np.zeros(displacement.shape[:-1])
+    length = np.linalg.norm(displacement, axis=-1)
+    times: FloatArray = np.cbrt(32.0 * length / (limits.jerk or inf))
     for axis in range(3):
         distance = np.abs(displacement[..., axis])
         forward = displacement[..., axis] > 0.0

@@ -56,6 +56,18 @@ def test_what_is_refused_for_a_limit_could_not_be_flown(motion):
     assert "times the greatest" in flown(result.draft).trouble()
 
 
+def test_jerk_is_a_limit_of_motions_too():
+    def asked(limit):
+        top = f"limits: {{jerk: {limit}}}\n"
+        return read("flat", "{wave: {amplitude: 0.5, period: 3}}", music=top)
+
+    assert not refused(asked(10))
+    assert flown(asked(10).show).trouble() == ""
+    (message,) = refused(asked(8))
+    assert "m/s³ of jerk, 8 m/s³ is the limit" in message
+    assert "acceleration, jerk or level speed" in flown(asked(8).draft).trouble()
+
+
 @pytest.mark.parametrize(
     ("to", "motion"),
     [

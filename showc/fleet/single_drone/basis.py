@@ -98,31 +98,36 @@ def _bernstein(intervals: int) -> FloatArray:
     return result
 
 
-def free_coefficients(count: int) -> BoolArray:
-    """Which of the coefficients x, y, z after each other are not given, (3 n,)."""
+def free_coefficients(count: int, *, leaps: bool) -> BoolArray:
+    """Which of the coefficients x, y, z after each other are not given, (3 n,).
+
+    ``leaps`` tells whether thrust may jump.
+    """
     # Hover at both ends: tilt and body rates vanish, so horizontally velocity,
-    # acceleration and jerk do; vertically only the velocity, thrust may jump.
+    # acceleration and jerk do; vertically the velocity, and the acceleration unless
+    # thrust may jump.
     free = np.ones((3, count), dtype=bool)
     free[:2, :4] = free[:2, -4:] = False
-    free[2, :2] = free[2, -2:] = False
+    given = 2 if leaps else 3
+    free[2, :given] = free[2, -given:] = False
     return free.ravel()
 
 
 @lru_cache(maxsize=16)
-def quadratic_upper(intervals: int, duration: float) -> Entries:
+def quadratic_upper(intervals: int, duration: float, *, leaps: bool) -> Entries:
     """Upper triangle of the quadratic term: values, (rows, columns)."""
     gram = spline_basis(intervals, duration).gram
-    free = free_coefficients(gram.shape[0])
+    free = free_coefficients(gram.shape[0], leaps=leaps)
     full = np.triu(np.kron(np.eye(3), gram)[np.ix_(free, free)])
     rows, columns = np.nonzero(full)
     return full[rows, columns], (rows, columns)
 
 
 @lru_cache(maxsize=16)
-def nearest_coefficients(intervals: int, duration: float) -> FloatArray:
+def nearest_coefficients(intervals: int, duration: float, *, leaps: bool) -> FloatArray:
     """Inverse of the quadratic term: from its gradient to the free coefficients."""
     gram = spline_basis(intervals, duration).gram
-    free = free_coefficients(gram.shape[0]).reshape(3, -1)
+    free = free_coefficients(gram.shape[0], leaps=leaps).reshape(3, -1)
     inverse = np.zeros((int(free.sum()),) * 2)
     first = 0
     for axis in free:

@@ -39,6 +39,14 @@ _NEAR, _NEARLY = 0.5, 0.9
 did not count were passed."""
 _TANGENTS = 8
 """Tangents for each disc; one of them, along the iterate, is exact."""
+_CUBE = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+_TOWARD: FloatArray = np.delete(_CUBE, 13, axis=0)
+_TOWARD /= np.linalg.norm(_TOWARD, axis=1, keepdims=True)
+"""Tangents of a ball, towards faces, edges and corners of a cube, shape (26, 3)."""
+_FIRST_OF_CUBIC: FloatArray = np.array(
+    [[1.0, 0.0, 0.0], [1.0 / 3.0, 2.0 / 3.0, 0.0], [0.0, 2.0 / 3.0, 1.0 / 3.0]]
+)
+"""From the coefficients of a parabola to the first three of it as a cubic."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +109,8 @@ class Program:
         self.intervals = intervals
         self.basis = spline_basis(intervals, duration)
         count = intervals + DEGREE
-        self.free = free_coefficients(count)
+        self.leaps = not aircraft.limits.jerk
+        self.free = free_coefficients(count, leaps=self.leaps)
         fixed = ~self.free.reshape(3, count).T
         ends = np.zeros((count, 3))
         ends[: count // 2], ends[count // 2 :] = start, goal
@@ -116,10 +125,11 @@ class Program:
         heading = float(np.arctan2(*(goal - start)[1::-1]))
         self.bearing = np.full((intervals, 4), heading)
         self.course = np.full((intervals, 4), heading)
+        self.change = np.zeros((intervals, 3, 3))
         self._linear = linear.ravel()[self.free]
         size = self._linear.size + walls.interval.size
         self._quadratic = Columns.of(
-            *quadratic_upper(intervals, duration), (size, size)
+            *quadratic_upper(intervals, duration, leaps=self.leaps), (size, size)
         )
         self._counted: BoolArray | None = None
 
@@ -128,6 +138,9 @@ class Program:
         width = self.breaks[1] - self.breaks[0]
         second = np.diff(position, 2, axis=1) * DEGREE * (DEGREE - 1) / width**2
         self.bearing = np.arctan2(second[..., 1], second[..., 0])
+        change = _FIRST_OF_CUBIC @ np.diff(position, 3, axis=1)
+        size = np.linalg.norm(change, axis=-1, keepdims=True)
+        self.change = change / np.where(size > 0.0, size, 1.0)
         first = np.diff(position, axis=1)[:, :-1]
         self.course = np.arctan2(first[..., 1], first[..., 0])
         second[..., 2] += self.aircraft.vehicle.gravity
@@ -250,6 +263,14 @@ class Program:
             velocity = self.basis.velocity[:, :-1]
             bound = limits.level_speed * aim.acceleration
             self._disc(rows, velocity, self.course, bound)
+        if limits.jerk:
+            # The last coefficient of an interval is the first of the next.
+            jerk = self.basis.jerk[:, :-1]
+            most = np.full(jerk.shape[:2], limits.jerk * aim.acceleration)
+            for toward in (*_TOWARD, self.change):
+                parts = np.broadcast_to(toward, self.change.shape)[..., None]
+                x, y, z = np.moveaxis(parts, 2, 0) * jerk
+                rows.add(x, y, z, most)
 
     @staticmethod
     def _disc(rows: Rows, values: FloatArray, toward: FloatArray, bound: float) -> None:
@@ -284,7 +305,9 @@ class Program:
         """
         rows, hard = self._rows(aim)
         system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
-        nearest = nearest_coefficients(self.intervals, float(self.breaks[-1]))
+        nearest = nearest_coefficients(
+            self.intervals, float(self.breaks[-1]), leaps=self.leaps
+        )
         found = self._whole(nearest @ -self._linear)
         chosen = system.reached(found) > _NEAR * system.bounds
         chosen |= (system.bounds <= 0.0) | ~system.hard

@@ -162,9 +162,9 @@ CODES = (
     Code(
         "SHW217",
         "motion that cannot be flown",
-        "A motion asks for more speed, acceleration, tilt or thrust than the limits "
-        "allow, leads out of the flight volume, or brings two drones nearer than the "
-        "separation.",
+        "A motion asks for more speed, acceleration, jerk, tilt or thrust than the "
+        "limits allow, leads out of the flight volume, or brings two drones nearer "
+        "than the separation.",
         "Make its times longer or its size smaller, by what the message says.",
         "transitions: [{to: ring, hold: 20, motion: [{wave: {amplitude: 5, period: "
         "4}}]}]",
