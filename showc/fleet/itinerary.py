@@ -78,13 +78,18 @@ def solve_itinerary(
             legs=tuple(part for leg in itinerary.legs for part in leg.parts or (leg,)),
         )
         solved, _ = _solved(moves, options, crew, progress, found)
-    given = iter(solved)
-    flights = tuple(
-        put_together(leg, [next(given) for _ in leg.parts], itinerary.show)
-        if leg.parts
-        else next(given)
-        for leg in itinerary.legs
-    )
+        given = iter(solved)
+
+        def again(part: Leg) -> LegFlight:
+            alone = replace(itinerary, legs=(part,))
+            return _solved(alone, options, crew, progress, {})[0][0]
+
+        flights = tuple(
+            put_together(leg, [next(given) for _ in leg.parts], itinerary.show, again)
+            if leg.parts
+            else next(given)
+            for leg in itinerary.legs
+        )
     return Flight(itinerary, flights, _starts(flights))
 
 

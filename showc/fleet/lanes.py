@@ -7,6 +7,7 @@ the whole leg, in continuous time.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from showc.flight import Certificate, LegFlight, Trajectory
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from showc.fleet.single_drone.single import Aircraft
     from showc.plan.itinerary import Leg
@@ -38,7 +39,13 @@ _MOMENT = 1e-6
 """Time that is rounding [s]."""
 
 
-def put_together(leg: Leg, moves: Sequence[LegFlight], show: Show) -> LegFlight:
+_AGAIN = 3
+"""How often each move is flown again at most."""
+
+
+def put_together(
+    leg: Leg, moves: Sequence[LegFlight], show: Show, solve: Callable[[Leg], LegFlight]
+) -> LegFlight:
     """Return the flight of a leg from those of its parts.
 
     Parameters
@@ -46,33 +53,47 @@ def put_together(leg: Leg, moves: Sequence[LegFlight], show: Show) -> LegFlight:
     leg
         With its times.
     moves
-        One for each of ``leg.parts``.
+        One for each of ``leg.parts``, flown as if no other group moved.
     show
         With the separation.
+    solve
+        Flies a part again, around others.
 
     Raises
     ------
     SolveError
-        If two drones come too near; the message names them, and when.
+        If two drones come too near, whatever flies again; the message names them.
     """
-    duration, aircraft = leg.duration or 0.0, aircraft_of(show, leg)
-    flown = tuple(
-        _whole(leg, row, list(_moves_of(leg, row, moves)), aircraft)
-        for row in range(leg.drones.size)
-    )
-    tracks, separation = tracks_of(flown), show.separation
-    met = conflicts(tracks, separation, separation.distance - TOLERANCE)
-    if len(met):
+    duration, separation = leg.duration or 0.0, show.separation
+    found, tries = list(moves), [0] * len(moves)
+    while True:
+        flown = _flown(leg, found, show)
+        met = conflicts(tracks_of(flown), separation, separation.distance - TOLERANCE)
+        if not len(met):
+            break
         nearest = int(np.argmin(met.distance))
         pair = int(met.first[nearest]), int(met.second[nearest])
-        raise SolveError(
-            f"{place(leg)}: {pair_names(leg, *pair)} come within "
-            f"{met.distance[nearest]:.3f} m at "
-            f"{(leg.depart or 0.0) + met.time[nearest]:.2f} s of the show, while their "
-            f"groups move at times of their own, the separation is "
-            f"{separation.distance:.3f} m ({len(met)} pairs in all); let one of the "
-            "groups move later, or move their formations apart"
-        )
+        time = float(met.time[nearest])
+        movers = [
+            number
+            for number, part in enumerate(leg.parts)
+            if tries[number] < _AGAIN
+            and np.isin(leg.drones[list(pair)], part.drones).any()
+            and 0.0 < time - _begin(part, leg) < (part.duration or 0.0)
+        ]
+        if not movers:
+            raise SolveError(
+                f"{place(leg)}: {pair_names(leg, *pair)} come within "
+                f"{met.distance[nearest]:.3f} m at {(leg.depart or 0.0) + time:.2f} s "
+                "of the show, while their groups move at times of their own, the "
+                f"separation is {separation.distance:.3f} m ({len(met)} pairs in all); "
+                "let one of the groups move later, or move their formations apart"
+            )
+        # The one that was not tried yet, of these the one that starts last, gives way.
+        again = min(movers, key=lambda one: (tries[one], -_begin(leg.parts[one], leg)))
+        tries[again] += 1
+        with suppress(SolveError):
+            found[again] = solve(_around(leg.parts[again], leg, flown))
     certificate = Certificate(
         duration,
         0.0,
@@ -80,12 +101,54 @@ def put_together(leg: Leg, moves: Sequence[LegFlight], show: Show) -> LegFlight:
         None,
         nearest_pair(leg, flown, separation),
         "groups in times of their own: "
-        + "; ".join(f"{move.leg.name}: {move.certificate.method}" for move in moves),
-        {"drones": float(leg.drones.size), "moves": float(len(moves))},
+        + "; ".join(f"{move.leg.name}: {move.certificate.method}" for move in found),
+        {
+            "drones": float(leg.drones.size),
+            "moves": float(len(moves)),
+            "flown_again": float(sum(tries)),
+        },
     )
     return LegFlight(
-        leg, duration, flown, certificate, tuple(_of_fleet(move) for move in moves)
+        leg, duration, flown, certificate, tuple(_of_fleet(move) for move in found)
     )
+
+
+def _begin(part: Leg, leg: Leg) -> float:
+    """When a part begins since the start of its leg [s]."""
+    return round((part.depart or 0.0) - (leg.depart or 0.0), 3)
+
+
+def _flown(leg: Leg, moves: Sequence[LegFlight], show: Show) -> tuple[Trajectory, ...]:
+    """Flights of all drones over the leg."""
+    aircraft = aircraft_of(show, leg)
+    return tuple(
+        _whole(leg, row, list(_moves_of(leg, row, moves)), aircraft)
+        for row in range(leg.drones.size)
+    )
+
+
+def _around(part: Leg, leg: Leg, flown: Sequence[Trajectory]) -> Leg:
+    """Return a part that is to be flown around all others as they fly now."""
+    begin, duration = _begin(part, leg), part.duration or 0.0
+    others = tuple(
+        _during(flown[row].state.select(slice(0, 3)), begin, duration)
+        for row in np.flatnonzero(~np.isin(leg.drones, part.drones)).tolist()
+    )
+    return replace(part, others=others, others_parked=None)
+
+
+def _during(
+    path: PiecewisePolynomial, begin: float, duration: float
+) -> PiecewisePolynomial:
+    """Cut a path to a time, and count from its beginning [s]."""
+    ends = np.array([begin, begin + duration])
+    # Breaks that are the ends but for rounding stay whole.
+    near = np.abs(path.breaks - ends[:, None]).min(axis=1) < _MOMENT
+    path = path.split(ends[~near])
+    first, last = (int(np.argmin(np.abs(path.breaks - end))) for end in ends)
+    breaks = path.breaks[first : last + 1] - begin
+    breaks[0], breaks[-1] = 0.0, duration
+    return PiecewisePolynomial(breaks, path.coefficients[first:last])
 
 
 def _of_fleet(move: LegFlight) -> LegFlight:
@@ -106,8 +169,7 @@ def _moves_of(
     for part, move in zip(leg.parts, moves, strict=True):
         column = int(np.searchsorted(part.drones, drone))
         if column < part.drones.size and part.drones[column] == drone:
-            begin = round((part.depart or 0.0) - (leg.depart or 0.0), 3)
-            yield begin, move.trajectories[column]
+            yield _begin(part, leg), move.trajectories[column]
 
 
 def _whole(

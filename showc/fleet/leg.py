@@ -542,6 +542,7 @@ class _Solver:
             start=self.leg.start,
             goal=self.leg.goal,
             parked=self.leg.others_parked,
+            others=self.leg.others,
             names=self.leg.drones,
             shared=shared,
             detours=self.detours,
@@ -669,11 +670,11 @@ def place(leg: Leg) -> str:
 
 
 def pair_names(leg: Leg, first: int, second: int) -> str:
-    """Names of two drones for people; from ``leg.drones`` on they are parked ones."""
+    """Names of two drones for people; after ``leg.drones`` come those of no part."""
     one = f"drone {int(leg.drones[first]) + 1}"
     if second < leg.drones.size:
         return f"{one} and drone {int(leg.drones[second]) + 1}"
-    return f"{one} and a parked drone"
+    return f"{one} and another drone"
 
 
 def _unheard(steps: int) -> None:

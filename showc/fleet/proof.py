@@ -173,7 +173,9 @@ def _separation(flight: LegFlight, show: Show) -> str:
     leg, separation = flight.leg, show.separation
     wanted = separation.distance - TOLERANCE
     found = conflicts(
-        tracks_of(flight.trajectories, leg.others_parked), separation, wanted
+        tracks_of(flight.trajectories, leg.others_parked, leg.others),
+        separation,
+        wanted,
     )
     if len(found):
         nearest = int(np.argmin(found.distance))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.script.moving import MovingPlaces
     from showc.script.show import Mark, Show
+    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Limits
 
 
@@ -54,6 +55,8 @@ class Leg:
     """Which of the script's transitions it belongs to, counting from 0."""
     others_parked: FloatArray | None = None
     """Positions (m, 3) [m] of drones that stand still meanwhile and take no part."""
+    others: tuple[PiecewisePolynomial, ...] = ()
+    """Positions over its time of drones that fly meanwhile and take no part."""
     assignment: str = ""
     """How the places were given out, in words."""
     arrive: float | None = None

@@ -238,7 +238,7 @@ def test_drones_that_change_order_along_an_axis_cannot_keep_all_axes_apart():
     with pytest.raises(SolveError, match=r"drone 2 and drone 3 .*order along x"):
         solve(make_leg(start, goal), separation=Separation(1.0, "all-axes"))
     parked = np.array([[20.0, 40.0, 40.0]])
-    with pytest.raises(SolveError, match=r"drone 1 and a parked drone .*any-axis"):
+    with pytest.raises(SolveError, match=r"drone 1 and another drone .*any-axis"):
         solve(
             make_leg(start[:1], goal[:1], parked=parked),
             separation=Separation(1.0, "all-axes"),

@@ -114,7 +114,7 @@ class Move:
     goal: FloatArray
     """Shape (n, 3) [m]."""
     parked: FloatArray | None
-    """Positions of drones that take no part, shape (m, 3) [m]."""
+    """Positions of drones that stand still and take no part, shape (m, 3) [m]."""
     names: IntArray
     """Numbers of the drones, from 0, shape (n,)."""
     shared: Profile
@@ -128,6 +128,8 @@ class Move:
     """Flights behind half-spaces that may be solved at most, all rounds together."""
     bent: Mapping[int, Trajectory] = field(default_factory=dict)
     """Flights, by row, that left their lines in another common time and kept apart."""
+    others: Sequence[PiecewisePolynomial] = ()
+    """Positions over the common time of drones that fly, and take no part."""
 
 
 class Repair:
@@ -153,7 +155,13 @@ class Repair:
     ) -> None:
         self.move, self.duration, self.shortest = move, duration, shortest
         self.aircraft, self.separation = move.aircraft, move.separation
-        self.start, self.goal, self.parked = move.start, move.goal, move.parked
+        self.start, self.goal = move.start, move.goal
+        standing = () if move.parked is None else move.parked
+        # Positions over time of all that take no part.
+        self.others = [
+            *move.others,
+            *(PiecewisePolynomial.constant(one, 0.0, duration) for one in standing),
+        ]
         self.workers, self.progress, self.name = workers, progress, move.name
         self.names = move.names
         self.trouble = ""
@@ -386,8 +394,7 @@ class Repair:
         if not self.move.bent:
             return None
         times = sampled(self.duration)
-        parked = 0 if self.parked is None else len(self.parked)
-        known = np.zeros((len(self.flown) + parked, times.size, 3))
+        known = np.zeros((len(self.flown) + len(self.others), times.size, 3))
         for row, flight in self.move.bent.items():
             pace = flight.state.end / self.duration
             there = flight.state.select(slice(0, 3))(times * pace)
@@ -398,29 +405,29 @@ class Repair:
         """Flights of all drones as they are, for all to be changed together."""
         times = sampled(self.duration)
         state = [flight.state for flight in self.flown]
-        places = np.stack([one.select(slice(0, 3))(times) for one in state])
+        paths = [*(one.select(slice(0, 3)) for one in state), *self.others]
         speeds = [one.select(slice(3, 6)) for one in state]
-        pulls = np.stack([one.derivative()(times) for one in speeds])
+        speeds += [one.derivative() for one in self.others]
+        places = np.stack([one(times) for one in paths])
         rates = np.stack([one(times) for one in speeds])
+        pulls = np.stack([one.derivative()(times) for one in speeds])
         way = self.goal - self.start
         length = np.linalg.norm(way, axis=1)
         ahead = way / np.maximum(length, _STILL)[:, None]
         give = np.eye(3) - _ALONG * np.einsum("na,nb->nab", ahead, ahead)
         give = self._stiff[:, None, None] * give
         give[self._hovers] *= _HOVERING
-        parked = np.zeros((0, 3)) if self.parked is None else self.parked
-        still = np.repeat(parked[:, None], times.size, axis=1)
-        nothing = np.zeros_like(still)
+        others = len(self.others)
         return Crowd(
-            np.concatenate([places, still]),
-            np.concatenate([rates, nothing]),
-            np.concatenate([pulls, nothing]),
+            places,
+            rates,
+            pulls,
             self.duration,
             self.intervals // 2,
             self.separation,
-            np.concatenate([give, np.zeros((len(parked), 3, 3))]),
-            np.append(self._hovers, np.zeros(len(parked), dtype=bool)),
-            np.array([kind != OPTIMAL for kind in self.kind] + [False] * len(parked)),
+            np.concatenate([give, np.zeros((others, 3, 3))]),
+            np.append(self._hovers, np.zeros(others, dtype=bool)),
+            np.array([kind != OPTIMAL for kind in self.kind] + [False] * others),
             self._planes(found, times),
             self._often,
             Allowed.of(
@@ -570,7 +577,7 @@ class Repair:
         if row >= len(self.flown) or self._hovers[row]:
             return False
         own = self._sampled(row)
-        everyone = len(self.flown) + (0 if self.parked is None else len(self.parked))
+        everyone = len(self.flown) + len(self.others)
         near = [
             other
             for other in range(everyone)
@@ -620,7 +627,7 @@ class Repair:
         """Sum of what a flight's distances to some drones lack [m]."""
         others = [self.flown[row] for row in near if row < len(self.flown)]
         found = conflicts(
-            tracks_of([flight, *others], self.parked),
+            tracks_of([flight, *others], others=self.others),
             self.separation,
             self.separation.distance - TOLERANCE,
         )
@@ -629,7 +636,7 @@ class Repair:
 
     def _conflicts(self) -> Encounters:
         return conflicts(
-            tracks_of(self.flown, self.parked),
+            tracks_of(self.flown, others=self.others),
             self.separation,
             self.separation.distance - TOLERANCE,
         )
@@ -749,15 +756,13 @@ class Repair:
             if row < len(self.flown):
                 position = self.flown[row].state.select(slice(0, 3))(at)
             else:
-                assert self.parked is not None  # noqa: S101 - the row says so
-                still = self.parked[row - len(self.flown)]
-                position = np.broadcast_to(still, (*at.shape, 3))
+                position = self.others[row - len(self.flown)](at)
             self._positions[row] = position
         return self._positions[row]
 
     def _names(self, first: int, second: int) -> str:
         if second >= len(self.flown):
-            return f"drone {self.names[first] + 1} and a parked drone"
+            return f"drone {self.names[first] + 1} and another drone"
         return f"drones {self.names[first] + 1} and {self.names[second] + 1}"
 
     def _count(self, name: str, value: float) -> None:

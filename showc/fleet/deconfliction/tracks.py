@@ -27,7 +27,7 @@ class Tracks:
     """Positions of all drones, in groups that share their interval borders."""
 
     moving: int
-    """Drones with a track; indices from here on stand still."""
+    """Drones that are looked at; those from here on take no part."""
     count: int
     """Drones in all."""
     duration: float
@@ -54,7 +54,9 @@ class Tracks:
 
 
 def tracks_of(
-    trajectories: Sequence[Trajectory], parked: FloatArray | None = None
+    trajectories: Sequence[Trajectory],
+    parked: FloatArray | None = None,
+    others: Sequence[PiecewisePolynomial] = (),
 ) -> Tracks:
     """Take the positions out of trajectories of one common duration.
 
@@ -62,26 +64,28 @@ def tracks_of(
     ----------
     parked
         Positions of drones that stand still and take no part, shape (m, 3) [m].
+    others
+        Flights, positions first, of drones that take no part; they count before those.
     """
     duration = max((t.state.end for t in trajectories), default=0.0)
     alike: dict[tuple[bytes, int], list[int]] = {}
-    for index, trajectory in enumerate(trajectories):
-        key = (trajectory.state.breaks.tobytes(), trajectory.state.degree)
-        alike.setdefault(key, []).append(index)
+    paths = [*(trajectory.state for trajectory in trajectories), *others]
+    for index, path in enumerate(paths):
+        alike.setdefault((path.breaks.tobytes(), path.degree), []).append(index)
     groups = [
         (
             np.array(members),
-            trajectories[members[0]].state.breaks,
-            np.stack([trajectories[i].state.coefficients[:, :, :3] for i in members]),
+            paths[members[0]].breaks,
+            np.stack([paths[index].coefficients[:, :, :3] for index in members]),
         )
         for members in alike.values()
     ]
-    moving = count = len(trajectories)
+    moving, count = len(trajectories), len(paths)
     if parked is not None and parked.shape[0] and moving:
         count += parked.shape[0]
         groups.append(
             (
-                np.arange(moving, count),
+                np.arange(len(paths), count),
                 np.array([0.0, duration]),
                 np.asarray(parked, dtype=np.float64)[:, None, None, :],
             )

@@ -108,6 +108,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.goal,
         leg.duration,
         leg.others_parked,
+        leg.others,
         leg.motion,
         [options.gap, options.gap_limit, options.effort, options.repair_rounds],
     )

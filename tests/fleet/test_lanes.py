@@ -1,0 +1,100 @@
+"""Groups with times of their own: apart at every instant, around each other."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from showc.errors import SolveError
+from showc.fleet.execution.pool import InProcess
+from showc.fleet.itinerary import solve_itinerary
+from showc.fleet.lanes import put_together
+from showc.fleet.leg import solve_leg
+from showc.fleet.options import SolveOptions
+from showc.plan import build_itinerary
+from showc.progress import Silent
+from showc.script import read_show
+
+SCRIPT = """\
+showc: 1
+drones: 6
+pads:
+  type: points
+  points: [[-12, -2, 0], [-12, 2, 0], [-2, -12, 0], [2, -12, 0], [9, 20, 0], [22, 9, 0]]
+launch: {{altitude: 10, hold: 2}}
+groups: {{east: 1-2, north: 3-4}}
+formations:
+  right: {{type: points, points: [[12, -2, 10], [12, 2, 10]]}}
+  top: {{type: points, points: [[-2, 12, 10], [2, 12, 10]]}}
+  left: {{type: points, points: [[-12, -2, 10], [-12, 2, 10]]}}
+transitions:
+  - {{to: right, group: east, at: 20, duration: 8, assignment: fixed}}
+  - {{to: top, group: north, at: 21, duration: {time}, assignment: fixed, hold: 3}}
+  - {{to: left, group: east, at: 30, duration: 9, assignment: fixed, hold: 2}}
+"""
+
+
+def solved(time=8):
+    result = read_show(SCRIPT.format(time=time).encode(), path="lanes.yaml")
+    assert result.show is not None, result.diagnostics
+    return solve_itinerary(
+        build_itinerary(result.show), SolveOptions(use_cache=False, jobs=1), Silent()
+    )
+
+
+@pytest.fixture(scope="module")
+def crossing():
+    return solved()
+
+
+def test_groups_that_cross_fly_around_each_other(crossing):
+    (leg,) = (flown for flown in crossing.legs if flown.parts)
+    assert leg.certificate.statistics["flown_again"] > 0
+    times = np.linspace(0.0, leg.duration, 2001)
+    places = [one.state(times)[:, :3] for one in leg.trajectories]
+    separation = crossing.itinerary.show.separation
+    gaps = [
+        np.linalg.norm((one - other) / [1, 1, separation.vertical_stretch], axis=1)
+        for one, other in combinations(places, 2)
+    ]
+    assert min(gap.min() for gap in gaps) >= separation.distance - 1e-6
+
+
+def test_every_move_begins_and_ends_when_it_is_asked_to(crossing):
+    (leg,) = (flown for flown in crossing.legs if flown.parts)
+    assert [(part.leg.depart, part.duration) for part in leg.parts] == [
+        (12.0, 8.0),
+        (13.0, 8.0),
+        (21.0, 9.0),
+    ]
+    begin = leg.leg.depart
+    for row, still in ((0, (20.0, 21.0)), (2, (21.0, 30.0)), (4, (12.0, 30.0))):
+        state = leg.trajectories[row].state
+        first, last = (state(time - begin)[:3] for time in still)
+        assert np.abs(first - last).max() < 1e-9
+
+
+def test_a_move_too_quick_for_its_time_says_how_long_it_needs():
+    with pytest.raises(SolveError, match=r"cannot arrive at 21.000 s .* needs >= 6"):
+        solved(time=4)
+
+
+def test_groups_that_cannot_be_kept_apart_are_refused_with_pair_and_time(crossing):
+    (flown,) = (flown for flown in crossing.legs if flown.parts)
+    leg, show = flown.leg, crossing.itinerary.show
+    asked = []
+
+    def never(part):
+        asked.append(part)
+        raise SolveError("no way")
+
+    options = SolveOptions(use_cache=False)
+    alone = [
+        solve_leg(part, show, options, InProcess(), Silent()) for part in leg.parts
+    ]
+    with pytest.raises(SolveError, match=r"drone \d and drone \d come within"):
+        put_together(leg, alone, show, never)
+    # Both moves that meet were to give way, the later one first.
+    assert {part.name for part in asked} == {"launch -> right", "launch -> top"}
+    assert asked[0].name == "launch -> top"
+    assert len(asked[0].others) == 4
