@@ -51,12 +51,13 @@ class DualWitness:
     """A few numbers that prove a lower bound on the time of one drone's move.
 
     The velocity v stays in the box V of its limits, the thrust acceleration u in the
-    set U(t) that thrust, tilt, body rates and angular accelerations allow between two
-    hovers. For any constant beta and absolutely continuous lambda, with d the
-    displacement, ``beta . d = int (beta + lambda') . v + lambda . (u - g e_z) dt``, so
-    a time T is impossible when ``beta . d > int h_V(beta + lambda') + h_U(t)(lambda) -
-    g lambda_z dt`` over [0, T], h being support functions. The verifier re-checks it
-    with code of its own.
+    set U(t) that thrust, tilt, body rates and angular accelerations allow between the
+    states at both ends. For any constant beta and absolutely continuous lambda, with d
+    the displacement, ``beta . d + lambda(T) . v(T) - lambda(0) . v(0)`` is ``int (beta
+    + lambda') . v + lambda . (u - g e_z) dt``, so a time T is impossible when the
+    former is greater than ``int h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z dt``
+    over [0, T], h being support functions. The verifier re-checks it with code of its
+    own.
     """
 
     drone: int

@@ -18,7 +18,11 @@ from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import reversed_order
 from showc.fleet.deconfliction.ways import Crossing
 from showc.fleet.lower_bound.bound import lower_bound
-from showc.fleet.lower_bound.limiting import Limiting, limiting_time
+from showc.fleet.lower_bound.limiting import (
+    Limiting,
+    limiting_in_motion,
+    limiting_time,
+)
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
 from showc.fleet.shared_profile.synchronise import shared_profile
@@ -170,32 +174,43 @@ class _Solver:
         self._find_detours()
         self._check_order()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
-        if not moving.any():
+        if not (moving.any() or leg.in_motion):
             return self._hold()
         if leg.kind in {"launch", "land"}:
             return self._upright()
-        shared = shared_profile(
-            self.aircraft.vehicle,
-            leg.limits,
-            self.aircraft.heading,
-            leg.start,
-            leg.goal,
-        )
+        shared = None
+        if not leg.in_motion:
+            shared = shared_profile(
+                self.aircraft.vehicle,
+                leg.limits,
+                self.aircraft.heading,
+                leg.start,
+                leg.goal,
+            )
         if leg.duration is not None:
             return self._fixed(leg.duration, shared)
         limiting = self._limiting(solve=True)
         return self._shortest(limiting, shared)
 
     def _limiting(self, *, solve: bool) -> Limiting:
-        limiting = limiting_time(
-            self.aircraft,
-            self.leg.start,
-            self.leg.goal,
-            self.workers,
-            self.progress,
-            name=self.leg.name,
-            solve=solve,
-        )
+        leg, common = self.leg, (self.workers, self.progress)
+        if leg.in_motion:
+            limiting = limiting_in_motion(
+                self.aircraft,
+                [leg.ends(row) for row in range(leg.drones.size)],
+                *common,
+                name=leg.name,
+                solve=solve,
+            )
+        else:
+            limiting = limiting_time(
+                self.aircraft,
+                leg.start,
+                leg.goal,
+                *common,
+                name=leg.name,
+                solve=solve,
+            )
         self.tried.add("minimum_time_solves", limiting.solves)
         self.shortest = {
             row: result.trajectory
@@ -333,9 +348,9 @@ class _Solver:
         relaxation = Relaxation(
             aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
         )
-        return lower_bound(
-            relaxation, row, self.leg.goal[row] - self.leg.start[row], guess
-        )
+        ends = np.stack([aircraft.end(end) for end in self.leg.ends(row)])
+        way = self.leg.goal[row] - self.leg.start[row]
+        return lower_bound(relaxation, row, way, guess, ends=ends)
 
     def _airframe_bound(self, row: int, guess: float) -> dict[str, float]:
         """Time that a drone's airframe needs at least, whatever its autopilot [s].
@@ -346,7 +361,7 @@ class _Solver:
             return {}
         return {"airframe_bound": self._bound(self.airframe, row, guess).time}
 
-    def _fixed(self, duration: float, shared: Profile) -> LegFlight:
+    def _fixed(self, duration: float, shared: Profile | None) -> LegFlight:
         """Fly the leg in the time that the script gives; minimum times need no solving.
 
         The rigorous bound stands for the single-drone minimum then.
@@ -382,7 +397,7 @@ class _Solver:
             f"{self.leg.arrive + least - time:.3f} s, or shorten what comes before"
         )
 
-    def _shortest(self, limiting: Limiting, shared: Profile) -> LegFlight:
+    def _shortest(self, limiting: Limiting, shared: Profile | None) -> LegFlight:
         """Fly the leg in the least time found."""
         together = self._side_by_side(limiting, shared)
         if together is not None:
@@ -424,7 +439,7 @@ class _Solver:
         best: Repair | StretchedFlights,
         failed: float,
         limiting: Limiting,
-        shared: Profile,
+        shared: Profile | None,
     ) -> Repair | StretchedFlights:
         """Halve what lies between a time that failed [s] and the best one flown."""
         while self._may_try():
@@ -461,7 +476,7 @@ class _Solver:
 
     def _with(self, limiting: Limiting, row: int) -> Limiting:
         """Solve one more drone's least time; it may be the greatest."""
-        start, goal = self.leg.start[row], self.leg.goal[row]
+        start, goal = self.leg.ends(row)
         task = self.aircraft, start, goal
         (result,) = self.workers.run(minimum_time, [task], _unheard)
         self.tried.add("minimum_time_solves")
@@ -470,7 +485,7 @@ class _Solver:
         self.shortest[row] = result.trajectory
         if result.duration <= limiting.time:
             return limiting
-        length = float(np.linalg.norm(goal - start))
+        length = float(np.linalg.norm(goal[:3] - start[:3]))
         return replace(limiting, time=result.duration, drone=row, distance=length)
 
     def _times(self, limiting: Limiting) -> tuple[float, float]:
@@ -488,16 +503,22 @@ class _Solver:
             longest += 2.0 * halting / least
         return least, longest
 
-    def _side_by_side(self, limiting: Limiting, shared: Profile) -> Repair | None:
+    def _side_by_side(
+        self, limiting: Limiting, shared: Profile | None
+    ) -> Repair | None:
         """Where all drones make the same move, none comes nearer: no slack."""
+        if shared is None:
+            return None
         moves = self.leg.goal - self.leg.start
         if np.abs(moves - moves[0]).max() > _STILL:
             return None
         repair = self._repair(whole_milliseconds(limiting.time), shared)
         return repair if repair.done else None
 
-    def _slowly(self, shared: Profile) -> StretchedFlights | None:
+    def _slowly(self, shared: Profile | None) -> StretchedFlights | None:
         """Look for a flight that takes its time; it bounds the search from above."""
+        if shared is None:
+            return None
         found = fly_ways_slowly(
             Crossing(
                 self.aircraft,
@@ -531,7 +552,7 @@ class _Solver:
     def _repair(
         self,
         time: float,
-        shared: Profile,
+        shared: Profile | None,
         bent: Mapping[int, Trajectory] = _NONE,
     ) -> Repair:
         """Look for flights at a common time; ``done`` tells whether they are found."""
@@ -541,6 +562,7 @@ class _Solver:
             separation=self.separation,
             start=self.leg.start,
             goal=self.leg.goal,
+            ends=[self.leg.ends(row) for row in range(self.leg.drones.size)],
             parked=self.leg.others_parked,
             others=self.leg.others,
             names=self.leg.drones,

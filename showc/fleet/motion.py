@@ -130,10 +130,9 @@ def _flown(leg: Leg, aircraft: Aircraft, duration: float, width: float) -> Movin
     position, error = still.copy(), 0.0
     basis = bernstein_basis(DEGREE, _INNER)
     for one in leg.motion:
-        places = leg.start[one.rows]
-        knots = one.derivatives(places, duration, breaks)
+        knots = one.derivatives(duration, breaks)
         pieces = _hermite(knots, widths)
-        wanted = one.derivatives(places, duration, inner)[0]
+        wanted = one.derivatives(duration, inner)[0]
         flown = np.einsum("jk,nikc->ijnc", basis, pieces).reshape(wanted.shape)
         error = max(error, float(np.linalg.norm(flown - wanted, axis=-1).max()))
         position[one.rows] = pieces

@@ -63,9 +63,8 @@ def flaw(flight: LegFlight, show: Show) -> str:
     if leg.duration is not None and abs(duration - leg.duration) > _MILLISECOND:
         return f"it takes {duration:.3f} s, the script gives {leg.duration:.3f} s"
     for row, trajectory in enumerate(flight.trajectories):
-        ends = leg.start[row], leg.goal[row]
         if wrong := _form(trajectory, duration) or _joints(
-            trajectory, show.heading, *ends
+            trajectory, show, *leg.ends(row)
         ):
             return f"drone {int(leg.drones[row]) + 1}: {wrong}"
     return _motion(flight) or _limits(flight, show) or _separation(flight, show)
@@ -75,7 +74,7 @@ def _motion(flight: LegFlight) -> str:
     """Look at drones of a moving formation: they follow its motion."""
     leg, times = flight.leg, np.linspace(0.0, flight.duration, _LOOKS)
     for one in leg.motion:
-        wanted = one.derivatives(leg.start[one.rows], flight.duration, times)[0]
+        wanted = one.derivatives(flight.duration, times)[0]
         for column, row in enumerate(one.rows.tolist()):
             flown = flight.trajectories[row].state(times)[:, :3]
             away = float(np.linalg.norm(flown - wanted[:, column], axis=1).max())
@@ -121,25 +120,27 @@ def _form(trajectory: Trajectory, duration: float) -> str:
 
 
 def _joints(
-    trajectory: Trajectory, heading: float, start: FloatArray, goal: FloatArray
+    trajectory: Trajectory, show: Show, start: FloatArray, goal: FloatArray
 ) -> str:
-    """Look at the ends, which are hovers at the right places, and at the joints."""
+    """Look at the ends, which are the states asked for, and at the joints."""
     coefficients = trajectory.state.coefficients
     jump = np.abs(coefficients[1:, 0] - coefficients[:-1, -1]).max(initial=0.0)
     if jump > JOINED:
         return f"its states jump by {jump:.3g} between two intervals"
-    hovering = np.zeros(len(STATE_NAMES) - 3)
-    hovering[STATE_NAMES.index("yaw") - 3] = heading
-    for name, state, wanted in (
+    for name, state, asked in (
         ("starts", coefficients[0, 0], start),
         ("ends", coefficients[-1, -1], goal),
     ):
-        away = float(np.linalg.norm(state[:3] - wanted))
-        moving = float(np.abs(state[3:] - hovering).max())
+        wanted = show.vehicle.hover_state(asked[:3], show.heading)
+        if asked.size > wanted.size:
+            wanted = asked[: wanted.size]
+        away = float(np.linalg.norm(state[:3] - wanted[:3]))
+        moving = float(np.abs(state[3:] - wanted[3:]).max())
         if away > JOINED:
             return f"it {name} {away:.3g} m from its place"
         if moving > JOINED:
-            return f"it {name} without hovering"
+            still = asked.size == wanted[:3].size
+            return f"it {name} " + ("without hovering" if still else "in other motion")
     return ""
 
 

@@ -174,6 +174,13 @@ def _late(
 def _lengthen(legs: list[Leg], wait: float, show: Show) -> None:
     """Let the drones stand longer where they are, by ``wait`` [s]."""
     last = legs[-1]
+    if any(one.tied for one in last.motion):
+        raise SolveError(
+            f"{place(last)}: is held for {last.duration:.3f} s, {wait:.3f} s less than "
+            "the times of what follows leave; drones that meet or leave a moving "
+            "formation must know for how long: write "
+            f"'hold: {(last.duration or 0.0) + wait:.3f}'"
+        )
     if last.kind in {"hold", "motion"}:
         legs[-1] = replace(last, duration=round((last.duration or 0.0) + wait, 3))
         return

@@ -19,6 +19,7 @@ from showc.progress import Silent
 from showc.script.lanes import arrival, chapters, departure, own_times, rest
 from showc.script.moving import moving_places
 from showc.script.show import Formation
+from showc.vehicle.flatness import state_in_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 
 PARKED = -1
 """Place of a drone that has none in the formation."""
+_ANY_TIME = 1.0
+"""Length of a hold that is not known yet [s]: where it leads does not depend on it."""
 
 
 def build_itinerary(
@@ -90,6 +93,8 @@ class _Asked:
     arrive: float | None = None
     depart: float | None = None
     pace: float = 1.0
+    state: FloatArray | None = None
+    """States and thrusts (n, 13) in which it ends, if not in hovers."""
 
 
 class _Builder:
@@ -108,6 +113,8 @@ class _Builder:
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.motions = 0
         self.numbers = self.fleet
+        # Of drones that leave out of a motion.
+        self.state: FloatArray | None = None
 
     def launch(self) -> None:
         """Straight up from the pads."""
@@ -122,10 +129,11 @@ class _Builder:
         """One transition of the fleet, or several of groups at once, and the hold."""
         transitions = [self.show.transitions[index] for index in indices]
         parts: tuple[Leg, ...] = ()
+        hold = round(max(transition.hold for transition in transitions), 3)
         if transitions[0].group is None:
-            formation, given = self._whole_fleet(transitions[0])
+            formation, given = self._whole_fleet(transitions[0], hold)
         else:
-            formation, given, parts = self._groups(indices)
+            formation, given, parts = self._groups(indices, hold)
         durations = [t.duration for t in transitions if t.duration is not None]
         name = " + ".join(transition.name for transition in transitions)
         asked = _Asked(
@@ -138,15 +146,24 @@ class _Builder:
             max(t.pace for t in transitions),
         )
         if own_times(transitions):
+            moving = any(any(one.under_way) for one in transitions)
+            if moving or self.state is not None:
+                mark = transitions[0].mark
+                raise PlanError(
+                    f"{mark.path}:{mark.line}:{mark.column}: groups that move at times "
+                    "of their own begin and end at rest; leave `arrive: moving` and "
+                    "`leave: moving` out here and before, or give them one time"
+                )
             ends = max(arrival(one) or 0.0 for one in transitions)
             asked = replace(asked, duration=None, arrive=ends, depart=None)
             self._move("transition", name, formation, given, asked)
             self.legs[-1] = replace(self.legs[-1], parts=parts)
             self._hold(name, rest(transitions), asked)
             return
-        self._move("transition", name, formation, given, asked)
-        hold = max(transition.hold for transition in transitions)
-        self._hold(name, hold, asked, self._moving())
+        motion = self._moving()
+        begin, end = self._ends(motion, hold)
+        self._move("transition", name, formation, given, replace(asked, state=begin))
+        self._hold(name, hold, asked, motion, end)
 
     def land(self) -> None:
         """To above the pads, and straight down."""
@@ -157,7 +174,8 @@ class _Builder:
         if landing.assignment == "fixed":
             given = replace(given, reason="every drone to its own pad")
         # A fleet above its pads already lands from there.
-        if not np.array_equal(above.points[given.places], self.position):
+        there = np.array_equal(above.points[given.places], self.position)
+        if self.state is not None or not there:
             usual = _Asked(self.show.limits)
             self._move("approach", "approach to the pads", above, given, usual)
         self._hold("reaching the pads", landing.hold)
@@ -195,12 +213,55 @@ class _Builder:
         self.added[free] = formation
         return formation
 
-    def _whole_fleet(self, transition: Transition) -> tuple[Formation, Assignment]:
-        formation = self.show.formations[transition.to]
+    def _whole_fleet(
+        self, transition: Transition, hold: float
+    ) -> tuple[Formation, Assignment]:
+        formation = self._met(transition, hold)
+        if transition.under_way[0]:
+            formation = self._added(
+                formation.name,
+                formation.points,
+                formation.colours,
+                formation.mark,
+                formation.effect,
+            )
         given = self._give(transition, formation, self.fleet)
         self.placed = [(transition, self.fleet, given.places)]
         self.numbers = given.places
         return formation, given
+
+    def _met(self, transition: Transition, hold: float) -> Formation:
+        """Return the formation to reach, where it is when its motion is under way."""
+        formation = self.show.formations[transition.to]
+        if not transition.under_way[0]:
+            return formation
+        every = np.arange(len(formation.points))
+        given = every, every, formation, transition, self.show.formations
+        points = moving_places(*given).ends(hold or _ANY_TIME)[0][0]
+        colours = transition.colours
+        return replace(
+            formation,
+            name=f"{formation.name} in motion",
+            points=_frozen(points),
+            colours=formation.colours if colours is None else colours,
+        )
+
+    def _ends(
+        self, motion: tuple[MovingPlaces, ...], hold: float
+    ) -> tuple[FloatArray | None, FloatArray | None]:
+        """States (n, 13) in which the fleet joins and leaves motions under way."""
+        found: list[FloatArray | None] = []
+        for side in (0, 1):
+            moving = [one for one in motion if one.under_way[side]]
+            states = np.zeros((self.show.drones, 13)) if moving else None
+            found.append(states)
+            for one in moving:
+                there = one.ends(hold or _ANY_TIME)[side]
+                assert states is not None  # noqa: S101 - one moves
+                states[one.rows] = state_in_motion(
+                    self.show.vehicle, there, self.show.heading
+                )
+        return found[0], found[1]
 
     def _moving(self) -> tuple[MovingPlaces, ...]:
         """Return what the drones do over the hold after a chapter."""
@@ -212,14 +273,14 @@ class _Builder:
                     members[standing],
                     places[standing],
                     self.show.formations[transition.to],
-                    transition.motion,
+                    transition,
                     self.show.formations,
                 )
                 found.append(moving)
         return tuple(found)
 
     def _groups(
-        self, indices: Sequence[int]
+        self, indices: Sequence[int], hold: float
     ) -> tuple[Formation, Assignment, tuple[Leg, ...]]:
         """Join the goals of all groups into one formation with a place per drone.
 
@@ -231,7 +292,7 @@ class _Builder:
         self.placed = []
         for index, transition in zip(indices, transitions, strict=True):
             members = np.asarray(self.show.groups[str(transition.group)])
-            formation = self.show.formations[transition.to]
+            formation = self._met(transition, hold)
             given = self._give(transition, formation, members)
             goals = self._goals(formation, given.places, members)
             parts.append(self._part(index, members, goals, given))
@@ -375,17 +436,22 @@ class _Builder:
         duration: float,
         asked: _Asked | None = None,
         motion: tuple[MovingPlaces, ...] = (),
+        state: FloatArray | None = None,
     ) -> None:
-        goal, reached = self._carried(motion)
+        goal, reached = self._carried(motion, duration)
         if duration > 0.0 or motion:
             wanted = asked or _Asked(self.show.limits)
-            wanted = _Asked(wanted.limits, duration, wanted.mark, wanted.transition)
+            wanted = _Asked(
+                wanted.limits, duration, wanted.mark, wanted.transition, state=state
+            )
             kind: LegKind = "motion" if motion else "hold"
             leg = self._leg(kind, f"hold after {name}", goal, reached, wanted)
             self.legs.append(replace(leg, motion=motion))
         self.formation, self.position = reached, goal
 
-    def _carried(self, motion: tuple[MovingPlaces, ...]) -> tuple[FloatArray, str]:
+    def _carried(
+        self, motion: tuple[MovingPlaces, ...], duration: float
+    ) -> tuple[FloatArray, str]:
         """Where the drones stand after a motion, and what that formation is called."""
         if not any(one.moves_on for one in motion):
             return self.position, self.formation
@@ -395,7 +461,7 @@ class _Builder:
         )
         goal, points = self.position.copy(), before.points.copy()
         for one in motion:
-            goal[one.rows] = one.ends(self.position[one.rows])
+            goal[one.rows] = one.ends(duration or _ANY_TIME)[1][0]
             points[self.places[one.rows]] = goal[one.rows]
         name = f"{before.name} after motion {self.motions}"
         self.added[name] = replace(before, name=name, points=_frozen(points))
@@ -406,6 +472,7 @@ class _Builder:
     ) -> Leg:
         """Return the next leg of the fleet, from where it is to ``goal``."""
         index, duration = len(self.legs), asked.duration
+        begin, self.state = self.state, self._standing(asked.state, goal)
         return Leg(
             index=index,
             name=name,
@@ -424,7 +491,21 @@ class _Builder:
             arrive=asked.arrive,
             depart=asked.depart,
             pace=asked.pace,
+            start_state=begin,
+            goal_state=self.state,
         )
+
+    def _standing(
+        self, states: FloatArray | None, places: FloatArray
+    ) -> FloatArray | None:
+        """Fill in the hovers of drones that are not in motion."""
+        if states is None:
+            return None
+        states[:, :3] = places
+        still = states[:, -1] == 0.0
+        hovers = self.show.vehicle.hover_state(places[still], self.show.heading)
+        states[still, :-1] = hovers
+        return _frozen(states)
 
 
 def _frozen(array: NDArray) -> NDArray:  # type: ignore[type-arg]

@@ -65,6 +65,11 @@ class Leg:
     """Show time at which the script wants it to start [s]."""
     motion: tuple[MovingPlaces, ...] = ()
     """What drones of a ``motion`` do; the others hover."""
+    start_state: FloatArray | None = None
+    """States and thrusts (n, 13) at the start, thrust 0 where it may be any; None: all
+    hover."""
+    goal_state: FloatArray | None = None
+    """The same at the end."""
     pace: float = 1.0
     """How many times its straight flight's time it takes, if there is so much."""
     parts: tuple[Leg, ...] = ()
@@ -79,7 +84,20 @@ class Leg:
     @property
     def open(self) -> bool:
         """Whether its time is known only when it is solved."""
-        return self.duration is None and self.arrive is None
+        return self.duration is None and (self.arrive is None or self.in_motion)
+
+    def ends(self, row: int) -> tuple[FloatArray, FloatArray]:
+        """Start and goal of a drone: places (3,) to hover at, or states (13,)."""
+        start, goal = self.start[row], self.goal[row]
+        return (
+            start if self.start_state is None else self.start_state[row],
+            goal if self.goal_state is None else self.goal_state[row],
+        )
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether drones do not hover at its start or at its end."""
+        return self.start_state is not None or self.goal_state is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

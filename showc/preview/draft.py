@@ -269,7 +269,7 @@ def _places(draft: Draft, number: int, elapsed: FloatArray) -> FloatArray:
     if leg.motion:
         places = np.repeat(leg.start[None], elapsed.size, axis=0)
         for one in leg.motion:
-            moved = one.derivatives(leg.start[one.rows], time, elapsed)
+            moved = one.derivatives(time, elapsed)
             places[:, one.rows] = moved[0]
         return places
     share = draft.courses[number].share(elapsed, time)[:, None, None]

@@ -283,6 +283,7 @@ class Builder:
             start=start,
             pace=settings.number("pace"),
             motion=motion,
+            under_way=self._under_way(settings),
             lights=lights_of(settings, formation, self.music, self.files, self.reader),
         )
 
@@ -318,6 +319,20 @@ class Builder:
                 )
                 return ()
         return motion
+
+    def _under_way(self, settings: Settings) -> tuple[bool, bool]:
+        """Whether drones join, and leave, a motion that is under way."""
+        asked = [key for key in ("arrive", "leave") if settings.text(key) == "moving"]
+        if asked and "motion" not in settings:
+            self.reader.say(
+                "SHW102",
+                f"`{asked[0]}: moving` needs a motion",
+                settings.mark_of(asked[0]),
+                help_text="say in `motion` what the formation does, or leave "
+                f"`{asked[0]}` out",
+            )
+            return False, False
+        return "arrive" in asked, "leave" in asked
 
     def _times(
         self, settings: Settings

@@ -129,6 +129,8 @@ LANDING = Section(
     ),
 )
 
+_JOINT = Choice(("at rest", "moving"))
+
 TRANSITION = Section(
     "transition",
     "One move of the fleet, or of a group, and the hold after it.",
@@ -202,13 +204,26 @@ TRANSITION = Section(
             "motion",
             Items(MOTION, 1, 20),
             "What the formation does while it is held, each on top of those before it. "
-            "It begins and ends at rest.",
+            "It begins and ends at rest, unless `arrive` or `leave` say otherwise.",
             examples=(
                 [
                     {"rotate": {"angle": "360 deg"}},
                     {"wave": {"amplitude": 2, "period": 6}},
                 ],
             ),
+        ),
+        Field(
+            "arrive",
+            _JOINT,
+            "`moving`: the drones arrive in motion, with position, velocity and "
+            "acceleration of a formation that moves already.",
+            default="at rest",
+        ),
+        Field(
+            "leave",
+            _JOINT,
+            "`moving`: they leave out of the motion, which does not come to rest.",
+            default="at rest",
         ),
         Field("name", Text(80), "Name for people.", default_text="`from -> to`"),
     ),

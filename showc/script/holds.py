@@ -6,7 +6,7 @@ impossible; what is not found may be so all the same, and compile proves it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor
 from typing import TYPE_CHECKING
 
@@ -147,7 +147,7 @@ class _Flown:
         self.points = formation.points
         everywhere = np.arange(len(self.points))
         self.moving: MovingPlaces = moving_places(
-            everywhere, everywhere, formation, transition.motion, show.formations
+            everywhere, everywhere, formation, transition, show.formations
         )
         # The end of a hold whose length is not known is not looked at.
         until = time if whole else 0.5 * time
@@ -175,8 +175,10 @@ class _Flown:
             frame if frame.shape[1] in {0, 1} else frame[:, rows]
             for frame in self.moving.frames
         )
-        chosen = type(self.moving)(rows, self.motion, self.moving.middle, frames)
-        return chosen.derivatives(self.points[rows], self.time, instants)
+        chosen = replace(
+            self.moving, rows=rows, places=self.points[rows], frames=frames
+        )
+        return chosen.derivatives(self.time, instants)
 
     def _outermost(self, most: int) -> IntArray:
         """Return the places that are furthest out, and others up to ``most``."""

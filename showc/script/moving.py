@@ -2,10 +2,11 @@
 
 Over a hold of time T, with the ramp r (T / 2 at most) and the step of degree seven
 S(u) = 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7, the strength E of a motion is S(t / r) at the
-beginning, 1, and S((T - t) / r) at the end; G is its integral over T - r, from 0 to 1.
-Both have three continuous derivatives, so states are continuous, and the motion begins
-and ends at rest. A place x becomes, n being the axis and w = t / period - x . direction
-/ wavelength:
+beginning, 1, and S((T - t) / r) at the end; G is its integral over that of the whole
+hold, from 0 to 1. Both have three continuous derivatives, so states are continuous, and
+the motion begins and ends at rest. At an end where it is under way, E stays 1: there
+the drones join, or leave, a formation that moves. A place x becomes, n being the axis
+and w = t / period - x . direction / wavelength:
 
 - rotate: R(n, angle G) (x - c) + c
 - breathe: c + (1 + (scale - 1) E (1 - cos 2 pi w) / 2) (x - c), w = t / period
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.show import Formation, Motion
+    from showc.script.show import Formation, Motion, Transition
 
 ORDER = 4
 """Taylor coefficients that are carried: the value and three derivatives."""
@@ -70,6 +71,8 @@ class MovingPlaces:
 
     rows: IntArray
     """Which drones, counting from 0, shape (n,)."""
+    places: FloatArray
+    """Where they would stand without it, shape (n, 3) [m]."""
     motions: tuple[Motion, ...]
     """What they do, each on top of those before it."""
     middle: FloatArray
@@ -77,11 +80,20 @@ class MovingPlaces:
     frames: tuple[FloatArray, ...]
     """For each motion that goes through displacements, those, (m, n or 1, 3) [m]; how
     far frames are from the first one; an empty array for the others."""
+    under_way: tuple[bool, bool] = (False, False)
+    """Whether the motion is under way at the beginning and at the end of the hold."""
+
+    @property
+    def tied(self) -> bool:
+        """Whether the state at an end depends on how long the formation is held."""
+        begins, ends = self.under_way
+        paced = any(isinstance(one, Rotate | Follow) for one in self.motions)
+        return ends or (begins and paced)
 
     @property
     def moves_on(self) -> bool:
         """Whether the drones end elsewhere than they began."""
-        return any(
+        return any(self.under_way) or any(
             isinstance(one, Rotate | Travel | Morph | Follow) for one in self.motions
         )
 
@@ -92,34 +104,41 @@ class MovingPlaces:
             if isinstance(motion, Travel | Morph):
                 found += (duration * _shares(motion, frames)).tolist()
             else:
-                ramp = min(motion.ramp, 0.5 * duration)
-                found += [ramp, duration - ramp]
+                rise, fall = self._ramps(motion.ramp, duration)
+                found += [rise, duration - fall]
         return np.unique(np.round(found, 9))
 
-    def derivatives(
-        self, places: FloatArray, duration: float, times: FloatArray
-    ) -> FloatArray:
+    def derivatives(self, duration: float, times: FloatArray) -> FloatArray:
         """Position, velocity, acceleration and jerk, shape (4, times, n, 3) (SI).
 
         Parameters
         ----------
-        places
-            Where the drones stand before, shape (n, 3) [m].
         duration
             Of the hold [s].
         times
             Since its start, shape (times,) [s].
         """
-        series = np.zeros((ORDER, times.size, *places.shape))
-        series[0] = places
+        series = np.zeros((ORDER, times.size, *self.places.shape))
+        series[0] = self.places
         for motion, frames in zip(self.motions, self.frames, strict=True):
             series = self._moved(series, motion, frames, duration, times)
         factorials = np.array([1.0, 1.0, 2.0, 6.0]).reshape(-1, 1, 1, 1)
         return np.asarray(series * factorials)
 
-    def ends(self, places: FloatArray) -> FloatArray:
-        """Where the drones stand afterwards, shape (n, 3) [m], whatever the time."""
-        return np.asarray(self.derivatives(places, 1.0, np.ones(1))[0, 0])
+    def ends(self, duration: float) -> tuple[FloatArray, FloatArray]:
+        """Position and its derivatives when the hold begins and ends, (4, n, 3)."""
+        found = self.derivatives(duration, np.array([0.0, duration]))
+        # A motion that begins or ends at rest does so exactly.
+        for side, moving in enumerate(self.under_way):
+            if not moving:
+                found[1:, side] = 0.0
+        return found[:, 0], found[:, 1]
+
+    def _ramps(self, ramp: float, duration: float) -> tuple[float, float]:
+        """Time to set in, and to end [s]: none where it is under way."""
+        begins, ends = self.under_way
+        ramp = min(ramp, 0.5 * duration)
+        return 0.0 if begins else ramp, 0.0 if ends else ramp
 
     def _moved(
         self,
@@ -131,7 +150,8 @@ class MovingPlaces:
     ) -> FloatArray:
         if isinstance(motion, Travel | Morph):
             return _displaced(series, motion, frames, duration, times)
-        strength, progress = _envelope(motion.ramp, duration, times)
+        ramps = self._ramps(motion.ramp, duration)
+        strength, progress = _envelope(ramps, duration, times)
         if isinstance(motion, Follow):
             return np.asarray(series + _along(frames, progress))
         clock = np.zeros((ORDER, times.size, 1))
@@ -170,7 +190,7 @@ def moving_places(
     rows: IntArray,
     places: IntArray,
     formation: Formation,
-    motions: tuple[Motion, ...],
+    transition: Transition,
     formations: Mapping[str, Formation],
 ) -> MovingPlaces:
     """Return how drones move with a formation.
@@ -183,14 +203,14 @@ def moving_places(
         Place of each in ``formation``, shape (n,).
     formation
         What is held.
-    motions
-        What it does.
+    transition
+        Says what it does.
     formations
         Those that it may become, by name.
     """
     low, high = formation.points.min(axis=0), formation.points.max(axis=0)
     frames = []
-    for motion in motions:
+    for motion in transition.motion:
         shift = np.zeros((0, 1, 3))
         if isinstance(motion, Travel):
             ways = np.array([(0.0, 0.0, 0.0), *motion.points])
@@ -201,7 +221,14 @@ def moving_places(
         elif isinstance(motion, Follow):
             shift = motion.frames[:, places] - motion.frames[:1, places]
         frames.append(shift)
-    return MovingPlaces(rows, motions, 0.5 * (low + high), tuple(frames))
+    return MovingPlaces(
+        rows,
+        formation.points[places],
+        transition.motion,
+        0.5 * (low + high),
+        tuple(frames),
+        transition.under_way,
+    )
 
 
 def plane_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -263,27 +290,31 @@ def _along(frames: FloatArray, progress: FloatArray) -> FloatArray:
 
 
 def _envelope(
-    ramp: float, duration: float, times: FloatArray
+    ramps: tuple[float, float], duration: float, times: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Strength E and progress G, each of shape (4, times, 1)."""
-    ramp = min(ramp, 0.5 * duration)
-    rising, falling = times < ramp, times > duration - ramp
+    rise, fall = ramps
+    rising, falling = times < rise, times > duration - fall
+    slope = np.zeros(times.size)
+    # Where there is no ramp, nothing lies in it.
+    slope[rising], slope[falling] = 1.0 / (rise or 1.0), -1.0 / (fall or 1.0)
     share = np.zeros((ORDER, times.size, 1))
     share[0, :, 0] = np.where(
-        rising, times / ramp, np.where(falling, (duration - times) / ramp, 1.0)
+        rising, times * slope, np.where(falling, (times - duration) * slope, 1.0)
     )
-    share[1, :, 0] = np.where(rising, 1.0 / ramp, np.where(falling, -1.0 / ramp, 0.0))
+    share[1, :, 0] = slope
     strength = _polynomial(_STEP, share)
-    area = ramp * _polynomial(_AREA, share)
+    area = np.where(rising, rise, fall)[:, None] * _polynomial(_AREA, share)
     # Between the ramps the strength is 1; the area of a ramp is half its time.
     middle = np.zeros_like(area)
-    middle[0, :, 0] = times - 0.5 * ramp
+    middle[0, :, 0] = times - 0.5 * rise
     middle[1] = 1.0
+    whole = duration - 0.5 * (rise + fall)
     ending = -area
-    ending[0] += duration - ramp
+    ending[0] += whole
     which = np.where(rising, 0, np.where(falling, 2, 1))
     progress = np.choose(which[None, :, None], [area, middle, ending])
-    return strength, progress / (duration - ramp)
+    return strength, progress / whole
 
 
 def _turned(

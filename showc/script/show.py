@@ -331,6 +331,9 @@ class Transition:
 
     motion: tuple[Motion, ...] = ()
     """What the formation does over the hold, each on top of those before it."""
+    under_way: tuple[bool, bool] = (False, False)
+    """Whether the motion is under way when the drones arrive, and when they leave;
+    else it begins, and ends, at rest."""
     lights: tuple[LightKey, ...] = ()
     """Colours at moments of the hold, under the effect."""
 

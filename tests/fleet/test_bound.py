@@ -26,9 +26,10 @@ def test_support_is_the_greatest_over_all_attitudes_and_thrusts(seed):
     cap = rng.uniform(0.0, 1.3, 2)
     multiplier = rng.normal(size=3)
     held = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "held", heading)
-    (support,) = held.thrust_supports(multiplier, cap[0], cap[1])
-    grid = np.linspace(-1.0, 1.0, 81)
-    phi, theta = np.meshgrid(cap[0] * grid, cap[1] * grid)
+    floor = -rng.uniform(0.0, 1.3, 2)
+    span = list(zip(floor, cap, strict=True))
+    (support,) = held.thrust_supports(multiplier, *span)
+    phi, theta = np.meshgrid(*(np.linspace(*side, 81) for side in span))
     body = np.stack(
         [np.cos(phi) * np.sin(theta), -np.sin(phi), np.cos(phi) * np.cos(theta)], -1
     )
@@ -39,7 +40,7 @@ def test_support_is_the_greatest_over_all_attitudes_and_thrusts(seed):
     assert support >= values.max() - 1e-9
     assert support <= values.max() + 2e-3 * most
     free = Relaxation(VEHICLE, replace(LIMITS, thrust_min=2.0), "free")
-    assert free.thrust_supports(multiplier, cap[0], cap[1])[0] >= support - 1e-9
+    assert free.thrust_supports(multiplier, *span)[0] >= support - 1e-9
 
 
 @settings(max_examples=40, deadline=None)
@@ -52,7 +53,7 @@ def test_support_within_an_envelope_is_the_greatest_over_what_keeps_it(seed, yaw
         LIMITS, acceleration=level, acceleration_up=up, acceleration_down=down
     )
     relaxed = Relaxation(VEHICLE, limits, yaw, 0.4)
-    supports = relaxed.thrust_supports(multiplier, cap[0], cap[1])
+    supports = relaxed.thrust_supports(multiplier, (-cap[0], cap[0]), (-cap[1], cap[1]))
     size = 40_000
     roll = rng.uniform(-cap[0], cap[0], size)
     pitch = rng.uniform(-cap[1], cap[1], size)

@@ -11,6 +11,7 @@ from showc.log import showc_pb2 as pb
 from showc.vehicle import Limits, Quadrotor
 from showc.verify.kernel.certificates import Relaxed, refuted
 
+HOVERS = np.zeros((2, 12))
 VEHICLE = Quadrotor(
     name="seed",
     mass=0.625,
@@ -107,7 +108,7 @@ def test_no_thrust_goes_beyond_the_support_function(direction, roll, pitch, held
         ]
     )
     (support,) = relaxed.thrust_supports(
-        np.array(direction), np.array(roll), np.array(pitch)
+        np.array(direction), np.array([-roll, roll]), np.array([-pitch, pitch])
     )
     reached = np.array(direction) @ thrust
     assert reached.max() <= support + 1e-9
@@ -129,7 +130,8 @@ def test_no_turn_from_rest_goes_beyond_the_caps(duration, seed):
     )
     roll = np.abs(np.cumsum(rate) * duration / steps)
     time = (np.arange(steps) + 1) * duration / steps
-    cap, _ = relaxed.caps(time)
+    (floor, cap), _ = relaxed.caps(time, np.full_like(time, 9.0), HOVERS)
+    assert np.array_equal(floor, -cap)
     slack = 2 * relaxed.rate[0] * duration / steps
     assert np.all(np.minimum(roll, relaxed.tilt) <= cap + slack)
 
@@ -143,7 +145,7 @@ def test_proves_what_the_planner_claims(way, held):
     relaxation = Relaxation(VEHICLE, LIMITS, "held" if held else "free", 0.3)
     witness = lower_bound(relaxation, 0, np.array(way), 5.0)
     assert witness.time > 1.0
-    assert refuted(claim(witness), rules(held=held), np.array(way))
+    assert refuted(claim(witness), rules(held=held), np.array(way), HOVERS)
 
 
 def test_a_claim_beyond_the_proof_falls_short():
@@ -152,14 +154,14 @@ def test_a_claim_beyond_the_proof_falls_short():
     witness = lower_bound(relaxation, 0, way, 5.0)
     message = claim(witness)
     message.certificate.witness.time *= 1.02
-    assert not refuted(message, rules(), way)
+    assert not refuted(message, rules(), way, HOVERS)
     # A shorter way takes less: the same numbers prove less.
-    assert not refuted(claim(witness), rules(), 0.97 * way)
+    assert not refuted(claim(witness), rules(), 0.97 * way, HOVERS)
     # A drone with stronger motors and less weight is bound by less.
     lighter = rules()
     lighter.vehicle.mass *= 0.5
     lighter.limits[0].tilt *= 2.0
-    assert not refuted(claim(witness), lighter, way)
+    assert not refuted(claim(witness), lighter, way, HOVERS)
 
 
 def test_straight_up_the_bound_is_the_time_of_full_thrust():
@@ -184,7 +186,7 @@ def test_straight_up_the_bound_is_the_time_of_full_thrust():
         witness.multipliers.extend([x for value in values for x in (0.0, 0.0, value)])
         message = pb.Segment(name="up")
         message.certificate.witness.CopyFrom(witness)
-        return refuted(message, limits, np.array([0.0, 0.0, way]))
+        return refuted(message, limits, np.array([0.0, 0.0, way]), HOVERS)
 
     assert proved(least * (1.0 - 1e-6))
     assert not proved(least * (1.0 + 1e-6))
@@ -204,4 +206,4 @@ def test_a_malformed_witness_proves_nothing(spoil):
     way = np.array([5.0, 0.0, 0.0])
     message = claim(lower_bound(Relaxation(VEHICLE, LIMITS), 0, way, 2.0))
     spoil(message.certificate.witness)
-    assert not refuted(message, rules(heading=0.0), way)
+    assert not refuted(message, rules(heading=0.0), way, HOVERS)

@@ -30,12 +30,15 @@ from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
+from showc.fleet.single_drone.following import hover
 from showc.fleet.single_drone.judgement import KEPT
+from showc.fleet.single_drone.model import in_motion
 from showc.fleet.single_drone.staying import (
     OPTIMAL,
     SPLINE,
     STRAIGHT,
     stay_apart,
+    stay_calm,
     stay_near,
 )
 from showc.fleet.single_drone.symmetry import image, kinds
@@ -103,7 +106,7 @@ _Laid = tuple["IntArray", "FloatArray", "FloatArray"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """What a fleet is to fly from hover to hover in one common time."""
+    """What a fleet is to fly in one common time."""
 
     name: str
     """For people."""
@@ -113,12 +116,15 @@ class Move:
     """Shape (n, 3) [m]."""
     goal: FloatArray
     """Shape (n, 3) [m]."""
+    ends: Sequence[tuple[FloatArray, FloatArray]]
+    """Start and goal of each drone: places (3,) to hover at, or states (13,)."""
     parked: FloatArray | None
     """Positions of drones that stand still and take no part, shape (m, 3) [m]."""
     names: IntArray
     """Numbers of the drones, from 0, shape (n,)."""
-    shared: Profile
-    """A profile that all drones can fly straight, however slow."""
+    shared: Profile | None
+    """A profile that all drones can fly straight, however slow; None where some do not
+    hover at an end."""
     detours: Mapping[int, Detour]
     """Ways of the drones, by row, that go round the fence's corners."""
     fence: Fence | None
@@ -183,6 +189,8 @@ class Repair:
         self._bending = False
         # A drone that does not move hovers, and is flown around.
         self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
+        for row, ends in enumerate(move.ends):
+            self._hovers[row] &= not any(in_motion(end) for end in ends)
         # How readily each drone is moved aside: less where it did not follow.
         self._stiff = np.ones(len(move.start))
         # In how many rounds each pair came too near all the same.
@@ -235,6 +243,8 @@ class Repair:
         aircraft, duration = self.aircraft, self.duration
         way = self.goal - self.start
         shared = self.move.shared
+        if shared is None:
+            return self._swung()
         if duration >= shared.duration:
             profile = shared.stretched(duration)
         else:
@@ -258,6 +268,28 @@ class Repair:
         for row in self.move.detours:
             self._lead_round(row)
         return self._bend([], {}, dict.fromkeys(self.move.detours, 0.0))
+
+    def _swung(self) -> bool:
+        """Each drone on its own between ends of which some are in motion."""
+        rows = list(range(len(self.start)))
+        self.flown = [hover(self.aircraft, place, self.duration) for place in self.goal]
+        self.kind = [OPTIMAL] * len(rows)
+        return self._flown(
+            rows,
+            self.workers.run(
+                stay_calm,
+                [
+                    (
+                        self.aircraft,
+                        *self.move.ends[row],
+                        self.duration,
+                        self.shortest.get(row),
+                    )
+                    for row in rows
+                ],
+                self.progress.advance,
+            ),
+        )
 
     def _slow(self, rows: IntArray) -> bool:
         """Drones that cannot fly straight on the profile: one of each kind of move."""
@@ -308,6 +340,10 @@ class Repair:
             ],
             self.progress.advance,
         )
+        return self._flown(rows, results)
+
+    def _flown(self, rows: list[int], results: list[Outcome]) -> bool:
+        """Take flights of drones, each on its own; False where there is none."""
         self._count("solves_without_slack", len(rows))
         for row, (kind, trajectory, message) in zip(rows, results, strict=True):
             if trajectory is None and row in self._ways:
@@ -532,6 +568,9 @@ class Repair:
 
     def _lead_round(self, row: int) -> None:
         """Take a drone that leaves the fence back to a way that does not."""
+        if self.move.shared is None:
+            # Half-spaces of the fence alone keep a swing within it.
+            return
         around = self.move.detours.get(row)
         if around is None:
             around = Detour(np.stack([self.start[row], self.goal[row]]))
@@ -604,9 +643,8 @@ class Repair:
             laid.append(fence_walls(self.move.fence, own, _STRAY))
         task = (
             self.aircraft,
-            self.start[row],
-            self.goal[row],
-            self._ways.get(row, self.reference),
+            *self.move.ends[row],
+            self._way(row),
             self.intervals,
             gathered([part for part in laid if part[0].size]),
             own,
@@ -675,9 +713,8 @@ class Repair:
             [
                 (
                     self.aircraft,
-                    self.start[row],
-                    self.goal[row],
-                    self._ways.get(row, self.reference),
+                    *self.move.ends[row],
+                    self._way(row),
                     self.intervals,
                     gathered(walls[row]) if walls[row] else NO_WALLS,
                     self._sampled(row),
@@ -747,6 +784,16 @@ class Repair:
             _MARGIN * min(tries, 25),
             tries - 1,
         )
+
+    def _way(self, row: int) -> PiecewisePolynomial:
+        """Return what a drone that leaves its line flies near to."""
+        if row in self._ways or self.move.shared is not None:
+            return self._ways.get(row, self.reference)
+        breaks = np.linspace(0.0, self.duration, self.intervals + 1)
+        inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
+        way = np.einsum("ij,kja->kia", inverse, self._sampled(row))
+        self._ways[row] = PiecewisePolynomial(breaks, way)
+        return self._ways[row]
 
     def _sampled(self, row: int) -> FloatArray:
         """Positions at the nodes of the spline's intervals, shape (K, 7, 3)."""

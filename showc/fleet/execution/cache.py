@@ -106,6 +106,8 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.drones,
         leg.start,
         leg.goal,
+        leg.start_state,
+        leg.goal_state,
         leg.duration,
         leg.others_parked,
         leg.others,

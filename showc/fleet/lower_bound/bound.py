@@ -1,16 +1,20 @@
 """A rigorous lower bound on the time of one drone's move, with its proof.
 
 Relaxation: velocity in its box, thrust acceleration in the set U(t) that thrust, tilt,
-body rates and angular accelerations allow at time t after one hover and T - t before
-the next. A time T is impossible if multipliers beta and lambda(t) with
+body rates and angular accelerations allow at time t after one end and T - t before the
+other. A time T is impossible if multipliers beta and lambda(t) with
 
-    beta . d > integral over [0, T] of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z
+    beta . d + lambda(T) . v(T) - lambda(0) . v(0)
+        > integral over [0, T] of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z
 
 exist (h: support functions; see :class:`showc.flight.DualWitness`). The multipliers
 come from a linear program, the dual of which is the relaxed move on a coarse mesh; they
 are then judged by an integral that is rounded upward, so the bound does not depend on
-the program having been solved well. An impossible T makes every shorter time
-impossible too, since a drone may hover.
+the program having been solved well. An impossible T makes every shorter time theta T
+impossible too, theta between 0 and 1: with lambda times theta on the same fractions of
+the time, the left side less the right one is at least beta . d + theta a - theta² b
+with constants a and b, b not below 0 since a drone may stand upright and hover. That is
+concave in theta and positive at 0 and 1 where beta . d is.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.fleet.lower_bound.relaxation import HOVERS
 from showc.flight import DualWitness
 
 if TYPE_CHECKING:
@@ -50,8 +55,9 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     knots: FloatArray,
     multipliers: FloatArray,
     subdivisions: int = _SUBDIVISIONS,
+    ends: FloatArray = HOVERS,
 ) -> float:
-    """``beta . d`` minus an upper bound of the integral: above 0 proves ``time`` wrong.
+    """Left minus an upper bound of the right side: above 0 proves ``time`` wrong.
 
     On each part of a knot interval the caps on tilt are taken at their greatest; then
     h_U is convex in lambda, lambda is linear, and the trapezoid rule errs upward.
@@ -64,6 +70,8 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
         T [s].
     beta, knots, multipliers
         As in :class:`showc.flight.DualWitness`; shapes (3,), (k,), (k, 3).
+    ends
+        States at the start and at the goal, shape (2, 12 or more).
     """
     instants = knots * time
     widths = np.diff(instants)
@@ -75,8 +83,7 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
         np.diff(multipliers, axis=0)[:, None] * part[:, None]
     )
     left, right = at[:, :-1], at[:, 1:]
-    since = np.minimum(np.minimum(right, time - left), 0.5 * time)
-    roll, pitch = relaxation.caps(since)
+    roll, pitch = relaxation.caps(right, time - left, ends)
     # Each support function is convex, their least is not: the least comes last.
     sides = zip(
         relaxation.thrust_supports(value[:, :-1], roll, pitch),
@@ -90,16 +97,20 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
         (0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])) @ widths
     )
     gain = float(beta @ displacement)
-    magnitude = abs(gain) + abs(cruise) + abs(thrust) + abs(weight)
-    return gain - (cruise + thrust - weight) - _MARGIN * magnitude
+    swing = float(multipliers[-1] @ ends[1, 3:6] - multipliers[0] @ ends[0, 3:6])
+    magnitude = abs(gain) + abs(swing) + abs(cruise) + abs(thrust) + abs(weight)
+    left_over = gain + swing - (cruise + thrust - weight) - _MARGIN * magnitude
+    # Without the first, shorter times would not be impossible as well.
+    return min(left_over, gain - _MARGIN * magnitude)
 
 
-def lower_bound(
+def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
     relaxation: Relaxation,
     drone: int,
     displacement: FloatArray,
     guess: float,
     rounds: int = 8,
+    ends: FloatArray = HOVERS,
 ) -> DualWitness:
     """Prove that ``displacement`` takes at least some time.
 
@@ -113,6 +124,8 @@ def lower_bound(
         A time near the least possible one [s]; only a start for the search.
     rounds
         Linear programs solved at most.
+    ends
+        States at the start and at the goal, shape (2, 12 or more).
 
     Returns
     -------
@@ -122,7 +135,7 @@ def lower_bound(
     # HiGHS is loaded only where something is solved.
     from showc.fleet.lower_bound.relaxed_move import RelaxedMove  # noqa: PLC0415
 
-    move = RelaxedMove(relaxation, displacement)
+    move = RelaxedMove(relaxation, displacement, ends)
     best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
     before: tuple[float, float] | None = None
     time, power = guess, 1.25
@@ -132,7 +145,7 @@ def lower_bound(
         last = number == rounds - 1 or abs(reach - 1.0) < _NEAR
         if last or abs(reach - 1.0) < _WORTH_A_PROOF:
             proof = relaxation, displacement, beta, knots, multipliers, time
-            longest = _longest(*proof)
+            longest = _longest(*proof, ends)
             if best is None or longest > best[0]:
                 # A longer time makes the same multipliers less steep.
                 best = longest, beta, knots, multipliers * (longest / time)
@@ -184,6 +197,7 @@ def _longest(  # noqa: PLR0917 - same
     knots: FloatArray,
     multipliers: FloatArray,
     time: float,
+    ends: FloatArray,
 ) -> float:
     """Greatest time that the multipliers prove impossible, to 1e-6 [s].
 
@@ -192,7 +206,8 @@ def _longest(  # noqa: PLR0917 - same
 
     def over(candidate: float) -> float:
         scaled = multipliers * (candidate / time)
-        return surplus(relaxation, displacement, candidate, beta, knots, scaled)
+        proof = relaxation, displacement, candidate, beta, knots, scaled
+        return surplus(*proof, ends=ends)
 
     low = high = time
     value_low = value_high = over(time)

@@ -9,11 +9,14 @@ import numpy as np
 
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
 from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
 from showc.fleet.single_drone.symmetry import images, kinds
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.execution.pool import Workers
     from showc.flight import DualWitness
@@ -25,6 +28,8 @@ _STRAIGHT_ERROR = 1.01
 """How much longer a straight flight may take than its first look says, at most."""
 _SOLVED_AT_LEAST = 1
 _SOLVED_AT_MOST = 2
+_ROUNDS = 8
+"""Linear programs of a bound at most."""
 _SCATTER = 0.01
 """Straight flights are solved whose bounds differ by less than this share, one or two:
 which drone is the slowest, bounds cannot tell closer."""
@@ -157,6 +162,71 @@ def limiting_time(
         float(np.linalg.norm(displacement[slowest])),
         best,
         len(chosen),
+        len(witnesses),
+        flights,
+    )
+
+
+def limiting_in_motion(
+    aircraft: Aircraft,
+    ends: Sequence[tuple[FloatArray, FloatArray]],
+    workers: Workers,
+    progress: Progress,
+    *,
+    name: str = "",
+    solve: bool = True,
+) -> Limiting:
+    """Do the same where drones do not hover at both ends.
+
+    Bounds are proved for the moves that an estimate calls the longest. A slower drone
+    that was left out shows when it finds no flight in the common time.
+
+    Parameters
+    ----------
+    ends
+        Start and goal of each drone: a place (3,) to hover at, or a state (13,).
+    """
+    both = np.array([[aircraft.end(end) for end in pair] for pair in ends])
+    way = both[:, 1, :3] - both[:, 0, :3]
+    estimate = minimum_time_estimate(aircraft, both[:, 0], both[:, 1])[1]
+    candidates = np.argsort(-estimate, kind="stable")[:_CANDIDATES]
+    relaxation = Relaxation(
+        aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
+    )
+    progress.stage(f"{name}: lower bounds", candidates.size)
+    witnesses: list[DualWitness] = workers.run(
+        lower_bound,
+        [
+            (relaxation, row, way[row], float(estimate[row]), _ROUNDS, both[row])
+            for row in candidates.tolist()
+        ],
+        progress.advance,
+    )
+    proved = np.array([witness.time for witness in witnesses])
+    order = np.argsort(-proved, kind="stable")
+    best = witnesses[int(order[0])]
+    slowest, time = int(candidates[order[0]]), best.time
+    flights: dict[int, Result] = {}
+    if solve:
+        chosen = candidates[order[:_SOLVED_AT_MOST]].tolist()
+        progress.stage(f"{name}: minimum times", len(chosen))
+        results: list[Result] = workers.run(
+            minimum_time, [(aircraft, *ends[row]) for row in chosen], progress.advance
+        )
+        flights = {
+            row: result
+            for row, result in zip(chosen, results, strict=True)
+            if result.solved
+        }
+        if flights:
+            slowest = max(flights, key=lambda row: (flights[row].duration, -row))
+            time = max(time, flights[slowest].duration)
+    return Limiting(
+        time,
+        slowest,
+        float(np.linalg.norm(way[slowest])),
+        best,
+        _SOLVED_AT_MOST if solve else 0,
         len(witnesses),
         flights,
     )

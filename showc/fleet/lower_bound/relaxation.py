@@ -1,7 +1,7 @@
 """The relaxed drone of the lower bound: what it may do at every instant.
 
 Velocity in its box, thrust acceleration in the set U(t) that thrust, tilt, body rates
-and angular accelerations allow at time t after one hover and T - t before the next: a
+and angular accelerations allow at time t after one end and T - t before the other: a
 superset of what the aircraft can do.
 """
 
@@ -16,6 +16,13 @@ import numpy as np
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.vehicle import Limits, Quadrotor
+
+
+Span = tuple["FloatArray", "FloatArray"]
+"""Least and greatest value, of one shape."""
+
+HOVERS: FloatArray = np.zeros((2, 12))
+"""States at the ends of a move from hover to hover; places do not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +58,34 @@ class Relaxation:
             return torque[0], torque[1]
         return torque[0] + gyroscopic[0], torque[1] + gyroscopic[1]
 
-    def caps(self, since_hover: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Greatest |roll| and |pitch| [rad] at a time ``since_hover`` [s]."""
+    def caps(
+        self, after: FloatArray, before: FloatArray, ends: FloatArray
+    ) -> tuple[Span, Span]:
+        """Least and greatest roll and pitch [rad] so long after and before the ends.
+
+        They hold 0, and widen with both times.
+
+        Parameters
+        ----------
+        after, before
+            Times since the start and until the goal, shape (...) [s].
+        ends
+            States at the start and at the goal, shape (2, 12 or more).
+        """
         rate, alpha = self.limits.body_rate, self.angular_acceleration
-        roll, pitch = (
-            np.minimum(
-                self.limits.tilt,
-                np.minimum(
-                    rate[axis] * since_hover, 0.5 * alpha[axis] * since_hover**2
-                ),
-            )
-            for axis in (0, 1)
-        )
-        return roll, pitch
+        found: list[Span] = []
+        for axis in (0, 1):
+            low = np.full(np.shape(after), -self.limits.tilt)
+            high = -low
+            for since, end, sign in ((after, ends[0], 1.0), (before, ends[1], -1.0)):
+                swing = np.minimum(rate[axis] * since, 0.5 * alpha[axis] * since**2)
+                angle, speed = end[6 + axis], sign * end[9 + axis]
+                high = np.minimum(
+                    high, max(angle, 0.0) + max(speed, 0.0) * since + swing
+                )
+                low = np.maximum(low, min(angle, 0.0) + min(speed, 0.0) * since - swing)
+            found.append((low, high))
+        return found[0], found[1]
 
     def turned(self, vectors: FloatArray) -> FloatArray:
         """Vectors (..., 3) of the show frame in the frame of the heading."""
@@ -74,7 +96,7 @@ class Relaxation:
         return np.asarray(vectors @ rotation)
 
     def thrust_supports(
-        self, multiplier: FloatArray, roll: FloatArray, pitch: FloatArray
+        self, multiplier: FloatArray, roll: Span, pitch: Span
     ) -> list[FloatArray]:
         """Greatest ``multiplier . u`` over each of the sets that U lies in, (...).
 
@@ -87,27 +109,29 @@ class Relaxation:
         multiplier
             Shape (..., 3), show frame.
         roll, pitch
-            Greatest |roll| and |pitch|, shape (...) [rad], below 90 degrees.
+            Least and greatest roll and pitch, shape (...) [rad], below 90 degrees.
         """
+        most_roll, most_pitch = _greatest(roll), _greatest(pitch)
         turned = self.turned(multiplier)
         lx, ly, lz = turned[..., 0], turned[..., 1], turned[..., 2]
         if self.yaw == "free":
             across = np.hypot(lx, ly)
-            cone = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
-            most = _arc(lz, across, cone)
+            cone = np.arccos(np.clip(np.cos(most_roll) * np.cos(most_pitch), -1.0, 1.0))
+            most = _arc(lz, across, (0.0 * cone, cone))
         else:
-            most = _arc(_arc(lz, np.abs(lx), pitch), np.abs(ly), roll)
+            # The thrust leans left by a negative roll.
+            most = _arc(_arc(lz, lx, pitch), -ly, roll)
         least_thrust, most_thrust = self.specific_thrust
         found = [np.asarray(np.maximum(most_thrust * most, least_thrust * most))]
         if not self.limits.limits_acceleration:
             return found
-        low, high = self.vertical(roll, pitch)
+        low, high = self.vertical(most_roll, most_pitch)
         radius = min(self.limits.acceleration or most_thrust, most_thrust)
         if self.yaw == "free":
             turned = np.stack([across, np.zeros_like(lz), lz], axis=-1)
             slopes = np.tan(cone), np.zeros_like(lz)
         else:
-            slopes = np.tan(pitch), np.tan(roll) / np.cos(pitch)
+            slopes = np.tan(most_pitch), np.tan(most_roll) / np.cos(most_pitch)
         found.append(_cut_cone(turned, slopes, radius, (low, high)))
         return found
 
@@ -142,8 +166,8 @@ class Relaxation:
 
     def vertices(
         self,
-        roll: FloatArray,
-        pitch: FloatArray,
+        roll: Span,
+        pitch: Span,
         steps: int = 3,
         displacement: FloatArray | None = None,
     ) -> FloatArray:
@@ -152,7 +176,7 @@ class Relaxation:
         Parameters
         ----------
         roll, pitch
-            Greatest |roll| and |pitch|, shape (k,) [rad].
+            Least and greatest roll and pitch, shape (k,) [rad].
         steps
             Angles of each kind that points are taken at without an envelope.
         displacement
@@ -161,10 +185,11 @@ class Relaxation:
         if self.limits.limits_acceleration:
             way = self.turned(np.zeros(3) if displacement is None else displacement)
             toward = math.atan2(way[1], way[0])
-            return self._envelope_vertices(roll, pitch, toward)
+            return self._envelope_vertices(_greatest(roll), _greatest(pitch), toward)
         least_thrust, most_thrust = self.specific_thrust
         if self.yaw == "free":
-            cone = np.arccos(np.cos(roll) * np.cos(pitch))[:, None]
+            cone = np.cos(_greatest(roll)) * np.cos(_greatest(pitch))
+            cone = np.arccos(cone)[:, None]
             turn = 2.0 * np.pi * np.arange(12) / 12
             up = np.array([0.0, 0.0, 1.0])
             rim = np.stack(
@@ -179,8 +204,8 @@ class Relaxation:
             directions = np.concatenate([rim, top], axis=1)
         else:
             grid = np.linspace(-1.0, 1.0, steps)
-            phi = roll[:, None] * np.tile(grid, steps)
-            theta = pitch[:, None] * np.repeat(grid, steps)
+            phi = _spread(roll, np.tile(grid, steps))
+            theta = _spread(pitch, np.repeat(grid, steps))
             directions = np.stack(
                 [
                     np.cos(phi) * np.sin(theta),
@@ -319,13 +344,21 @@ def _cut_cone(
     return np.asarray(best)
 
 
-def _arc(ahead: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
-    """Greatest ``ahead cos(x) + across sin(x)`` over 0 <= x <= cap, across >= 0."""
-    inside = np.arctan2(across, ahead) <= cap
-    return np.asarray(
-        np.where(
-            inside,
-            np.hypot(ahead, across),
-            ahead * np.cos(cap) + across * np.sin(cap),
-        )
-    )
+def _arc(ahead: FloatArray, across: FloatArray, span: Span) -> FloatArray:
+    """Greatest ``ahead cos(x) + across sin(x)`` over a span of x within half a turn."""
+    best = np.arctan2(across, ahead)
+    low, high = (ahead * np.cos(x) + across * np.sin(x) for x in span)
+    inside = (span[0] <= best) & (best <= span[1])
+    ends = np.maximum(low, high)
+    return np.asarray(np.where(inside, np.hypot(ahead, across), ends))
+
+
+def _greatest(span: Span) -> FloatArray:
+    """Greatest size within a span."""
+    return np.asarray(np.maximum(-span[0], span[1]))
+
+
+def _spread(span: Span, shares: FloatArray) -> FloatArray:
+    """Values at shares (m,) from -1, the least, by 0 to 1, the greatest, (k, m)."""
+    low, high = span
+    return np.where(shares < 0.0, -low[:, None], high[:, None]) * shares

@@ -7,8 +7,8 @@ the knots between them:
     sigma d = sum of v_j dt_j,
     v_k - v_{k-1} = weight_k (sum of w_ik u_ik - g e_z),  sum of w_ik = 1,
 
-with the trapezoid rule's weights and no velocity before and after. The multipliers of
-the first equations are beta, those of the second lambda.
+with the trapezoid rule's weights and the velocities of the ends before and after. The
+multipliers of the first equations are beta, those of the second lambda.
 """
 
 from __future__ import annotations
@@ -32,10 +32,15 @@ class RelaxedMove:
     ----------
     displacement
         The move, shape (3,) [m].
+    ends
+        States at its start and goal, shape (2, 12 or more).
     """
 
-    def __init__(self, relaxation: Relaxation, displacement: FloatArray) -> None:
+    def __init__(
+        self, relaxation: Relaxation, displacement: FloatArray, ends: FloatArray
+    ) -> None:
         self._relaxation, self._displacement = relaxation, displacement
+        self._ends = ends
         self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
         for option, value in (
             ("output_flag", False),
@@ -84,7 +89,7 @@ class RelaxedMove:
         widths = np.diff(knots) * time
         intervals, nodes = widths.size, knots.size
         instants = knots * time
-        roll, pitch = relaxation.caps(np.minimum(instants, time - instants))
+        roll, pitch = relaxation.caps(instants, time - instants, self._ends)
         corners = relaxation.vertices(roll, pitch, displacement=self._displacement)
         size = corners.shape[1]
         weight = np.zeros(nodes)
@@ -130,6 +135,8 @@ class RelaxedMove:
             velocity = np.column_stack([velocity, level[axis]])
         right = np.zeros(lp.num_row_)
         right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
+        right[3:6] += self._ends[0, 3:6]
+        right[3 * nodes : 3 + 3 * nodes] -= self._ends[1, 3:6]
         right[3 + 3 * nodes : 3 + 4 * nodes] = 1.0
         left = right.copy()
         right[3 + 4 * nodes :] = limits.level_speed

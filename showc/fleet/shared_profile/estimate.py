@@ -16,14 +16,14 @@ def minimum_time_estimate(
 ) -> tuple[FloatArray, FloatArray]:
     """Two estimates of the minimum time: a low one and a high one.
 
-    Both take each axis on its own as a rest-to-rest move with bounded speed and
-    acceleration. The low one lets full thrust lean at the greatest tilt, the high one
-    flies level; neither is a proof.
+    Both take each axis on its own as a move with bounded speed and acceleration. The
+    low one lets full thrust lean at the greatest tilt, the high one flies level;
+    neither is a proof.
 
     Parameters
     ----------
     start, goal
-        Positions, shape (n, 3) [m].
+        Positions, shape (n, 3) [m], or states, whose velocities count too.
 
     Returns
     -------
@@ -31,9 +31,12 @@ def minimum_time_estimate(
         Each of shape (n,) [s].
     """
     limits, vehicle = aircraft.limits, aircraft.vehicle
-    way = goal - start
+    way = (goal - start)[:, :3]
+    leaving, arriving = (
+        end[:, 3:6] if end.shape[1] > way.shape[1] else np.zeros_like(way)
+        for end in (start, goal)
+    )
     distance = np.abs(way)
-    speed = np.where(way < 0.0, -np.array(limits.velocity_min), limits.velocity_max)
     greatest = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
     climb = max(greatest - vehicle.gravity, 1e-3)
     drop = max(vehicle.gravity - limits.thrust_min / vehicle.mass, 1e-3)
@@ -50,11 +53,18 @@ def minimum_time_estimate(
         # The acceleration sets in and ends as jerk allows.
         turns = acceleration / (limits.jerk or np.inf)
         turns = np.maximum(turns, [turning, turning, 0.0]) * (distance > 0.0)
-        move = np.where(
-            distance * acceleration > speed**2,
-            distance / speed + speed / acceleration,
-            2.0 * np.sqrt(distance / acceleration),
-        )
+        # Which way to push first: what a change of speed alone would cover decides.
+        change = np.abs(arriving - leaving) / acceleration
+        ahead = way >= 0.5 * (leaving + arriving) * change
+        sign = np.where(ahead, 1.0, -1.0)
+        bound = np.where(ahead, limits.velocity_max, -np.array(limits.velocity_min))
+        far, first, last = sign * way, sign * leaving, sign * arriving
+        squares = 0.5 * (first**2 + last**2)
+        peak = np.sqrt(np.maximum(acceleration * far + squares, 0.0))
+        speed = np.maximum(np.minimum(peak, bound), np.maximum(first, last))
+        cruise = np.maximum(far - (speed**2 - squares) / acceleration, 0.0)
+        cruise /= np.maximum(speed, 1e-9)
+        move = (2.0 * speed - first - last) / acceleration + cruise
         return np.asarray((move + turns).max(axis=1))
 
     return slowest(leaning), slowest(min(level, leaning))

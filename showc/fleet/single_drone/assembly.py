@@ -59,13 +59,13 @@ def trajectory_of(
     """Assemble the trajectory of one drone.
 
     Torques U2, U3, U4 are exact polynomials of degree 4: inertia times the angular
-    acceleration less the gyroscopic terms. The ends are set to the hovers exactly;
-    what this changes is below the solver's tolerance.
+    acceleration less the gyroscopic terms. The ends are set to what is asked for
+    exactly; what this changes is below the solver's tolerance.
 
     Parameters
     ----------
     start, goal
-        Positions of the hovers, shape (3,) [m].
+        Places to hover at, shape (3,) [m], or states and thrusts (13,).
     duration
         Time of the last break [s]; equals the sum of the widths up to rounding.
     origin
@@ -99,8 +99,8 @@ def trajectory_of(
     state = np.stack([_raised(breaks, get(name), degree) for name in _STATES], axis=2)
     if origin is not None:
         state[..., :3] += origin
-    hover = aircraft.vehicle.hover_state(np.stack([start, goal]), aircraft.heading)
-    state[0, 0], state[-1, -1] = hover
+    ends = np.stack([aircraft.end(end) for end in (start, goal)])
+    state[0, 0], state[-1, -1] = ends[:, :-1]
 
     def values(name: str) -> FloatArray:
         coefficients = get(name)
@@ -117,7 +117,7 @@ def trajectory_of(
     degree = max(one.shape[1] for one in given) - 1
     control = np.stack([_raised(breaks, one, degree) for one in given], axis=2)
     if aircraft.limits.jerk:
-        control[0, 0, 0] = control[-1, -1, 0] = aircraft.vehicle.hover_thrust
+        control[0, 0, 0], control[-1, -1, 0] = ends[:, -1]
     trajectory = Trajectory(
         PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
     )

@@ -76,12 +76,12 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     earlier: Trajectory | None = None,
     shortest: Trajectory | None = None,
 ) -> Trajectory | None:
-    """Fly from hover to hover, near a reference, on the right side of walls.
+    """Fly from end to end, near a reference, on the right side of walls.
 
     Parameters
     ----------
     start, goal
-        Shape (3,) [m].
+        Places to hover at, shape (3,) [m], or states and thrusts (13,).
     reference
         Share of the way by time (one component), or positions (three) [m]; its end
         is the duration.
@@ -126,10 +126,10 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     nodes = np.array(program.stage.cost_nodes)
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals = np.zeros((*times.shape, len(SIGNALS) + len(WALL_SIGNALS)))
-    signals[..., :3] = followed(reference, start, goal, times)
+    signals[..., :3] = followed(reference, start[:3], goal[:3], times)
     laid = _laid(walls, times.ravel(), present, clearance)
     signals[..., 3:] = laid.reshape(*times.shape, -1)
-    length = max(float(np.linalg.norm(goal - start)), 1.0)
+    length = max(float(np.linalg.norm(goal[:3] - start[:3])), 1.0)
     weights = {
         "effort": EFFORT,
         "nearness": NEARNESS / length**2,
@@ -225,7 +225,7 @@ def _built(aircraft: Aircraft, intervals: int) -> CondensedTranscription:
 
 
 def _problem(aircraft: Aircraft) -> Problem:
-    """State the problem; its parameters are the hovers, weights and signals."""
+    """State the problem; its parameters are the ends, weights and signals."""
     import casadi  # noqa: PLC0415 - as above
 
     from showc.ocp.problem import Problem  # noqa: PLC0415 - as above

@@ -29,7 +29,7 @@ from showc.fleet.single_drone.judgement import (
     judge,
     refusal,
 )
-from showc.fleet.single_drone.model import HALF_SPACES
+from showc.fleet.single_drone.model import HALF_SPACES, in_motion
 from showc.fleet.single_drone.programs import SLOTS, Programs
 from showc.fleet.single_drone.shortest import minimum_time
 from showc.flight import Trajectory
@@ -82,12 +82,12 @@ def follow(
     start_from: Trajectory | None = None,
     shortest: Trajectory | None = None,
 ) -> Result:
-    """Fly from hover to hover in a given time, as near as can be to a reference.
+    """Fly from end to end in a given time, as near as can be to a reference.
 
     Parameters
     ----------
     start, goal
-        Positions, shape (3,) [m].
+        Places to hover at, shape (3,) [m], or states and thrusts (13,).
     duration
         Time of the flight [s].
     reference
@@ -104,13 +104,14 @@ def follow(
     shortest
         The flight in least time between the same hovers, if it is known.
     """
-    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    start, goal = aircraft.end(start), aircraft.end(goal)
     programs = Programs(aircraft, start, goal)
     if reason := refusal(aircraft, start, goal, half_spaces, duration):
         return Verdict("limit", reason).result(programs, duration)
-    still = float(np.linalg.norm(goal - start)) < STILL
+    still = not (in_motion(start) or in_motion(goal))
+    still = still and float(np.linalg.norm((goal - start)[:3])) < STILL
     if still and not half_spaces and (reference is None or reference.components == 1):
-        flight = _pause(aircraft, start, goal, duration)
+        flight = _pause(aircraft, start[:3], goal[:3], duration)
         return Verdict("solved").result(programs, duration, flight)
     if (earlier := start_from or shortest) is not None:
         programs.meshes += earlier.meshes
@@ -269,11 +270,12 @@ def _solve(task: _Task, programs: Programs, rung: _Rung) -> Solution:
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals, nearness = np.zeros((*times.shape, 3)), 0.0
     if task.reference is not None:
-        length = max(float(np.linalg.norm(task.goal - task.start)), 1.0)
+        start, way = task.start[:3], (task.goal - task.start)[:3]
+        length = max(float(np.linalg.norm(way)), 1.0)
         nearness = NEARNESS / length**2
         signals = task.reference(times)
         if task.reference.components == 1:
-            signals = task.start + signals * (task.goal - task.start)
+            signals = start + signals * way
     return programs.solve(
         program,
         widths,

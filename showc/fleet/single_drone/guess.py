@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.single_drone.model import POSITION, input_names, state_names
+from showc.fleet.single_drone.model import POSITION, in_motion, input_names, state_names
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.flatness import attitude_and_thrust
+from showc.vehicle.motion import thrust_direction
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -69,9 +70,10 @@ def along(
     """Position [m], velocity and acceleration of the reference at ``times`` [s].
 
     Each of shape (times, 3). The reference is a shared profile (one component), a
-    path (three), or ``None``: a smooth straight flight.
+    path (three), or ``None``: a smooth straight flight, with a swing from the motion
+    that it leaves and into the one that it joins.
     """
-    displacement = goal - start
+    displacement = (goal - start)[:3]
     duration = float(times[-1])
     if reference is None:
         ramp = ramp_for(aircraft, displacement, duration)
@@ -83,11 +85,37 @@ def along(
         if reference.components == 3:
             return values
         values = tuple(value[:, 0] for value in values)  # type: ignore[assignment]
-    return (
-        start + np.outer(values[0], displacement),
-        np.outer(values[1], displacement),
-        np.outer(values[2], displacement),
-    )
+    found = np.stack([np.outer(value, displacement) for value in values])
+    found[0] += start[:3]
+    # At the goal time runs backwards, and velocities with it.
+    found += _swing(aircraft, start, times)
+    found += _swing(aircraft, goal, times - duration)
+    return found[0], found[1], found[2]
+
+
+_SWING = 2.0
+"""Time in which a guess gains the velocity of a motion [s]: about that of speeding up.
+"""
+
+
+def _swing(aircraft: Aircraft, end: FloatArray, since: FloatArray) -> FloatArray:
+    """Offset from a straight flight near an end (13,), and its derivatives, (3, n, 3).
+
+    It has the end's velocity and acceleration there, and none a while away. Times
+    ``since`` the end are negative where it is a goal [s].
+    """
+    if not in_motion(end):
+        return np.zeros((3, since.size, 3))
+    vehicle, time = aircraft.vehicle, min(_SWING, float(np.abs(since).max()))
+    direction = np.array(thrust_direction(*end[6:9]))
+    pull = end[-1] / vehicle.mass * direction - [0.0, 0.0, vehicle.gravity]
+    sign = 1.0 if since[0] == 0.0 else -1.0
+    way = np.zeros((1, 6, 3))
+    way[0, 1] = sign * end[3:6] * time / 5.0
+    way[0, 2] = 2.0 * way[0, 1] + pull * time**2 / 20.0
+    offset = PiecewisePolynomial(np.array([0.0, time]), way)
+    speed, at = offset.derivative(), np.minimum(np.abs(since), time)
+    return np.stack([offset(at), sign * speed(at), speed.derivative()(at)])
 
 
 def flat_guess(
@@ -99,6 +127,8 @@ def flat_guess(
 ) -> Guess:
     """States and inputs of flying along the reference, cut off inside the limits."""
     times = np.concatenate([[0.0], np.cumsum(widths)])
+    start, goal = aircraft.end(start), aircraft.end(goal)
+    ends = np.stack([start, goal])
     position, velocity, acceleration = along(aircraft, start, goal, times, reference)
     roll, pitch, thrust = attitude_and_thrust(
         aircraft.vehicle, acceleration, aircraft.heading
@@ -106,21 +136,22 @@ def flat_guess(
     limits = aircraft.limits
     tilt = INSIDE * limits.tilt
     angles = np.clip(np.stack([roll, pitch], axis=1), -tilt, tilt)
-    angles[[0, -1]] = 0.0
+    angles[[0, -1]] = ends[:, 6:8]
     rates = np.gradient(angles, times, axis=0)
     bound = INSIDE * np.array(limits.body_rate[:2])
     rates = np.clip(rates, -bound, bound)
-    rates[[0, -1]] = 0.0
+    rates[[0, -1]] = ends[:, 9:11]
     velocity = np.clip(
         velocity,
         INSIDE * np.array(limits.velocity_min),
         INSIDE * np.array(limits.velocity_max),
     )
-    velocity[[0, -1]] = 0.0
-    position[0], position[-1] = start, goal
+    velocity[[0, -1]] = ends[:, 3:6]
+    position[[0, -1]] = ends[:, :3]
     span = limits.thrust_max - limits.thrust_min
     room = 0.5 * (1.0 - INSIDE) * span
     thrust = np.clip(thrust, limits.thrust_min + room, limits.thrust_max - room)
+    thrust[[0, -1]] = np.where(ends[:, -1] > 0.0, ends[:, -1], thrust[[0, -1]])
     states = [position, velocity, angles]
     if aircraft.yaw == "free":
         states.append(np.full((times.size, 1), aircraft.heading))
@@ -171,7 +202,6 @@ def _guess(
 
     inputs = [np.stack([thrust[:-1], thrust[1:]], axis=1)]
     if aircraft.limits.jerk:
-        thrust[[0, -1]] = aircraft.vehicle.hover_thrust
         states = np.column_stack([states, thrust])
         inputs = [(np.diff(thrust) / np.diff(borders))[:, None]]
     curves: dict[str, Curve] = {

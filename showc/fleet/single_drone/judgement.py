@@ -46,8 +46,9 @@ def refusal(
         return conflict
     lower = np.array(aircraft.limits.position_min)
     upper = np.array(aircraft.limits.position_max)
-    for name, place in (("start", start), ("goal", goal)):
-        if not np.all(np.isfinite(place)):
+    for name, end in (("start", start), ("goal", goal)):
+        place = end[:3]
+        if not np.all(np.isfinite(end)):
             return f"the {name} {place.tolist()} is no position"
         outside = np.maximum(lower - place, place - upper)
         axis = int(np.argmax(outside))
@@ -61,7 +62,7 @@ def refusal(
             [("goal", goal)] if space.end >= duration else []
         )
         for name, place in ends:
-            short = space.offset - float(np.dot(space.normal, place))
+            short = space.offset - float(np.dot(space.normal, place[:3]))
             if short > 1e-6:
                 return f"the {name} lies {short:.6f} m outside a half-space"
     return ""

@@ -19,6 +19,7 @@ from showc.vehicle import Limits, Quadrotor, Vector
 from showc.vehicle.jerk import jerk_square, lean_factor
 
 if TYPE_CHECKING:
+    from showc.arrays import FloatArray
     from showc.ocp.problem import Phase, Problem
 
 
@@ -26,6 +27,7 @@ Yaw = Literal["held", "free"]
 Bounds = dict[tuple[str, str], tuple[float, float]]
 
 POSITION = ("x", "y", "z")
+ENDS = ("start", "goal")
 TORQUES = ("torque_x", "torque_y", "torque_z")
 SIGNALS = ("reference_x", "reference_y", "reference_z")
 HALF_SPACES = "half_spaces"
@@ -132,6 +134,26 @@ class Aircraft:
         """Whether vertical acceleration is limited, upward or downward."""
         return bool(self.limits.acceleration_up or self.limits.acceleration_down)
 
+    def end(self, place: FloatArray) -> FloatArray:
+        """State and thrust (13,) of an end of a flight.
+
+        Parameters
+        ----------
+        place
+            A place (3,) [m] to hover at, or a state and thrust (13,) as they are.
+
+        Returns
+        -------
+        ndarray, shape (13,)
+            The 12 states and the thrust [N], 0 where it may be any: where jerk is
+            limited, a hover has its own.
+        """
+        hover = self.vehicle.hover_thrust if self.limits.jerk else 0.0
+        state, thrust = place[:-1], place[-1]
+        if place.size == len(POSITION):
+            state, thrust = self.vehicle.hover_state(place, self.heading), 0.0
+        return np.append(state, thrust or hover)
+
     def conflict(self) -> str:
         """Say why these limits allow no hover at all; empty when they do."""
         hover = self.vehicle.hover_thrust
@@ -147,6 +169,15 @@ class Aircraft:
                 f"{self.vehicle.thrust_max:.3g} N"
             )
         return ""
+
+
+_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
+"""States that are zero at a hover: all but position and yaw."""
+
+
+def in_motion(end: FloatArray) -> bool:
+    """Whether an end of a flight, a place (3,) or a state (13,), is no hover."""
+    return end.size > len(POSITION) and bool(end[_AT_REST].any())
 
 
 def _axes(aircraft: Aircraft) -> tuple[tuple[str, str, str, int], ...]:
@@ -230,8 +261,9 @@ def add_drone(
 ) -> None:
     """Add states, inputs, dynamics and limits of one drone to a phase.
 
-    Its start and goal are the parameters ``start_x`` ... ``goal_z``. ``tag`` is added
-    to every name, for several drones in one problem.
+    The states at its start and goal are the parameters ``start_x`` ... ``goal_q``,
+    hovers unless they are given. ``tag`` is added to every name, for several drones in
+    one problem.
     """
     import casadi  # noqa: PLC0415 - checking a script must not load it
 
@@ -240,28 +272,23 @@ def add_drone(
     vehicle, axes = aircraft.vehicle, _axes(aircraft)
     bounds = limit_bounds(aircraft, tag)
 
-    def state(name: str, scale: float, start: object, end: object) -> Any:  # noqa: ANN401
+    def state(name: str, scale: float, hover: float = 0.0) -> Any:  # noqa: ANN401
+        start, end = (
+            problem.parameter(f"{which}_{name}{tag}", hover) for which in ENDS
+        )
         lower, upper = bounds["bounds", name + tag]
         return phase.state(name + tag, lower, upper, start=start, end=end, scale=scale)
 
-    position = [
-        state(
-            axis,
-            LENGTH_SCALE,
-            problem.parameter(f"start_{axis}{tag}"),
-            problem.parameter(f"goal_{axis}{tag}"),
-        )
-        for axis in POSITION
-    ]
-    velocity = [state(f"v{axis}", SPEED_SCALE, 0.0, 0.0) for axis in POSITION]
+    position = [state(axis, LENGTH_SCALE) for axis in POSITION]
+    velocity = [state(f"v{axis}", SPEED_SCALE) for axis in POSITION]
     angles = {}
     for name, _, _, axis in axes:
         level = aircraft.heading if axis == 2 else 0.0
-        angles[name] = state(name, ANGLE_SCALE, level, level)
-    rates = [state(rate, RATE_SCALE, 0.0, 0.0) for _, rate, _, _ in axes]
+        angles[name] = state(name, ANGLE_SCALE, level)
+    rates = [state(rate, RATE_SCALE) for _, rate, _, _ in axes]
     hover = vehicle.hover_thrust
     if aircraft.limits.jerk:
-        thrust = state("thrust", hover, hover, hover)
+        thrust = state("thrust", hover, hover)
         scale = vehicle.mass * JERK_SCALE
         lean = lean_factor(aircraft.limits.tilt, aircraft.yaw)
         change = phase.control(f"thrust_rate{tag}", degree=0, scale=scale)

@@ -7,12 +7,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from showc.fleet.single_drone.model import (
-    POSITION,
+    ENDS,
     SIGNALS,
+    input_names,
     limit_bounds,
     single_problem,
+    state_names,
 )
 from showc.flight import MeshTaken
+from showc.vehicle import STATE_NAMES
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -68,15 +71,26 @@ def _built(
 
 
 class Programs:
-    """Solves programs of one aircraft between two hovers, and counts."""
+    """Solves programs of one aircraft between two ends, and counts.
+
+    Each end is a place (3,) [m] to hover at, or a state and thrust (13,).
+    """
 
     def __init__(self, aircraft: Aircraft, start: FloatArray, goal: FloatArray) -> None:
         self.aircraft = aircraft
         self.bounds = limit_bounds(aircraft)
+        ends = dict(zip(ENDS, map(aircraft.end, (start, goal)), strict=True))
+        names = *STATE_NAMES, "thrust"
         self.ends = {
-            f"{name}_{axis}": float(place[k])
-            for name, place in (("start", start), ("goal", goal))
-            for k, axis in enumerate(POSITION)
+            f"{which}_{name}": float(end[names.index(name)])
+            for which, end in ends.items()
+            for name in state_names(aircraft)
+        }
+        # A hover may begin and end with any thrust, a formation in motion not.
+        self.thrusts = {
+            (which, "thrust"): float(end[-1])
+            for which, end in ends.items()
+            if end[-1] > 0.0 and "thrust" in input_names(aircraft)
         }
         self.iterations = 0
         self.solves = 0
@@ -120,6 +134,7 @@ class Programs:
             signals=signals,
             half_spaces=half_spaces,
             bounds=self.bounds,
+            control_ends=self.thrusts,
         )
         self.iterations += solution.iterations
         self.solves += 1

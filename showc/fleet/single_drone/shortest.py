@@ -23,7 +23,7 @@ from showc.fleet.single_drone.intervals import (
     interval_count,
 )
 from showc.fleet.single_drone.judgement import STILL, Verdict, judge, refusal
-from showc.fleet.single_drone.model import ROOM
+from showc.fleet.single_drone.model import ROOM, in_motion
 from showc.fleet.single_drone.programs import Programs
 
 if TYPE_CHECKING:
@@ -64,12 +64,12 @@ def minimum_time(
     *,
     tolerance: float = 1e-3,
 ) -> Result:
-    """Fly from hover to hover in the least time.
+    """Fly from end to end in the least time.
 
     Parameters
     ----------
     start, goal
-        Positions, shape (3,) [m].
+        Places to hover at, shape (3,) [m], or states and thrusts (13,).
     tolerance
         Relative error of the time that is good enough; decides how fine the mesh
         becomes.
@@ -80,22 +80,24 @@ def minimum_time(
         Its duration is the least time, not rounded. A move of no length takes no
         time and has no trajectory.
     """
-    start, goal = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+    start, goal = aircraft.end(start), aircraft.end(goal)
     # From the origin: drones that make the same move make it in the same way.
-    way = goal - start
-    programs = Programs(_moved(aircraft, -start), np.zeros(3), way)
+    here, there = start.copy(), goal.copy()
+    here[:3], there[:3] = 0.0, goal[:3] - start[:3]
+    programs = Programs(_moved(aircraft, -start[:3]), here, there)
     if reason := refusal(aircraft, start, goal):
         return Verdict("limit", reason).result(programs, 0.0)
-    if np.linalg.norm(way) < STILL:
+    still = not (in_motion(start) or in_motion(goal))
+    if still and np.linalg.norm(there[:3]) < STILL:
         return Verdict("solved").result(programs, 0.0)
     verdict = Verdict("infeasible")
-    for attempt in _attempts(programs, way, tolerance):
+    for attempt in _attempts(programs, here, there, tolerance):
         if not attempt.result.usable:
             verdict = Verdict("infeasible", attempt.message)
             continue
         duration = attempt.duration
         trajectory = trajectory_of(
-            aircraft, attempt, start, goal, duration, origin=start
+            aircraft, attempt, start, goal, duration, origin=start[:3]
         )
         verdict = judge(aircraft, trajectory)
         programs.found(verdict.found)
@@ -116,7 +118,7 @@ def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:
 
 
 def _attempts(
-    programs: Programs, way: FloatArray, tolerance: float
+    programs: Programs, here: FloatArray, way: FloatArray, tolerance: float
 ) -> Iterator[Solution]:
     """Flights in the least time, the quickest way of finding one first.
 
@@ -124,7 +126,6 @@ def _attempts(
     every move; with yaw free they mostly do not. Graded meshes do either way, and as
     closely as wanted; more points make the flight more accurate.
     """
-    here = np.zeros(3)
     aircraft = programs.aircraft
     estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
     limited = aircraft.limits.limits_acceleration

@@ -14,6 +14,7 @@ import numpy as np
 from showc.fleet.deconfliction.walls import NODES
 from showc.fleet.single_drone.avoiding import avoid
 from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
+from showc.fleet.single_drone.model import in_motion
 from showc.fleet.single_drone.single import follow, hover, minimum_time
 from showc.fleet.single_drone.spline import follow_spline
 from showc.flight import Trajectory
@@ -84,25 +85,62 @@ def _nearly(least: float, duration: float) -> bool:
 
 
 def _lingering(
-    aircraft: Aircraft, flight: Trajectory, goal: FloatArray, duration: float
+    aircraft: Aircraft,
+    flight: Trajectory,
+    place: FloatArray,
+    duration: float,
+    *,
+    early: bool = False,
 ) -> Trajectory:
-    """Return a flight followed by a hover over what is left of the duration [s]."""
-    if duration == flight.state.end:
+    """Return a flight and a hover over what is left of the duration [s], or before."""
+    left = duration - flight.state.end
+    if left == 0.0:
         return flight
     breaks = np.append(flight.state.breaks, duration)
-    still = hover(aircraft, goal, duration)
+    if early:
+        breaks = np.append(0.0, flight.state.breaks + left)
+        breaks[-1] = duration
+    still = hover(aircraft, place, duration)
 
     def longer(part: PiecewisePolynomial, rest: PiecewisePolynomial) -> FloatArray:
-        last = np.broadcast_to(
+        more = np.broadcast_to(
             rest.coefficients[:, :1], (1, *part.coefficients[0].shape)
         )
-        return np.concatenate([part.coefficients, last])
+        parts = [more, part.coefficients] if early else [part.coefficients, more]
+        return np.concatenate(parts)
 
     return Trajectory(
         PiecewisePolynomial(breaks, longer(flight.state, still.state)),
         PiecewisePolynomial(breaks, longer(flight.control, still.control)),
         flight.meshes,
     )
+
+
+def stay_calm(
+    aircraft: Aircraft,
+    start: FloatArray,
+    goal: FloatArray,
+    duration: float,
+    shortest: Trajectory | None = None,
+) -> Outcome:
+    """Fly one drone with the least effort between ends of which some are in motion.
+
+    Parameters
+    ----------
+    start, goal
+        Places to hover at, shape (3,) [m], or states and thrusts (13,).
+    duration
+        Time of the flight [s].
+    shortest
+        Its flight in least time, if it is known.
+    """
+    if shortest is not None and _nearly(shortest.state.end, duration):
+        for end, early in ((goal, False), (start, True)):
+            if not in_motion(end):
+                flight = _lingering(aircraft, shortest, end[:3], duration, early=early)
+                return OPTIMAL, flight, ""
+    result = follow(aircraft, start, goal, duration, shortest=shortest)
+    return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
 def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
@@ -146,9 +184,13 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     methods = (
         [SPLINE, OPTIMAL] if first_walls and earlier is None else [OPTIMAL, SPLINE]
     )
+    if in_motion(start) or in_motion(goal):
+        # Splines hover at their ends.
+        methods = [OPTIMAL]
     for method in methods:
         if method == SPLINE:
-            found = follow_spline(aircraft, start, goal, reference, intervals, walls)
+            places = start[:3], goal[:3]
+            found = follow_spline(aircraft, *places, reference, intervals, walls)
             flight = None if found is None else found.flight.trajectory(0)
         else:
             flight = avoid(

@@ -1,21 +1,28 @@
 """What segments claim: lower bounds on their times, and their closest encounters.
 
 **Theorem.** Where :func:`refuted` is true, no flight within the segment's limits makes
-the way of the witness's drone, from hover to hover, in the witness's time or less.
+the way of the witness's drone, from its state at the start to that at the end, in the
+witness's time or less.
 
-Proof. Between two hovers, t after the first and T - t before the second, roll is at
-most ``c(s)``, s = min(t, T - t): with a the greatest angular acceleration and w the
-greatest rate, a s² / 2 until a s = w, then w s - w² / (2 a), and never more than the
-tilt limit; pitch alike. Thrust over mass times the body z axis is then a point of the
-set U(t), and the velocity a point of the box V of its limits. For any constant beta and
-any continuous, piecewise linear lambda, integrating x' = v and v' = u - g e_z by parts
-between the hovers gives
+Proof. A time s after a roll f with the rate f', roll is at most ``max(f, 0) + max(f',
+0) s + c(s)``: with a the greatest angular acceleration and w the greatest rate, c(s) is
+a s² / 2 until a s = w, then w s - w² / (2 a). The least roll is alike, and so are
+pitch, and a time s before an end, with the rate turned round; the tilt limit holds
+besides. Thrust over mass times the body z axis is then, at t after the start and T - t
+before the end, a point of the set U(t), and the velocity a point of the box V of its
+limits. For any constant beta and any continuous, piecewise linear lambda, integrating
+x' = v and v' = u - g e_z by parts gives
 
-    beta . d = integral of (beta + lambda') . v + lambda . (u - g e_z)
+    beta . d + lambda(T) . v(T) - lambda(0) . v(0)
+             = integral of (beta + lambda') . v + lambda . (u - g e_z)
             <= integral of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z,
 
 h being the support functions and d the way. Where the left side is the greater, no
-flight takes that time T, nor a shorter one, since a drone may hover.
+flight takes that time T. Nor a shorter one, q T with 0 < q < 1: on the same fractions
+of it, take q lambda. U(q t) lies in U(t), for the caps widen with time, so the left
+side is greater by F(q) = beta . d + q a - q² b or more, a and b being constants and b
+the integral of h_U(lambda) - g lambda_z. As g e_z lies in U, b is not negative, and F
+is concave: it is positive between 0 and 1 as it is at both, beta . d being positive.
 
 Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
 u_z, |u_y| <= q u_z, p and q by the caps, u_x² + u_y² <= r², low <= u_z <= high. At
@@ -110,18 +117,29 @@ class Relaxed:
         low = max(self.least * upright, rest, self.gravity - (down or np.inf))
         return level, low, min(self.most, self.gravity + (up or np.inf))
 
-    def caps(self, since: FloatArray) -> list[FloatArray]:
-        """Greatest |roll| and |pitch| [rad] at times ``since`` [s] after a hover."""
+    def caps(
+        self, after: FloatArray, before: FloatArray, ends: FloatArray
+    ) -> list[FloatArray]:
+        """Least and greatest roll, and pitch, each (2, ...) [rad].
+
+        So long ``after`` and ``before`` [s] the states ``ends`` (2, 12).
+        """
         found = []
         for axis in (0, 1):
             rate, acceleration = self.rate[axis], self.acceleration[axis]
             ramp = rate / acceleration
-            angle = np.where(
-                since < ramp,
-                0.5 * acceleration * since**2,
-                rate * since - 0.5 * rate * ramp,
-            )
-            found.append(np.minimum(angle, self.tilt))
+            caps = np.full((2, *after.shape), self.tilt)
+            for since, end, sign in ((after, ends[0], 1.0), (before, ends[1], -1.0)):
+                swing = np.where(
+                    since < ramp,
+                    0.5 * acceleration * since**2,
+                    rate * since - 0.5 * rate * ramp,
+                )
+                for cap, side in zip(caps, (-1.0, 1.0), strict=True):
+                    angle = max(side * end[6 + axis], 0.0)
+                    speed = max(side * sign * end[9 + axis], 0.0)
+                    cap[:] = np.minimum(cap, angle + speed * since + swing)
+            found.append(caps * np.array([-1.0, 1.0]).reshape(2, *[1] * after.ndim))
         return found
 
     def velocity_support(self, direction: FloatArray) -> FloatArray:
@@ -138,26 +156,26 @@ class Relaxed:
     ) -> list[FloatArray]:
         """Greatest ``direction . u`` over each set that u lies in; (..., 3) to (...).
 
-        |roll| and |pitch| are capped.
+        Roll and pitch lie between their caps (2, ...), below and above 0.
 
         With yaw held, u over its length is (cos phi sin theta, -sin phi, cos phi cos
         theta) in the frame of the heading: the best pitch first, then the best roll.
         With yaw free, u lies within the cone of tilt arccos(cos phi cos theta).
         """
         x, y, up = direction[..., 0], direction[..., 1], direction[..., 2]
+        most_roll, most_pitch = np.abs(roll).max(axis=0), np.abs(pitch).max(axis=0)
         if self.held:
             cosine, sine = np.cos(self.heading), np.sin(self.heading)
             ahead, left = cosine * x + sine * y, cosine * y - sine * x
-            inner = _within(up, np.abs(ahead), pitch)
-            length = _within(inner, np.abs(left), roll)
+            length = _within(_within(up, ahead, pitch), -left, roll)
         else:
-            cone = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
-            length = _within(up, np.hypot(x, y), cone)
+            cone = np.arccos(np.clip(np.cos(most_roll) * np.cos(most_pitch), -1.0, 1.0))
+            length = _within(up, np.hypot(x, y), np.stack([-cone, cone]))
         found = [np.where(length > 0.0, self.most * length, self.least * length)]
         if self.cylinder is not None:
             level, low, high = self.cylinder
             if self.held:
-                slopes = np.tan(pitch), np.tan(roll) / np.cos(pitch)
+                slopes = np.tan(most_pitch), np.tan(most_roll) / np.cos(most_pitch)
             else:
                 ahead, left = np.hypot(x, y), 0.0 * x
                 slopes = np.tan(cone), 0.0 * cone
@@ -210,13 +228,16 @@ def _within_cylinder(
     return np.asarray(best)
 
 
-def _within(along: FloatArray, across: FloatArray, cap: FloatArray) -> FloatArray:
-    """Greatest ``along cos a + across sin a`` for 0 <= a <= cap <= pi."""
-    angle = np.minimum(np.arctan2(across, along), cap)
-    return np.asarray(along * np.cos(angle) + across * np.sin(angle))
+def _within(along: FloatArray, across: FloatArray, caps: FloatArray) -> FloatArray:
+    """Greatest ``along cos a + across sin a`` for a between caps, |a| < pi / 2."""
+    best = np.clip(np.arctan2(across, along), *caps)
+    angles = np.stack([*np.broadcast_arrays(*caps, best)])
+    return np.asarray((along * np.cos(angles) + across * np.sin(angles)).max(axis=0))
 
 
-def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
+def refuted(
+    message: SegmentMessage, rules: Rules, way: FloatArray, ends: FloatArray
+) -> bool:
     """Whether the segment's witness proves its drone's move impossible in its time.
 
     Parameters
@@ -228,6 +249,8 @@ def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
         Rules of the show.
     way
         Displacement of the witness's drone, shape (3,) [m].
+    ends
+        Its states at the start and at the end, shape (2, 12).
     """
     witness, beta = message.certificate.witness, xyz(message.certificate.witness.beta)
     knots, time = np.array(witness.knots), witness.time
@@ -244,6 +267,7 @@ def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
         and np.isfinite(time)
         and time > 0.0
         and relaxed.tilt < 0.5 * np.pi
+        and relaxed.least <= relaxed.gravity <= relaxed.most
     ):
         return False
     multipliers = multipliers.reshape(-1, 3)
@@ -259,9 +283,8 @@ def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
         at = instants[k] + width * edge
         vector = multipliers[k] + edge[:, None] * (multipliers[k + 1] - multipliers[k])
         low, high = at[:-1], at[1:]
-        # The latest moment from a hover within the cell: there the caps are widest.
-        latest = np.minimum(np.minimum(high, time - low), 0.5 * time)
-        roll, pitch = relaxed.caps(latest)
+        # The moments of the cell that are furthest from the ends have the widest caps.
+        roll, pitch = relaxed.caps(high, time - low, ends)
         sides = zip(
             relaxed.thrust_supports(vector[:-1], roll, pitch),
             relaxed.thrust_supports(vector[1:], roll, pitch),
@@ -271,14 +294,17 @@ def refuted(message: SegmentMessage, rules: Rules, way: FloatArray) -> bool:
         heights = np.min([before + after for before, after in sides], axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
         size += width * float(np.abs(multipliers[k : k + 2]).sum())
-    gain = float(beta @ way)
+    gain, speeds = float(beta @ way), ends[:, 3:6]
+    swing = float(multipliers[-1] @ speeds[1] - multipliers[0] @ speeds[0])
     # No thrust is greater than the greatest, no speed than that of the box's corner.
     fastest = np.maximum(np.abs(relaxed.slowest), np.abs(relaxed.fastest))
     size *= 2.0 * (relaxed.most + relaxed.gravity)
     size += float(np.abs(beta) @ np.abs(way))
+    size += float((np.abs(multipliers[[0, -1]]) * np.abs(speeds)).sum())
     size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
     steps = (CELLS + knots.size + 200) * UNIT
-    return bool(gain - (cruise + thrust - weight) > steps / (1.0 - steps) * size)
+    excess = min(gain, gain + swing - (cruise + thrust - weight))
+    return bool(excess > steps / (1.0 - steps) * size)
 
 
 def certified(
@@ -321,8 +347,9 @@ def _excess(show: LoggedShow, segment: Segment) -> float:
     certificate, proved = segment.message.certificate, False
     witness = certificate.witness
     if certificate.HasField("witness") and witness.drone < show.drones:
-        way = segment.goals[witness.drone] - segment.ends()[0][witness.drone, :3]
-        proved = refuted(segment.message, show.rules, way)
+        ends = np.stack([states[witness.drone] for states in segment.ends()])
+        way = segment.goals[witness.drone] - ends[0, :3]
+        proved = refuted(segment.message, show.rules, way, ends)
     return certificate.dual_bound - witness.time if proved else np.inf
 
 

@@ -63,11 +63,17 @@ def joined_up(show: LoggedShow) -> list[Statement]:
 
 
 def _hover(show: LoggedShow) -> Iterator[Seen]:
+    """At every joint but those with a formation that moves: see VRF207 and VRF337."""
     fleet = np.arange(show.drones)
-    for one in show.segments:
+    moves = [one.message.kind == pb.Segment.MOTION for one in show.segments]
+    moves = [False, *moves, False]
+    for index, one in enumerate(show.segments):
         name = one.message.name
-        for time, state in zip((one.start, one.end), one.ends(), strict=True):
-            yield Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
+        for side, (time, state) in enumerate(
+            zip((one.start, one.end), one.ends(), strict=True)
+        ):
+            if not any(moves[index + side : index + side + 2]):
+                yield Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
         for table in one.tables if one.holds else ():
             restless = np.abs(table.state[:, :, _AT_REST]).max(axis=(1, 2))
             yield Seen(name, one.start + table.start, table.owner, restless)

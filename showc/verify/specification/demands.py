@@ -23,7 +23,9 @@ from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.motion import (
     FOLLOWED,
+    JOINED,
     Held,
+    amiss,
     astray,
     held,
     reached,
@@ -146,6 +148,8 @@ class _Walk:
         self.grows: Iterator[bool] = iter(())
         """Whether each hold, in order, lasts until a given time."""
         self.carried = 0
+        # Whether drones leave out of a motion, and do not hover.
+        self.leaving = False
         self.numbers = np.arange(show.drones)
         """Place of each drone in the formation that it last flew to."""
 
@@ -196,7 +200,7 @@ class _Walk:
             if fixed
             else _one_to_one(self.position, points) is not None
         )
-        if there:
+        if there and not self.leaving:
             return
         segment = self._leg("approach", "approach to the pads", over)
         places = np.array(segment.message.places)
@@ -214,6 +218,9 @@ class _Walk:
         name, to = " + ".join(one.name for one in transitions), first.to
         times = [one.duration for one in transitions if one.duration is not None]
         duration = max(times) if times and not own else None
+        if first.group is None and first.under_way[0]:
+            to = self._unused(f"{to} in motion")
+            self.formations[to] = self._met(first)
         if first.group is not None:
             last = {one.group: one.to for one in transitions}
             to = self._unused(" + ".join(f"{group} in {last[group]}" for group in last))
@@ -319,6 +326,15 @@ class _Walk:
         self._reach(segment, self.position, others)
         self.colours = colours
 
+    def _met(self, transition: Transition) -> FloatArray:
+        """Places of a formation when drones arrive, its motion perhaps under way."""
+        formation = self.show.formations[transition.to]
+        if not transition.under_way[0]:
+            return formation.points
+        every = np.arange(len(formation.points))
+        met = held(transition, every, every, self.show.formations)
+        return np.asarray(met.at(np.zeros(1), 1.0)[0])
+
     def _given(
         self,
         segment: Segment,
@@ -328,7 +344,7 @@ class _Walk:
         error: float,
     ) -> IntArray:
         """Find the place of each member by its goal; those parked have none."""
-        points = self.show.formations[transition.to].points
+        points = self._met(transition)
         spots = np.empty((0, 3))
         free = np.empty(0, dtype=np.int64)
         if members.size > len(points) and self.show.parking is not None:
@@ -403,7 +419,7 @@ class _Walk:
         for key, found, wanted in facts:
             self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
         self.next += 1
-        self.end = segment.end
+        self.end, self.leaving = segment.end, False
         return segment
 
     def _hold(
@@ -421,29 +437,45 @@ class _Walk:
         if not moving and least <= 0.0 and not (grows and there):
             return None
         to, goals = self.at, self.position.copy()
-        if any(one.moves_on for one in moving):
+        moves_on = any(one.moves_on for one in moving)
+        if moves_on:
             self.carried += 1
             to = f"{self.at} after motion {self.carried}"
-            points = np.array(self.formations[self.at])
-            before = np.array(self.logged.segments[self.next - 1].message.places)
-            for one in moving:
-                goals[one.drones] = one.at(np.ones(1), 1.0)[0]
-                points[before[one.drones]] = goals[one.drones]
-            self.formations[to] = points
         asked = None if grows else least
         segment = self._leg(kind, title, to, duration=asked, least=least)
+        if moves_on:
+            if self.at not in self.formations:
+                raise _StrayError(f"the script asks for no formation “{self.at}”")
+            points = np.array(self.formations[self.at])
+            before = np.array(self.logged.segments[self.next - 2].message.places)
+            for one in moving:
+                end = np.full(1, segment.duration)
+                goals[one.drones] = one.at(end, segment.duration)[0]
+                points[before[one.drones]] = goals[one.drones]
+            self.formations[to] = points
         self._stay(segment, goals)
         if moving:
             moved = np.concatenate([one.drones for one in moving])
             still = np.setdiff1d(self.fleet, moved)
-            off, drone = astray(segment, [*moving, Held(still, self.position[still])])
-            if not off <= FOLLOWED:
-                self.demands.motions.append(
-                    f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m "
-                    f"from where the motion wants it, {FOLLOWED:g} m is allowed"
-                )
+            self._follow(segment, [*moving, Held(still, self.position[still])])
+            self.leaving = any(one.under_way[1] for one in moving)
         self.at, self.position = to, segment.goals
         return segment
+
+    def _follow(self, segment: Segment, parts: Sequence[Held]) -> None:
+        """Hold the states of drones against the motions that they follow."""
+        off, drone = astray(segment, parts)
+        if not off <= FOLLOWED:
+            self.demands.motions.append(
+                f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m "
+                f"from where the motion wants it, {FOLLOWED:g} m is allowed"
+            )
+        off, drone = amiss(segment, parts, self.show.vehicle, self.show.heading)
+        if not off <= JOINED:
+            self.demands.motions.append(
+                f"“{segment.message.name}”: drone {drone + 1} begins or ends off the "
+                f"motion's state by {off:.6f} (SI), {JOINED:g} is allowed"
+            )
 
     def _own(self, segment: Segment, points: FloatArray) -> None:
         """Drone i takes place i."""

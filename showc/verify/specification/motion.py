@@ -2,7 +2,8 @@
 
 Over a hold of time T, with the ramp r (T / 2 at most) and S(u) = 35 u^4 - 84 u^5 + 70
 u^6 - 20 u^7, a motion has the strength E, which is S(t / r), 1, S((T - t) / r), and the
-progress G, its integral over T - r. What each motion makes of a place is said at
+progress G, its integral over that of the whole hold. At an end where the motion is
+under way there is no ramp. What each motion makes of a place is said at
 :func:`_carried`, in the order of the script.
 
 **Bound.** Let e be what is logged less what is asked, |e''| <= A. Between two instants
@@ -21,6 +22,7 @@ from math import ceil, isinf, sqrt, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from showc.script.show import Breathe, Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.verify.samples import evaluate
@@ -31,11 +33,21 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Move
     from showc.script.show import Formation, Motion, Transition
+    from showc.vehicle import Quadrotor
     from showc.verify.kernel.show import PieceTable, Segment
 
 FOLLOWED = 1e-3
 """Greatest distance from the place that the motion asks for, at any instant [m]: as
 near as a place of a formation must be reached."""
+
+JOINED = 1e-4
+"""Greatest difference of a state at an end of a motion from the one asked for (SI)."""
+
+_CLOSE, _BRIEFLY = 0.04, 1e-3
+"""Stretch of time over which a motion is derived, and by which pushes are [s]."""
+
+_NO_TIME = 1e-300
+"""Stands for a ramp of no length [s]."""
 
 _REST = 4e-4
 """Share of it that is left to what happens between two instants [m]."""
@@ -62,13 +74,20 @@ class Held:
     frames; none, m being 0, for the others."""
     middle: FloatArray = field(default_factory=partial(np.zeros, 3))
     """The middle of the box around the formation, (3,) [m]."""
+    under_way: tuple[bool, bool] = (False, False)
+    """Whether it moves already when they arrive, and still when they leave."""
 
     @property
     def moves_on(self) -> bool:
         """Whether they end elsewhere than they began."""
-        return any(
-            isinstance(one, Rotate | Travel | Morph | Follow) for one in self.motions
-        )
+        moved = Rotate | Travel | Morph | Follow
+        return any((*self.under_way, *(isinstance(one, moved) for one in self.motions)))
+
+    def ramps(self, ramp: float, duration: float) -> tuple[float, float]:
+        """Time to set in and to end [s]; next to none where it is under way."""
+        ramp = min(ramp, duration / 2.0)
+        begins, ends = self.under_way
+        return _NO_TIME if begins else ramp, _NO_TIME if ends else ramp
 
     def at(self, times: FloatArray, duration: float) -> FloatArray:
         """Where the script wants them at times (m,) [s], shape (m, n, 3) [m]."""
@@ -77,11 +96,29 @@ class Held:
             if isinstance(motion, Travel | Morph):
                 found = found + _along(shapes, _spans(motion, shapes), times / duration)
             elif isinstance(motion, Follow):
-                share = _progress(times, motion.ramp, duration)
+                ramps = self.ramps(motion.ramp, duration)
+                share = _progress(times, ramps, duration)
                 found = found + _followed(shapes, share)
             else:
-                found = _carried(found, motion, self.middle, times, duration)
+                found = _carried(found, motion, self, times, duration)
         return np.asarray(found)
+
+    def rates(self, side: int, duration: float) -> FloatArray:
+        """Velocity, acceleration and jerk at the start (0) or the end (1), (3, n, 3).
+
+        Those of the polynomial of degree 8 through nine instants close to it: right to
+        1e-10 m/s, 1e-6 m/s² and 1e-4 m/s³ for a swing of 1 m in a second.
+        """
+        width = min(_CLOSE, duration)
+        at = np.cos(np.pi * np.arange(9) / 8.0)
+        times = (at + 1.0) * width / 2.0 + (duration - width) * side
+        series = chebyshev.chebfit(at, self.at(times, duration).reshape(9, -1), 8)
+        found = [
+            chebyshev.chebval(2.0 * side - 1.0, chebyshev.chebder(series, k))
+            * (2.0 / width) ** k
+            for k in (1, 2, 3)
+        ]
+        return np.array(found).reshape(3, -1, 3)
 
 
 def held(
@@ -108,7 +145,8 @@ def held(
             through = motion.frames[:, places]
         shapes.append(through)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    return Held(drones, points[places], transition.motion, tuple(shapes), middle)
+    there, asked = points[places], transition.motion
+    return Held(drones, there, asked, tuple(shapes), middle, transition.under_way)
 
 
 def _step(share: FloatArray) -> FloatArray:
@@ -116,28 +154,37 @@ def _step(share: FloatArray) -> FloatArray:
     return np.asarray(u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3))
 
 
-def _strength(times: FloatArray, ramp: float, duration: float) -> FloatArray:
-    ramp = min(ramp, duration / 2.0)
-    return _step(np.minimum(times, duration - times) / ramp)
+def _strength(
+    times: FloatArray, ramps: tuple[float, float], duration: float
+) -> FloatArray:
+    shares = times / ramps[0], (duration - times) / ramps[1]
+    rise, fall = (
+        np.ones_like(share) if ramp == _NO_TIME else share
+        for share, ramp in zip(shares, ramps, strict=True)
+    )
+    return _step(np.minimum(rise, fall))
 
 
-def _progress(times: FloatArray, ramp: float, duration: float) -> FloatArray:
+def _progress(
+    times: FloatArray, ramps: tuple[float, float], duration: float
+) -> FloatArray:
     """Integral of the strength: 7 u^5 - 14 u^6 + 10 u^7 - 5/2 u^8 over a ramp."""
-    ramp = min(ramp, duration / 2.0)
+    rise, fall = ramps
 
-    def area(time: FloatArray) -> FloatArray:
+    def area(time: FloatArray, ramp: float) -> FloatArray:
         u = np.clip(time / ramp, 0.0, 1.0)
         return ramp * u**5 * (7.0 - 14.0 * u + 10.0 * u**2 - 2.5 * u**3)
 
-    whole = np.clip(times - ramp, 0.0, duration - 2.0 * ramp)
-    falling = 0.5 * ramp - area(np.minimum(duration - times, ramp))
-    return np.asarray((area(times) + whole + falling) / (duration - ramp))
+    whole = np.clip(times - rise, 0.0, duration - rise - fall)
+    falling = 0.5 * fall - area(np.minimum(duration - times, fall), fall)
+    total = duration - 0.5 * (rise + fall)
+    return np.asarray((area(times, rise) + whole + falling) / total)
 
 
 def _carried(
     found: FloatArray,
     motion: Rotate | Breathe | Wave | Orbit,
-    middle: FloatArray,
+    one: Held,
     times: FloatArray,
     duration: float,
 ) -> FloatArray:
@@ -148,10 +195,11 @@ def _carried(
     amplitude times E sin. ``orbit``: by the radius times E (cos, sin) in the plane of
     the normal. The phase is 2 pi (t / period - x . direction / wavelength).
     """
-    strength = _strength(times, motion.ramp, duration)[:, None]
+    middle, ramps = one.middle, one.ramps(motion.ramp, duration)
+    strength = _strength(times, ramps, duration)[:, None]
     if isinstance(motion, Rotate):
         centre = middle if motion.about is None else np.array(motion.about)
-        angle = motion.angle * _progress(times, motion.ramp, duration)
+        angle = motion.angle * _progress(times, ramps, duration)
         half = angle[:, None] / 2.0
         # Quaternions: v + 2 w (q x v) + 2 q x (q x v).
         axis = np.sin(half)[..., None] * np.array(motion.axis)
@@ -318,6 +366,46 @@ def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
             if not far <= worst:
                 worst, which = far, int(alone.drones[0])
     return worst, which
+
+
+def amiss(
+    segment: Segment, parts: Sequence[Held], vehicle: Quadrotor, heading: float
+) -> tuple[float, int]:
+    """Greatest difference of a state at the ends from the one that a motion asks for.
+
+    Velocities [m/s]; roll and pitch [rad] and their rates [rad/s], which follow from
+    acceleration and jerk with yaw held.
+
+    Returns
+    -------
+    tuple[float, int]
+        The difference, and the drone.
+    """
+    worst, which = 0.0, 0
+    for side, states in enumerate(segment.ends()):
+        for one in parts:
+            velocity, push, jerk = one.rates(side, segment.duration)
+            push[:, 2] += vehicle.gravity
+            before, after = (
+                _leaning(push + sign * _BRIEFLY * jerk, heading) for sign in (-1, 1)
+            )
+            lean, turn = (after + before) / 2.0, (after - before) / (2.0 * _BRIEFLY)
+            still = np.zeros((len(lean), 1))
+            wanted = np.hstack([velocity, lean, turn, still])
+            flown = states[one.drones][:, [3, 4, 5, 6, 7, 9, 10, 11]]
+            off = np.abs(flown - wanted).max(axis=1, initial=0.0)
+            if off.size and not off.max() <= worst:
+                worst, which = float(off.max()), int(one.drones[np.argmax(off)])
+    return worst, which
+
+
+def _leaning(push: FloatArray, heading: float) -> FloatArray:
+    """Roll and pitch (n, 2) [rad] that point the thrust along ``push`` (n, 3)."""
+    x, y, up = push.T
+    ahead = np.cos(heading) * x + np.sin(heading) * y
+    left = np.cos(heading) * y - np.sin(heading) * x
+    roll = -np.arctan2(left, np.hypot(ahead, up))
+    return np.stack([roll, np.arctan2(ahead, up)], axis=1)
 
 
 def _bend(table: PieceTable) -> float:

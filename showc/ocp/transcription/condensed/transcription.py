@@ -48,6 +48,11 @@ USABLE = 1e-6
 the solver has not come to its end."""
 
 
+END = 5e-4
+"""By how much a control may miss the value it is to have at an end, over its scale:
+an inequality has an interior, which the solver needs."""
+
+
 @dataclass(frozen=True, slots=True)
 class CondensedOptions:
     """How a condensed program is built and solved."""
@@ -194,6 +199,18 @@ class CondensedTranscription:
             for name in phase.states
             for kind, k in (("start", 0), ("end", self.intervals - 1))
         }
+        self._ending = {
+            (which, name): rows[last]
+            for name in phase.controls
+            for which, k, last in (("start", 0, 0), ("goal", self.intervals - 1, -1))
+            if (
+                rows := [
+                    i
+                    for i, row in enumerate(self._rows)
+                    if row.key == ("bounds", name) and self._interval[i] == k
+                ]
+            )
+        }
         self._half = {
             (group.name, r): np.array(
                 [
@@ -231,6 +248,7 @@ class CondensedTranscription:
         signals: FloatArray | None = None,
         half_spaces: Mapping[str, tuple[FloatArray, FloatArray]] | None = None,
         bounds: Mapping[tuple[str, str], tuple[float, float]] | None = None,
+        control_ends: Mapping[tuple[str, str], float] | None = None,
     ) -> Solution:
         """Solve once.
 
@@ -252,6 +270,9 @@ class CondensedTranscription:
             Bounds that differ from the problem's: (lower, upper) of
             ``("bounds", state or control)`` or ``("path", constraint)``. What had no
             bounds when the program was built cannot get any.
+        control_ends
+            Values of bounded controls where the phase starts and where it ends, by
+            ``("start" or "goal", control)``, met to ``END`` of their scale.
         """
         stage, count = self.stage, self.intervals
         values = self._values(parameters or {})
@@ -277,6 +298,10 @@ class CondensedTranscription:
                 data[:, part] = on.reshape(count, -1)
         inset = np.where(self._equal, 0.0, self.options.inset)
         inset[self._touching(low, high)] = 0.0
+        for (which, name), value in (control_ends or {}).items():
+            row = self._ending[which, name]
+            wanted = value / self._scale[row]
+            lower[row], upper[row] = wanted - END, wanted + END
         lower += inset
         upper -= inset
         start = self._pack(guess, widths)
