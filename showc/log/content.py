@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,7 +118,8 @@ def _move_message(flown: LegFlight, show: Show) -> pb.Move:
         to_formation=leg.to_formation,
         start=leg.depart or 0.0,
         duration=flown.duration,
-        certificate=_certificate_message(flown.certificate),
+        # What comes near a group is said of the whole leg.
+        certificate=_certificate_message(replace(flown.certificate, closest=None)),
     )
 
 

@@ -13,6 +13,7 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from io import BytesIO
+from itertools import product
 from math import comb
 from typing import TYPE_CHECKING
 from unittest.mock import patch
@@ -813,6 +814,18 @@ def claims(log: Log) -> Iterator[Lie]:
         ),
     )
 
+    def further(found):
+        nowhere = pb.Encounter(drone_a=0, drone_b=1, time=0.0, distance=99.0)
+        found.edit(
+            topic, 1, pb.Segment, lambda m: m.certificate.closest.CopyFrom(nowhere)
+        )
+        words = {"drones": [1, 2], "time": 0.0, "distance": 99.0}
+        found.manifest(
+            lambda whole: whole["segments"][1]["certificate"].update(closest=words)
+        )
+
+    yield Lie("a hold in which drones are further apart", "VRF343", further)
+
     def release(found, words="showc 1.0 (certified)\n::error::x"):
         found.library = words
         found.facts["showc_version"] = words.removeprefix("showc ")
@@ -1000,18 +1013,13 @@ def _bernstein(polynomial) -> np.ndarray:
 
 def odd_claims(log: Log) -> Iterator[Lie]:
     """Certificates that log and manifest claim alike, and that cannot be."""
-    number = 2
-    duration = pb.Segment.FromString(log.of("/show/segments")[number].data).duration
-    for name, code, changes in (
-        ("single drone slower than the fleet", "VRF342", {"single": 2.0 * duration}),
-        ("a negative single-drone minimum", "VRF342", {"single": -1.0}),
-        ("a negative bound", "VRF342", {"bound": -5.0}),
-        ("a bound without a witness", "VRF341", {"bound": 0.1}),
-        ("a witness of nothing", "VRF341", {"drone": 0}),
-        ("a witness of no drone", "VRF341", {"drone": 99}),
+    legs = [pb.Segment.FromString(one.data) for one in log.of("/show/segments")]
+    for (number, duration), (name, code, changes) in product(
+        [(at, legs[at].duration) for at in (1, 2)],
+        _odd_claims(legs[2].duration),
     ):
 
-        def plant(found, changes=changes):
+        def plant(found, changes=changes, number=number, duration=duration):
             def change(message):
                 certificate = message.certificate
                 certificate.single_drone_minimum = changes.get("single", 0.0)
@@ -1038,7 +1046,19 @@ def odd_claims(log: Log) -> Iterator[Lie]:
             found.edit("/show/segments", number, pb.Segment, change)
             found.manifest(words)
 
-        yield Lie(name, code, plant)
+        yield Lie(f"{name}, in the {legs[number].name}", code, plant)
+
+
+def _odd_claims(duration):
+    """Name, code, and what is claimed."""
+    return (
+        ("single drone slower than the fleet", "VRF342", {"single": 2.0 * duration}),
+        ("a negative single-drone minimum", "VRF342", {"single": -1.0}),
+        ("a negative bound", "VRF342", {"bound": -5.0}),
+        ("a bound without a witness", "VRF341", {"bound": 0.1}),
+        ("a witness of nothing", "VRF341", {"drone": 0}),
+        ("a witness of no drone", "VRF341", {"drone": 99}),
+    )
 
 
 def words(_: Log) -> Iterator[Lie]:

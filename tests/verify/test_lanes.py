@@ -7,6 +7,7 @@ import pytest
 from verified import loaded
 
 from showc.light.program import LightProgram
+from showc.log import showc_pb2 as pb
 from showc.pipeline.compile import CompileOptions, compile_script
 from showc.script import load_show
 from showc.verify import verify_log
@@ -150,9 +151,19 @@ def test_a_group_sent_elsewhere_on_the_way_is_found(compiled):
     assert "a goal is no place" in found
 
 
-def test_a_bound_that_its_witness_does_not_prove_is_found(compiled):
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"dual_bound": 9.0},
+        {"dual_bound": -1.0},
+        {"single_drone_minimum": 0.1},
+        {"single_drone_minimum": 9.0},
+        {"closest": pb.Encounter(drone_a=0, drone_b=1, distance=7.0)},
+    ],
+)
+def test_a_move_that_claims_what_is_not_proved_is_found(compiled, change):
     def lie(leg):
-        leg.message.moves[2].certificate.dual_bound += 0.1
+        leg.message.moves[2].certificate.MergeFrom(pb.Certificate(**change))
         return leg
 
     assert judged(compiled, lie).legs == ["“up -> down”: its bound is not proved"]

@@ -317,15 +317,13 @@ def certified(
     bounds, order, closest = [], [], []
     for one, near in zip(show.segments, encounters, strict=True):
         said = one.message.certificate
-        if one.holds:
-            continue
         if said.dual_bound or said.HasField("witness"):
             bounds.append(_seen(one, said.witness.drone, _excess(show, one)))
         # Bound <= greatest single-drone minimum <= time flown.
         single = said.single_drone_minimum or one.duration
         late = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
         order.append(_seen(one, 0, late))
-        if near is not None:
+        if near is not None and (said.HasField("closest") or not one.holds):
             closest.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
     return [
         worst(Statement(code, None, None, limit, unit), found)

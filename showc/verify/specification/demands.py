@@ -288,7 +288,12 @@ class _Walk:
         ends, rules = np.zeros((2, 12)), self.logged.rules
         proved = witness.drone in drones and refuted(leg, rules, way, ends)
         least = witness.time + MOMENT if proved else 0.0
-        return said.dual_bound <= min(least, claim.duration + MOMENT)
+        single = said.single_drone_minimum or claim.duration
+        # What comes near it is a matter of the whole leg: a move claims no encounter.
+        return not said.HasField("closest") and (
+            0.0 <= said.dual_bound <= min(least, single)
+            and single <= claim.duration + MOMENT
+        )
 
     def _on_time(self, one: Transition, start: float, end: float) -> None:
         """Hold the times of a move against those that the script asks for."""
