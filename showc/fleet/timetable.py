@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.leg import aircraft_of, place, whole_milliseconds
+from showc.fleet.leg import aircraft_of, place
+from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
 from showc.plan.itinerary import Leg

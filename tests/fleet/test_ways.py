@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.fleet.deconfliction.ways import Crossing, bump_over, find_ways
+from showc.fleet.deconfliction.crowd import Crossing
+from showc.fleet.deconfliction.ways import bump_over, find_ways
 from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.single_drone.single import Aircraft
 from showc.vehicle import PRESETS, Separation
@@ -19,7 +20,6 @@ PROFILE = Profile(6.0, 3.0, 0.6)
 
 
 def ways_of(start, goal, separation=None, parked=None, known=None):
-    pressed = np.zeros(start.shape[0], dtype=bool)
     return find_ways(
         Crossing(
             AIRCRAFT,
@@ -28,7 +28,6 @@ def ways_of(start, goal, separation=None, parked=None, known=None):
             goal,
             parked,
             PROFILE,
-            pressed,
         ),
         known,
     )
@@ -96,11 +95,8 @@ def test_a_drone_that_hovers_in_the_way_moves_aside_where_others_cannot():
     tube = replace(AIRCRAFT.limits, position_min=low, position_max=top)
     start = np.array([[-6.0, 0.0, 20.0], [0.0, 0.0, 20.0]])
     goal = np.array([[6.0, 0.0, 20.0], [0.0, 0.0, 20.0]])
-    pressed = np.zeros(2, dtype=bool)
     aircraft = replace(AIRCRAFT, limits=tube)
-    ways = find_ways(
-        Crossing(aircraft, Separation(1.0), start, goal, None, PROFILE, pressed)
-    )
+    ways = find_ways(Crossing(aircraft, Separation(1.0), start, goal, None, PROFILE))
     assert ways.broken == 0
     assert np.all(np.any(ways.aside != 0.0, axis=1))
     nearest, places = least(start, goal, ways, Separation(1.0))

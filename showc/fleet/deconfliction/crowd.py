@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.fleet.shared_profile.profile import Profile
+    from showc.fleet.single_drone.single import Aircraft
+    from showc.script.fence import Fence
     from showc.vehicle import Limits, Separation
 
 
@@ -151,3 +154,23 @@ def sampled(duration: float) -> FloatArray:
     even = np.linspace(0.0, duration, count + 1)
     close = even[1] * np.array(_CLOSER)
     return np.sort(np.concatenate([even, close, duration - close]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """What a crowd is to fly, all on one clock."""
+
+    aircraft: Aircraft
+    separation: Separation
+    start: FloatArray
+    """Shape (n, 3), show frame [m]."""
+    goal: FloatArray
+    """Shape (n, 3), show frame [m]."""
+    parked: FloatArray | None
+    """Positions of drones that stand still, shape (m, 3) [m]."""
+    profile: Profile
+    """One on which all can fly straight."""
+    fence: Fence | None = None
+    margin: float = 2e-3
+    """How much more than the separation samples keep, as a share of it: above what
+    most ways bend between two samples."""

@@ -65,13 +65,16 @@ TOLERANCE = 1e-7
 """How much nearer than the separation a pair may come by rounding [m]."""
 _MARGIN = 2e-3
 _INTERVAL = 0.15
-_PATIENCE = 6
+_PATIENCE = 4
 _STILL = 1e-9
 _FEW = 32
 """Kinds of moves below which it is building programs that takes the time."""
-_FEW_LEFT, _FALLING = 8, 0.1
-"""Conflicts up to which every one fewer counts; of more, a tenth has to go in half as
-many rounds. With this few left, single drones move around all others."""
+_FEW_LEFT, _FALLING, _LESS = 8, 0.1, 0.8
+"""Conflicts up to which every one fewer counts, and a fifth less of what they lack; of
+more, a tenth has to go in half as many rounds. With this few left, single drones move
+around all others."""
+_DEEP = 0.1
+"""Share of the separation that few conflicts may lack on average, for that to help."""
 _CLEARANCE = 0.04
 _STRAY = 0.02
 """How much farther from the fence walls go each time that they were not enough [m]."""
@@ -82,6 +85,8 @@ _ALONG = 0.8
 _NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 """How far from parted a crowd counts whose flights did not follow their changes, and
 one of few drones: with these another time costs little."""
+_PRODUCTS = 5e8
+"""Products of numbers in an untangling that take as long as one flight's solve."""
 _LEFT = 0.75
 """Share of the conflicts that the first flights may leave: else time is too short."""
 _HOVERING = 0.1
@@ -130,8 +135,8 @@ class Move:
     fence: Fence | None
     rounds: int
     """Rounds of half-spaces at most."""
-    solves: int
-    """Flights behind half-spaces that may be solved at most, all rounds together."""
+    work: float
+    """What may be done at most, as :attr:`Repair.work` counts it."""
     bent: Mapping[int, Trajectory] = field(default_factory=dict)
     """Flights, by row, that left their lines in another common time and kept apart."""
     others: Sequence[PiecewisePolynomial] = ()
@@ -177,6 +182,8 @@ class Repair:
         # Of a drone that finds no flight, however far the others are.
         self.late: int | None = None
         self.counts: dict[str, float] = {}
+        # Done so far; the unit is a flight behind half-spaces that is solved.
+        self.work = 0.0
         # Of splines; of changes half as many, so that both fit together.
         self.intervals = 2 * int(np.clip(np.ceil(0.5 * duration / _INTERVAL), 10, 36))
         self.flown: list[Trajectory] = []
@@ -345,6 +352,7 @@ class Repair:
     def _flown(self, rows: list[int], results: list[Outcome]) -> bool:
         """Take flights of drones, each on its own; False where there is none."""
         self._count("solves_without_slack", len(rows))
+        self.work += len(rows)
         for row, (kind, trajectory, message) in zip(rows, results, strict=True):
             if trajectory is None and row in self._ways:
                 # Its line is flown already: half-spaces part it from the others.
@@ -375,6 +383,7 @@ class Repair:
             wrong = np.concatenate([met.first, met.second, list(astray)])
             found = untangle_near(self._crowd(met), np.unique(wrong.astype(np.int64)))
         self._count("untangled", 1)
+        self.work += found.work / _PRODUCTS
         many = sorted(each * len(self.flown) + more for each, more in _TANGLED)[1]
         if round_ == 0 and found.beyond > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
@@ -498,10 +507,11 @@ class Repair:
 
     def _apart(self) -> bool:
         """Lay half-spaces, round after round, until no pair comes too near."""
-        fewest, stalled = len(self.flown) ** 2, 0
+        fewest, stalled, least = len(self.flown) ** 2, 0, np.inf
         for number in range(self.move.rounds + 1):
             found, astray = self._conflicts(), self._astray()
             count = len(found) + len(astray)
+            lack = float((self.separation.distance - found.distance).sum())
             if number == 0:
                 self._count("first_conflicts", len(found))
             if not count:
@@ -517,8 +527,9 @@ class Repair:
                 self.tangled = _NOT_AT_ALL
                 return False
             wanted = (1.0 - _FALLING) * fewest if many else fewest - 1
-            stalled = stalled + 1 if count > wanted else 0
-            fewest = min(fewest, count)
+            better = count <= wanted or (not many and lack < _LESS * least)
+            stalled = 0 if better else stalled + 1
+            fewest, least = min(fewest, count), min(least, lack)
             if stalled > (_PATIENCE // 2 if many else _PATIENCE):
                 return self._settle()
             self._count("repair_rounds", 1)
@@ -589,7 +600,7 @@ class Repair:
 
     def _spent(self) -> bool:
         """Whether as much was solved as may be."""
-        return self.counts.get("repair_solves", 0.0) >= self.move.solves
+        return self.work >= self.move.work
 
     def _settle(self) -> bool:
         """Move one drone at a time, around all that are near it, while that helps.
@@ -602,7 +613,9 @@ class Repair:
             if not len(found):
                 return not self._astray()
             changed = False
-            if len(found) > _FEW_LEFT or self._spent():
+            lack = self.separation.distance - found.distance
+            deep = float(lack.mean()) > _DEEP * self.separation.distance
+            if len(found) > _FEW_LEFT or deep or self._spent():
                 return False
             for number in np.argsort(found.distance, kind="stable").tolist():
                 pair = int(found.first[number]), int(found.second[number])
@@ -654,6 +667,7 @@ class Repair:
         )
         ((kind, trajectory, _),) = self.workers.run(stay_apart, [task], _unheard)
         self._count("repair_solves", 1)
+        self.work += 1
         if trajectory is None or self._lack(trajectory, near) >= before:
             return False
         self._kept.discard(row)
@@ -727,6 +741,7 @@ class Repair:
             self.progress.advance,
         )
         self._count("repair_solves", len(busy))
+        self.work += len(busy)
         changed = False
         self._rigid.clear()
         for row, outcome in zip(busy, results, strict=True):

@@ -14,10 +14,11 @@ import numpy as np
 
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.deconfliction.ways import Crossing, find_ways
+from showc.fleet.deconfliction.ways import find_ways
 from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 
 if TYPE_CHECKING:
+    from showc.fleet.deconfliction.crowd import Crossing
     from showc.fleet.deconfliction.ways import Ways
     from showc.fleet.shared_profile.flat import FlatFlights
     from showc.flight import Trajectory

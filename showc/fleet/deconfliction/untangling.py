@@ -31,6 +31,8 @@ from showc.trajectory import bernstein_basis
 from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from scipy.sparse import csr_matrix
 
     from showc.arrays import BoolArray, FloatArray, IntArray
@@ -48,6 +50,8 @@ _AGAIN = 6
 """Times that this share is added at most where a pair comes too near all the same."""
 _CALM = 0.2
 """Share of the time at either end over which that share rises from nothing."""
+_PULL = 0.05
+"""Acceleration with which a pair draws apart that stands at the separation [m/s²]."""
 _AROUND = 2.0
 """Distance within which drones make way for some that come too near, in separations:
 those about these stay as they are."""
@@ -105,11 +109,18 @@ class Untangled:
     """Pairs that come too near all the same."""
     excess: FloatArray
     """Greatest share by which each drone passes a limit of speed or acceleration."""
+    work: float
+    """Products of numbers that it took."""
 
     @property
     def wrong(self) -> int:
         """What is wrong with it: pairs, and drones that use too much of limits."""
         return self.broken + int(np.count_nonzero(self.excess > _EXCESS))
+
+    @property
+    def strain(self) -> float:
+        """Same, by how much: what little passes limits is followed nearly."""
+        return self.broken + float(np.maximum(self.excess - _EXCESS, 0.0).sum())
 
     @property
     def beyond(self) -> float:
@@ -157,26 +168,45 @@ def untangle(
         Changes at the crowd's instants to begin with, shape (n, m, 3) [m]: those of
         the same crowd at another pace.
     """
+    best, work = None, 0.0
+    for program in _beginnings(crowd, known, anew=anew):
+        found = program.run()
+        work += found.work
+        # About others that fly already, what asks for too much tangles them anew.
+        better = best is None or (
+            found.wrong < best.wrong if anew else found.strain < best.strain
+        )
+        best = found if better else best
+        if not found.wrong:
+            break
+    assert best is not None  # noqa: S101 - there is a beginning
+    return replace(best, work=work)
+
+
+def _beginnings(
+    crowd: Crowd, known: FloatArray | None, *, anew: bool
+) -> Iterator[_Programs]:
+    """Yield programs to be run until one of them parts the crowd."""
     many = crowd.places.shape[0] >= _MANY
     first = _Programs(_staying(crowd), limited=many, gently=not anew)
     if known is not None:
         first.change[:] = known
-    best = first.run()
-    if best.wrong and crowd.hovers.any():
+    yield first
+    if crowd.hovers.any():
         first = _Programs(crowd, limited=False, gently=not anew)
-        best = min(best, first.run(), key=lambda one: one.wrong)
-    starts = _MORE if crowd.places.shape[0] <= _FEW else _STARTS
-    starts = 0 if many or not anew else starts
-    for number in range(starts):
-        if not best.wrong:
-            break
+        yield first
+    if many:
+        return
+    if not anew:
+        yield _Programs(_staying(crowd), limited=True, gently=True)
+        return
+    for number in range(_MORE if crowd.places.shape[0] <= _FEW else _STARTS):
         program = _Programs(crowd, limited=True)
         if number == 0:
             program.change[:], program.inner[:] = first.change, first.inner
         else:
             program.wander(number)
-        best = min(best, program.run(), key=lambda one: one.wrong)
-    return best
+        yield program
 
 
 def untangle_near(crowd: Crowd, rows: IntArray) -> Untangled:
@@ -311,6 +341,7 @@ class _Programs:
         # Forces found, by contact, and the axes that part pairs.
         self.known = np.zeros(0, dtype=np.int64)
         self.forces = np.zeros(0)
+        self.work = 0.0
         self.axes: dict[int, tuple[int, float]] = {}
 
     def wander(self, seed: int) -> None:
@@ -346,6 +377,7 @@ class _Programs:
             (pairs // self.drones, pairs % self.drones),
             broken,
             self._excess(),
+            self.work,
         )
 
     def _outside(self) -> int:
@@ -423,7 +455,10 @@ class _Programs:
         # What came too near between samples needs more at the ends as well.
         calm = np.where(again > 0.0, 1.0, calm)
         more = _MARGIN * (1.0 + again)
-        wanted = np.minimum(least * (1.0 + more * calm), standing)
+        # What stands at the separation and comes too near all the same moves off.
+        away = self.crowd.duration * np.minimum(at, 1.0 - at)
+        off = 0.5 * _PULL * again * away**2
+        wanted = np.minimum(least * (1.0 + more * calm), standing + off)
         enough = np.minimum(least * (1.0 + _ENOUGH * calm), standing)
         if self.gently:
             # Pairs that keep apart need not move.
@@ -643,8 +678,11 @@ class _Programs:
         length *= _SURELY
         ahead, pace = force, 1.0
         close = _CLOSE * self.crowd.separation.distance
+        step = 2.0 * (forward.nnz + 3.0 * there.size * drones.size)
+        self.work += _POWERS * step
         for _ in range(_STEPS if self.drones <= _FEW else _FURTHER):
             lack = goal - reached(moved(ahead))
+            self.work += step
             if float((lack / size).max(initial=0.0)) < close and ahead is not force:
                 break
             raised = np.maximum(0.0, ahead + lack / max(length, 1e-30))

@@ -31,9 +31,9 @@ from showc.vehicle.metric import measure
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.arrays import FloatArray, IntArray
+    from showc.fleet.deconfliction.crowd import Crossing
     from showc.fleet.single_drone.single import Aircraft
-    from showc.vehicle import Separation
 
 
 RISES = (0.5, 0.35)
@@ -66,10 +66,9 @@ of them may leave as many pairs too near as there were."""
 _HOPELESS = 0.9
 """Share of the pairs left from which on a search has not helped."""
 
-_PRICE, _PRESSED, _HOVERS = 0.02, 5.0, 100.0
+_PRICE, _HOVERS = 0.02, 100.0
 """Price of a bump of one separation, beside that of a breach (0.2 and more), and how
-much more for a drone that is pressed for time, and for one that hovers: it moves only
-where others are stuck."""
+much more for one that hovers: it moves only where others are stuck."""
 
 _HASTE = 2.0
 """Price of a bump that takes twice the time: 10 % more are as dear as a breach."""
@@ -95,27 +94,6 @@ _PAIRS_AT_ONCE = 4096
 
 _STILL = 1e-9
 """A drone that moves less than this hovers, and moves aside only where it must [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Crossing:
-    """What a crowd is to fly, all on one profile."""
-
-    aircraft: Aircraft
-    separation: Separation
-    start: FloatArray
-    """Shape (n, 3), show frame [m]."""
-    goal: FloatArray
-    """Shape (n, 3), show frame [m]."""
-    parked: FloatArray | None
-    """Positions of drones that stand still, shape (m, 3) [m]."""
-    profile: Profile
-    """Of the straight lines."""
-    pressed: BoolArray
-    """Drones without time for a way round, shape (n,): others go round them."""
-    margin: float = 2e-3
-    """How much more than the separation the samples keep, as a share of it: above what
-    most ways bend between two samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -347,7 +325,7 @@ class _Crowd:
             self.bent = np.where(inside[:, None], bent, 0.0)
             lines += self.bump * self.bent[:, None]
         still = np.linalg.norm(self.moves, axis=1) <= _STILL
-        self.moving = np.where(crossing.pressed, 1.0 / _PRESSED, 1.0)
+        self.moving = np.ones(start.shape[0])
         self.moving[still] = 1.0 / _HOVERS
         if crossing.parked is not None:
             parked = crossing.parked
@@ -490,7 +468,7 @@ class _Search:
             # Drones that meet head-on begin with a step to the right of each.
             head_on = self.distance < _HEAD_ON * crowd.separation.distance
             for row in np.union1d(crowd.first[head_on], crowd.second[head_on]).tolist():
-                if crowd.moving[row] >= 1.0 / _PRESSED:
+                if crowd.moving[row] == 1.0:
                     self.aside[row] = self._bumps(row)[1]
         else:
             self.aside[: aside.shape[0]] = aside

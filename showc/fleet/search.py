@@ -1,0 +1,375 @@
+"""The search for the least common time of a leg, from below and from above.
+
+From below, times a little over the least that any drone needs are tried, then longer
+ones. From above there is a flight in closed form, wherever that exists: the search may
+end at any time, and does once its work is done. What lies between a time that failed
+and the best flight so far is halved while that is worth it.
+
+Work is counted, not timed: the same leg takes the same tries on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.errors import SolveError
+from showc.fleet.deconfliction.crowd import Crossing
+from showc.fleet.deconfliction.enclosure import Detour, detours
+from showc.fleet.deconfliction.repair import Move, Repair
+from showc.fleet.deconfliction.stretched import StretchedFlights, fly_ways_slowly
+from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
+from showc.fleet.lower_bound.limiting import (
+    Limiting,
+    limiting_in_motion,
+    limiting_time,
+)
+from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone.single import minimum_time
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from showc.fleet.execution.pool import Workers
+    from showc.fleet.options import SolveOptions
+    from showc.fleet.single_drone.single import Aircraft
+    from showc.flight import Trajectory
+    from showc.plan.itinerary import Leg
+    from showc.progress import Progress
+    from showc.script.fence import Fence
+    from showc.vehicle import Separation
+
+
+_STILL = 1e-9
+_GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
+"""Growth of the time allowed over the least one after a failure, where a crowd was
+nearly parted, with fewer times what may be wrong, and of many drones that were not."""
+_MANY = 128
+"""Drones from which on a try costs as much as all before it; up to these, flights that
+kept apart are followed at a quicker pace: that takes a solve for each of them."""
+_CLOSE, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.0015, 0.2, 0.8
+"""Time between a failed and a flown one that is near enough: a share of the least time,
+and a share of what is flown beyond it; of many drones a greater one, over the
+effort."""
+_BOLD = 0.3
+"""Where a flight in closed form is the best so far, share of the time between a failed
+one and it that is tried: that flight takes far longer than it needs."""
+_WORK, _WORK_EACH = 300.0, 1.5
+"""Work after which no shorter time is tried, and how much more for each drone. The
+unit is a flight behind half-spaces that is solved, about 0.07 s on one core."""
+_AT_ONCE, _LEAST_WORK = 0.3, 100.0
+"""Share of the work left that any one time may take, and what it may at least."""
+_SLOWER = 4
+"""Drones at most that prove slower than those that were thought the slowest."""
+_NONE: Mapping[int, Trajectory] = MappingProxyType({})
+
+Found = Repair | StretchedFlights | WidenedFlights
+"""Flights of all drones over one common time, and how they were found."""
+
+
+def whole_milliseconds(time: float) -> float:
+    """Round a time up to a whole millisecond [s]."""
+    return math.ceil(time * 1000.0 - 1e-6) / 1000.0
+
+
+class Search:
+    """Looks for flights of a leg's drones over one common time.
+
+    Parameters
+    ----------
+    where
+        The leg's place in the script, for people.
+    """
+
+    def __init__(  # noqa: PLR0917 - a leg, its show's rules, and the means
+        self,
+        leg: Leg,
+        where: str,
+        aircraft: Aircraft,
+        separation: Separation,
+        fence: Fence | None,
+        options: SolveOptions,
+        workers: Workers,
+        progress: Progress,
+    ) -> None:
+        self.leg, self.where, self.aircraft = leg, where, aircraft
+        self.separation, self.fence, self.options = separation, fence, options
+        self.workers, self.progress = workers, progress
+        self.counts: dict[str, float] = {}
+        self.shortest: dict[int, Trajectory] = {}
+        self.work = 0.0
+        self.detours = self._detours()
+        # Drones that are in motion at an end fly no straight lines.
+        self.shared = None
+        if not leg.in_motion:
+            self.shared = shared_profile(
+                aircraft.vehicle, leg.limits, aircraft.heading, leg.start, leg.goal
+            )
+        # The flight in closed form; looked for once.
+        self._known: WidenedFlights | None = None
+        self._looked = False
+
+    def limiting(self, *, solve: bool) -> Limiting:
+        """Find the slowest drones, and prove how long they need."""
+        leg, common = self.leg, (self.workers, self.progress)
+        if leg.in_motion:
+            limiting = limiting_in_motion(
+                self.aircraft,
+                [leg.ends(row) for row in range(leg.drones.size)],
+                *common,
+                name=leg.name,
+                solve=solve,
+            )
+        else:
+            limiting = limiting_time(
+                self.aircraft,
+                leg.start,
+                leg.goal,
+                *common,
+                name=leg.name,
+                solve=solve,
+            )
+        self._count("minimum_time_solves", limiting.solves)
+        self.shortest = {
+            row: result.trajectory
+            for row, result in limiting.flights.items()
+            if result.trajectory is not None
+        }
+        return limiting
+
+    def least(self) -> tuple[Found, Limiting]:
+        """Find flights in the least common time.
+
+        Raises
+        ------
+        SolveError
+            If a pair cannot be kept apart in any time that is tried.
+        """
+        limiting = self.limiting(solve=True)
+        together = self._side_by_side(limiting)
+        if together is not None:
+            return together, limiting
+        best: Found | None = None
+        least, longest = self._times(limiting)
+        failed, gap, slower = 0.0, self.options.gap, 0
+        while True:
+            time = whole_milliseconds(least * (1.0 + gap))
+            if best is not None and (time >= best.duration or self.spent):
+                break
+            repair = self.at(time)
+            if repair.done:
+                best = repair
+                break
+            self.progress.note(
+                f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
+            )
+            late = repair.late
+            if late is not None and late not in self.shortest and slower < _SLOWER:
+                # It may need longer than those that the bounds called the slowest.
+                slower += 1
+                limiting = self._with(limiting, late)
+                least = max(least, limiting.time)
+                continue
+            failed = time
+            if best is None:
+                best = self.surely()
+            if best is None and (self.spent or gap >= longest):
+                best = self._slowly()
+            if best is None and gap >= longest:
+                raise self._parted(time, limiting, repair.trouble)
+            gap = min(self._growth(repair) * gap, longest)
+        lowest = 0.9 * least if self.detours else limiting.time
+        return self._narrowed(best, max(failed, lowest), limiting), limiting
+
+    def _growth(self, repair: Repair) -> float:
+        """How much more than a time that failed is tried next, beyond the least."""
+        # Where that is seen early and nearly parts, the next time is near.
+        if 0.0 < repair.tangled < _NEARLY:
+            return _SLOWLY
+        many = self.leg.drones.size > _MANY and self.options.effort == 1
+        return _BOLDLY if many and repair.tangled else _GROWTH
+
+    def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
+        """Halve what lies between a time that failed [s] and the best one flown."""
+        many = self.leg.drones.size > _MANY
+        part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
+        while not self.spent:
+            beyond = best.duration - limiting.time
+            near = max(_CLOSE * limiting.time, part * beyond)
+            share = 0.5 if isinstance(best, Repair) else _BOLD
+            middle = failed + share * (best.duration - failed)
+            middle = whole_milliseconds(middle)
+            if best.duration - failed < near or middle >= best.duration:
+                break
+            bent = _NONE if many else best.bent
+            self.progress.note(
+                f"{self.leg.name}: found {best.duration:.3f} s, "
+                f"{100.0 * (best.duration / limiting.time - 1.0):.1f} % over the "
+                f"least; trying {middle:.3f} s"
+            )
+            repair = self.at(middle, bent)
+            if repair.done:
+                best = repair
+            else:
+                failed = middle
+        return best
+
+    @property
+    def spent(self) -> bool:
+        """Whether the work is done that shorter times are worth."""
+        return self.left <= 0.0
+
+    @property
+    def left(self) -> float:
+        """Work that may still be done for shorter times."""
+        allowed = _WORK + _WORK_EACH * self.leg.drones.size
+        return self.options.effort * allowed - self.work
+
+    def at(self, time: float, bent: Mapping[int, Trajectory] = _NONE) -> Repair:
+        """Look for flights over a time [s]; ``done`` tells whether they are found.
+
+        Parameters
+        ----------
+        bent
+            Flights over another time that kept apart, by row.
+        """
+        leg = self.leg
+        move = Move(
+            name=leg.name,
+            aircraft=self.aircraft,
+            separation=self.separation,
+            start=leg.start,
+            goal=leg.goal,
+            ends=[leg.ends(row) for row in range(leg.drones.size)],
+            parked=leg.others_parked,
+            others=leg.others,
+            names=leg.drones,
+            shared=self.shared,
+            detours=self.detours,
+            fence=self.fence,
+            rounds=self.options.repair_rounds,
+            work=max(_AT_ONCE * self.left, _LEAST_WORK),
+            bent=bent,
+        )
+        repair = Repair(move, time, self.shortest, self.workers, self.progress)
+        repair.run()
+        self._count("common_times_" + ("passed_over" if repair.tangled else "tried"))
+        self.work += repair.work
+        return repair
+
+    def surely(self) -> WidenedFlights | None:
+        """Return the flight in closed form, if there is one."""
+        crossing = self._crossing()
+        if not self._looked and crossing is not None:
+            found = None if self.detours else fly_widened(crossing)
+            self._known = found if found is not None and self._inside(found) else None
+        self._looked = True
+        return self._known
+
+    def _slowly(self) -> StretchedFlights | None:
+        """Look for a flight that takes its time; it bounds the search from above."""
+        crossing = self._crossing()
+        found = None if crossing is None else fly_ways_slowly(crossing)
+        return found if found is not None and self._inside(found) else None
+
+    def _inside(self, found: StretchedFlights | WidenedFlights) -> bool:
+        """Whether flights stay within the fence."""
+        fence = self.fence
+        if fence is None:
+            return True
+        states = [flight.state for flight in found.trajectories]
+        return all(
+            fence.first_breach(state.coefficients[..., :2], state.breaks) is None
+            for state in states
+        )
+
+    def _crossing(self) -> Crossing | None:
+        """Return what is flown in closed form; None among others that fly."""
+        leg = self.leg
+        if self.shared is None or leg.others:
+            return None
+        return Crossing(
+            self.aircraft,
+            self.separation,
+            leg.start,
+            leg.goal,
+            leg.others_parked,
+            self.shared,
+            self.fence,
+        )
+
+    def _detours(self) -> dict[int, Detour]:
+        """Find ways for the drones whose straight way leaves the fence."""
+        fence, leg, found = self.fence, self.leg, {}
+        if fence is None:
+            return {}
+        for row, way in detours(fence, self.aircraft, leg.start, leg.goal).items():
+            start, goal = leg.start[row], leg.goal[row]
+            if way is None:
+                raise SolveError(
+                    f"{self.where}: drone {leg.drones[row] + 1} has no way from "
+                    f"({start[0]:.2f}, {start[1]:.2f}) m to ({goal[0]:.2f}, "
+                    f"{goal[1]:.2f}) m that stays {fence.margin:.2f} m within the "
+                    "fence; widen the passage or ask for less 'fence_margin'"
+                )
+            found[row] = way
+        return found
+
+    def _parted(self, time: float, limiting: Limiting, trouble: str) -> SolveError:
+        """Say that the drones cannot be kept apart, even in a time [s]."""
+        return SolveError(
+            f"{self.where}: {trouble}, even in {time:.3f} s "
+            f"({100.0 * (time / limiting.time - 1.0):.0f} % more than the "
+            "slowest drone needs); move the formations apart or let the "
+            "assignment be optimal"
+        )
+
+    def _with(self, limiting: Limiting, row: int) -> Limiting:
+        """Solve one more drone's least time; it may be the greatest."""
+        start, goal = self.leg.ends(row)
+        task = self.aircraft, start, goal
+        (result,) = self.workers.run(minimum_time, [task], _unheard)
+        self._count("minimum_time_solves")
+        if not result.solved or result.trajectory is None:
+            return limiting
+        self.shortest[row] = result.trajectory
+        if result.duration <= limiting.time:
+            return limiting
+        length = float(np.linalg.norm(goal[:3] - start[:3]))
+        return replace(limiting, time=result.duration, drone=row, distance=length)
+
+    def _times(self, limiting: Limiting) -> tuple[float, float]:
+        """Time to begin with [s], and the share of it that may be added at most.
+
+        Ways round the fence's corners take longer than any drone alone would.
+        """
+        least, longest = limiting.time, self.options.gap_limit
+        for way in self.detours.values():
+            least = max(least, way.estimate(self.aircraft))
+        if self.detours:
+            halting = max(
+                way.halting_time(self.aircraft) for way in self.detours.values()
+            )
+            longest += 2.0 * halting / least
+        return least, longest
+
+    def _side_by_side(self, limiting: Limiting) -> Repair | None:
+        """Where all drones make the same move, none comes nearer: no slack."""
+        if self.shared is None:
+            return None
+        moves = self.leg.goal - self.leg.start
+        if np.abs(moves - moves[0]).max() > _STILL:
+            return None
+        repair = self.at(whole_milliseconds(limiting.time))
+        return repair if repair.done else None
+
+    def _count(self, name: str, value: float = 1.0) -> None:
+        self.counts[name] = self.counts.get(name, 0.0) + value
+
+
+def _unheard(steps: int) -> None:
+    """Say nothing of a single drone's progress."""
