@@ -15,6 +15,7 @@ from showc.script.company import company_findings, transitions_of
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
+from showc.script.legible import legibility_findings
 from showc.script.motions import formations_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, crowded
@@ -42,66 +43,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _places(sketch)
     yield from company_findings(sketch)
     yield from _unused(sketch)
-    yield from _legible(sketch)
-
-
-STEM = 3.5
-"""Least height of a letter as a multiple of the distance of neighbouring places: the
-coarsest letters of dots that people read are 3 wide and 5 high, which is four times;
-places along strokes lie on no grid, so that a little less does."""
-
-
-def _legible(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Find texts with too few drones to be read (SHW216)."""
-    if "formations" not in sketch.settings:
-        return
-    for name, setting in sketch.settings.section("formations").values.items():
-        own, formation = setting.value, sketch.formations.get(name)
-        if (
-            not isinstance(own, Settings)
-            or formation is None
-            or own.broken
-            or "text" not in own
-            or len(formation.points) < 2
-        ):
-            continue
-        points = formation.points
-        apart = float(np.median(_neighbours(points)))
-        lines = own.text("text").count("\n") + 1
-        # As drawn; a transform that scales it scales both.
-        extent = float(np.max(np.ptp(points, axis=0)[1:]))
-        stem = extent / lines
-        if stem >= STEM * apart:
-            continue
-        # Along strokes the number grows with the length, over areas with its square.
-        power = 2.0 if own.text("draw") == "inside" else 1.0
-        needed = int(np.ceil(len(points) * (STEM * apart / stem) ** power))
-        yield Diagnostic(
-            "SHW216",
-            Severity.WARNING,
-            f"the text of `{name}` cannot be read: its letters are "
-            f"{number_text(round(stem, 1))} m high, its places "
-            f"{number_text(round(apart, 1))} m apart",
-            own.mark_of("text"),
-            notes=(f"{len(points)} drones write it",),
-            help=f"use about {needed} drones, or write less",
-            spot=Spot(name, ()),
-        )
-
-
-_ASKED = 200
-"""Places of a text that are asked for their neighbours: enough for a median."""
-
-
-def _neighbours(points: FloatArray) -> FloatArray:
-    """Distance of some places, evenly chosen, from the next one, shape (k,) [m]."""
-    rows = np.arange(0, len(points), -(-len(points) // _ASKED))
-    found = np.empty(len(rows))
-    for at, row in enumerate(rows):
-        square = ((points - points[row]) ** 2).sum(axis=1)
-        square[row] = np.inf
-        found[at] = sqrt(float(square.min()))
-    return found
+    yield from legibility_findings(sketch)
 
 
 def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:

@@ -141,6 +141,19 @@ CODES = (
         Severity.WARNING,
     ),
     Code(
+        "SHW218",
+        "picture that is mirrored",
+        "A text, drawing or image reads from one side only, and an audience of `site` "
+        "is on the other: people there see it mirrored.",
+        "Turn it as the message says. With people on both sides, show it once for "
+        "each.",
+        "site: {audience: [{line: [[-30, 60], [30, 60]]}]}\n"
+        "formations: {row: {type: text, text: LEFT}}",
+        Severity.WARNING,
+        instead="site: {audience: [{line: [[-30, 60], [30, 60]]}]}\n"
+        "formations: {row: {type: text, text: LEFT, transform: [{rotate: 180}]}}",
+    ),
+    Code(
         "SHW214",
         "above the ceiling",
         "A place, or the hover above a pad, is higher than `site: ceiling:`. Drones "

@@ -1,0 +1,188 @@
+"""Legibility: pictures with too few drones to be read, or that read from behind.
+
+A flat drawing reads from the side to which right x up points: an audience there sees
+its right on the right. From the other side it is mirrored.
+"""
+
+from __future__ import annotations
+
+from math import radians, sin, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.script.diagnostic import Diagnostic, Severity, Spot
+from showc.script.formations.shape import PLANES
+from showc.script.placing import transform
+from showc.script.settings import Settings
+from showc.script.wording import number_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from showc.arrays import FloatArray
+    from showc.script.build import Sketch
+    from showc.script.show import Formation
+
+STEM = 3.5
+"""Least height of a letter as a multiple of the distance of neighbouring places: the
+coarsest letters of dots that people read are 3 wide and 5 high, which is four times;
+places along strokes lie on no grid, so that a little less does."""
+
+
+EYES = 1.7
+"""Height of eyes above the ground [m]."""
+_EDGE = sin(radians(10.0))
+"""Sine of the angle to its plane below which a picture is seen from its edge: neither
+as it is drawn nor mirrored."""
+_LEVEL = 0.7
+"""Cosine of the steepest way down or up at which a picture counts as lying flat."""
+_ALIKE = 0.5
+"""How near a mirrored place comes to one of the picture, in distances of neighbours,
+on the average, where the picture and its mirror image count as one."""
+_FEW = 3
+"""Places from which on there is a picture that could be mirrored."""
+
+
+def legibility_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield texts and pictures that cannot be read (SHW216, SHW218)."""
+    yield from _coarse(sketch)
+    yield from _mirrored(sketch)
+
+
+def _drawn(sketch: Sketch) -> Iterator[tuple[str, Settings, Formation]]:
+    """Yield the formations that could be drawn, with what the script says of them."""
+    if "formations" not in sketch.settings:
+        return
+    for name, setting in sketch.settings.section("formations").values.items():
+        own, formation = setting.value, sketch.formations.get(name)
+        if (
+            isinstance(own, Settings)
+            and not own.broken
+            and formation is not None
+            and len(formation.points) > 1
+            and name not in {sketch.pads, sketch.parking}
+        ):
+            yield name, own, formation
+
+
+def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Find texts with too few drones to be read (SHW216)."""
+    for name, own, formation in _drawn(sketch):
+        if "text" not in own:
+            continue
+        points = formation.points
+        apart = float(np.median(_neighbours(points)))
+        lines = own.text("text").count("\n") + 1
+        # As drawn; a transform that scales it scales both.
+        extent = float(np.max(np.ptp(points, axis=0)[1:]))
+        stem = extent / lines
+        if stem >= STEM * apart:
+            continue
+        # Along strokes the number grows with the length, over areas with its square.
+        power = 2.0 if own.text("draw") == "inside" else 1.0
+        needed = int(np.ceil(len(points) * (STEM * apart / stem) ** power))
+        yield Diagnostic(
+            "SHW216",
+            Severity.WARNING,
+            f"the text of `{name}` cannot be read: its letters are "
+            f"{number_text(round(stem, 1))} m high, its places "
+            f"{number_text(round(apart, 1))} m apart",
+            own.mark_of("text"),
+            notes=(f"{len(points)} drones write it",),
+            help=f"use about {needed} drones, or write less",
+            spot=Spot(name, ()),
+        )
+
+
+_ASKED = 200
+"""Places of a text that are asked for their neighbours: enough for a median."""
+
+
+def _neighbours(points: FloatArray) -> FloatArray:
+    """Distance of some places, evenly chosen, from the next one, shape (k,) [m]."""
+    rows = np.arange(0, len(points), -(-len(points) // _ASKED))
+    found = np.empty(len(rows))
+    for at, row in enumerate(rows):
+        square = ((points - points[row]) ** 2).sum(axis=1)
+        square[row] = np.inf
+        found[at] = sqrt(float(square.min()))
+    return found
+
+
+def _mirrored(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Find pictures that an audience sees from behind (SHW218)."""
+    audience = sketch.site.audience if sketch.site is not None else ()
+    for name, own, formation in _drawn(sketch) if audience else ():
+        axes = _axes(sketch, own)
+        if axes is None or len(formation.points) < _FEW:
+            continue
+        right, up = axes
+        facing = np.cross(right, up)
+        if _symmetric(formation.points, right):
+            continue
+        middle = formation.points.mean(axis=0)
+        before, behind = [], []
+        for people in audience:
+            eyes = np.column_stack([people.points, np.full(len(people.points), EYES)])
+            ways = eyes - middle
+            turned = ways @ facing / np.linalg.norm(ways, axis=1)
+            before += [people.name] * bool((turned > _EDGE).any())
+            behind += [people.name] * bool((turned < -_EDGE).any())
+        if not behind:
+            continue
+        names = ", ".join(f"`{one}`" for one in dict.fromkeys(behind))
+        if before:
+            others = ", ".join(f"`{one}`" for one in dict.fromkeys(before))
+            help_text = (
+                f"turned by 180° it would be mirrored for {others}: show it twice, "
+                "once for each side, or a picture that is the same from both"
+            )
+        elif abs(facing[2]) > _LEVEL:
+            help_text = "write `transform: [{mirror: x}]`: it is seen from below"
+        else:
+            help_text = "turn it round: `transform: [{rotate: 180}]`"
+        yield Diagnostic(
+            "SHW218",
+            Severity.WARNING,
+            f"`{name}` is mirrored for the audience {names}",
+            own.mark_of("transform") if "transform" in own else formation.mark,
+            notes=(f"it reads from the side of {_side(facing)}",),
+            help=help_text,
+            spot=Spot(name, ()),
+        )
+
+
+def _axes(sketch: Sketch, own: Settings) -> tuple[FloatArray, FloatArray] | None:
+    """Return unit vectors to a flat picture's right and up; None for other shapes."""
+    axes = None
+    if "like" in own:
+        base = sketch.settings.section("formations").values[own.text("like")].value
+        axes = _axes(sketch, base) if isinstance(base, Settings) else None
+    elif "type" in own and own.text("type") in {"text", "svg", "image"}:
+        axes = PLANES[own.text("plane")][0], PLANES[own.text("plane")][1]
+    if axes is not None and "transform" in own:
+        # Without shifts: directions have no place.
+        _, (right, up) = transform(np.stack(axes), own.items("transform"))
+        axes = right, up
+    return (_unit(axes[0]), _unit(axes[1])) if axes is not None else None
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _symmetric(points: FloatArray, right: FloatArray) -> bool:
+    """Tell whether a picture looks the same when its right becomes its left."""
+    along = points @ right
+    middle = (along.min() + along.max()) / 2.0
+    rows = np.arange(0, len(points), -(-len(points) // _ASKED))
+    image = points[rows] + 2.0 * (middle - along[rows])[:, None] * right
+    gaps = [sqrt(float(((points - one) ** 2).sum(axis=1).min())) for one in image]
+    return float(np.mean(gaps)) < _ALIKE * float(np.median(_neighbours(points)))
+
+
+def _side(facing: FloatArray) -> str:
+    """Name the side to which a picture faces, by the nearest axis of the show frame."""
+    axis = int(np.argmax(np.abs(facing)))
+    return f"{'-' if facing[axis] < 0.0 else '+'}{'xyz'[axis]}"
