@@ -10,14 +10,17 @@ from dataclasses import replace
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
+import numpy as np
 from mcap.reader import make_reader
 
 from showc.errors import DamagedFileError
 from showc.export.fit import error_of, tracks_of
+from showc.export.lights import TOLERANCE as FADE
 from showc.export.solved import solved_show
 from showc.export.stage import SAMPLED, ExportOptions, folder_for, kept_apart, rules_of
 from showc.files import open_file
 from showc.foreign.folder import MAPS, hashes, is_export, prove, read_manifest
+from showc.foreign.lights import FRAME, read_lights
 from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
 from showc.log.reader import read_log
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.export.solved import SolvedShow
+    from showc.foreign.show import ForeignShow
     from showc.script.show import Export
 
 ROUNDING = 1e-6
@@ -106,8 +110,42 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
             Place(file=str(folder), drone=off.drone + 1, time=off.time),
         )
     )
+    checks += _lit(written, solved, round(lead, 3), where)
     asked = rules_of(solved, off.upper, fit.velocity.upper)
     return checks + prove(folder, wish.to, asked, flown)
+
+
+def _lit(
+    written: ForeignShow, solved: SolvedShow, lead: float, where: Place
+) -> list[Check]:
+    """Hold programs of lights against the log's samples, in frames of the program."""
+    programs = [one for one in written.lights if isinstance(one, bytes)]
+    if len(programs) != solved.drones:
+        return []
+    frame = np.rint((solved.light_times + lead) / FRAME)
+    # Of samples in one frame the last one counts.
+    keep = np.append(np.diff(frame) > 0.0, True)
+    moments = frame[keep] * FRAME
+    worst, drone, time = 0.0, 0, 0.0
+    for number, program in enumerate(programs):
+        track = read_lights(program, written.names[number], float(moments[-1]) + FRAME)
+        off = np.abs(track.at(moments) - solved.lights[keep, number])
+        shown = off.max(axis=1)
+        if shown.max() > worst:
+            step = int(np.argmax(shown))
+            worst, drone, time = float(shown[step]), number, float(moments[step] - lead)
+    return [
+        Check(
+            "VRF585",
+            "",
+            "lights of the log, their difference at its samples",
+            "pass" if worst <= FADE + 1.0 else "fail",
+            worst,
+            FADE + 1.0,
+            "of 255",
+            replace(where, drone=drone + 1, time=time),
+        )
+    ]
 
 
 def _check(code: str, name: str, where: Place, wrong: list[str]) -> Check:

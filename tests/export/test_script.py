@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from hashlib import sha256
 
 import pytest
@@ -11,8 +12,10 @@ from showc.cli.compile import command
 from showc.cli.verify import command as verify
 from showc.errors import UsageError
 from showc.export.beside import verify_beside
-from showc.export.stage import refuse_foreign
+from showc.export.solved import solved_show
+from showc.export.stage import ExportOptions, export, refuse_foreign
 from showc.foreign.folder import verify_export
+from showc.log.reader import read_log
 from showc.script import load_show
 
 SCRIPT = """showc: 1
@@ -107,6 +110,17 @@ def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
     (folder / "export.json").write_text(json.dumps(manifest))
     assert verify_export(folder).check("VRF581").verdict == "pass"
     assert failed(beside) >= {"VRF584"}
+
+
+def test_an_export_with_other_lights_is_found_out(beside):
+    """Written by the export itself, of the same flight and log in other colours."""
+    folder = beside.with_name("show-skyb")
+    manifest = json.loads((folder / "export.json").read_text())
+    solved = solved_show(read_log(beside), 0.0)
+    dark = replace(solved, lights=solved.lights // 2)
+    options = replace(ExportOptions.usual("skyb"), lead=12.0, separation=1.5)
+    export(dark, manifest["source"], "skyb", folder, options)
+    assert failed(beside) == {"VRF585"}
 
 
 def test_an_export_of_another_log_is_found_out(beside):
