@@ -186,7 +186,7 @@ MOTIONS = [
     Piece(
         "follow",
         12,
-        "{type: csv, file: dance.csv, colour: orchid}",
+        "{type: frames, file: dance.csv, colour: orchid}",
         "motion: [{follow: dance.csv}]",
     ),
     Piece(

@@ -20,8 +20,9 @@ MAY_IMPORT = {
     "processes": set(),
     "progress": set(),
     "trajectory": set(),
+    "documents": {"errors", "files"},
     "vehicle": FOUNDATION,
-    "script": FOUNDATION | {"vehicle"},
+    "script": FOUNDATION | {"vehicle", "documents"},
     "plan": FOUNDATION | {"vehicle", "script"},
     "flight": FOUNDATION | {"vehicle", "script", "plan"},
     "ocp": FOUNDATION,
@@ -64,10 +65,10 @@ MAY_IMPORT = {
         "vehicle",
     }
     | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
-    "foreign": {"errors", "_version", "files", "processes"}
+    "foreign": {"errors", "_version", "files", "processes", "documents"}
     | {"log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
-    | {"script", "light", "log", "geodesy", "verify", "foreign"}
+    | {"documents", "script", "light", "log", "geodesy", "verify", "foreign"}
     | {"vehicle", "safety"},
 }
 

@@ -13,11 +13,11 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from showc.documents.gltf import FLOAT, MAGIC
 from showc.export.fit import error_of, tracks_of
 from showc.export.lights import LightNodes, light_nodes
 from showc.export.skyc import drone_name
 from showc.export.tables import sampled, uniform
-from showc.foreign.buffers import FLOAT, MAGIC
 from showc.foreign.lights import FRAME
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
+from showc.documents.archive import LARGEST_FILE, parse_json
+from showc.documents.numbers import array, number
 from showc.errors import DamagedFileError
 from showc.files import read_file
-from showc.foreign.document import LARGEST_FILE, parse_json
 from showc.foreign.facts import Asked
 from showc.foreign.firmware import Firmware
-from showc.foreign.numbers import array, number
 from showc.foreign.reading import read_show
 from showc.foreign.show import FencePolygon
 from showc.foreign.showmode import what_show_mode_makes

@@ -1,195 +1,36 @@
 """Animated glTF 2.0: nodes whose translations move, as drones.
 
-Samplers are LINEAR, STEP or CUBICSPLINE (a cubic Hermite: in-tangent, value,
-out-tangent for every key). glTF has y up: (x, y, z) of the show frame is (x, z, -y).
-A drone's place is that of its node in the world: nodes above it may shift, turn and
-scale it, but not move themselves, for what moves twice is no polynomial any more.
-Its light is that of the first material that it, or a node below it, has.
+The light of a drone is that of the first material that its node, or one below, has.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.documents.archive import LARGEST_ENTRY
+from showc.documents.gltf import Document
+from showc.documents.scene import Scene
 from showc.errors import DamagedFileError
-from showc.foreign.buffers import Document
+from showc.files import read_file
 from showc.foreign.materials import Materials
-from showc.foreign.numbers import array, places
 from showc.foreign.show import Course, Courses, ForeignShow, fleet, polyline
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.arrays import FloatArray
-    from showc.foreign.buffers import Keys
+    from showc.documents.gltf import Keys
 
-
-MOST_DRONES = 5000
-"""Animated nodes that are read."""
-
-_BAKE = "bake the animation onto the drones themselves, without parents"
-MOST_NODES = 50_000
-"""Nodes of a scene: ten for each drone."""
-
-_DEEPEST = 64
-"""Nodes above a node."""
 _STEP_GAP = 1e-3
 """Time in which a STEP sampler changes here [s]: a jump is a very fast move."""
 
 
-class _Scene:
-    """Nodes of a document, and what moves them."""
-
-    def __init__(self, document: Document) -> None:
-        self.document = document
-        self.path, self.top = document.path, document.top
-        self.entry, self._damage = document.entry, document.damage
-        self._moved_by: dict[tuple[Any, bytes], int] = {}
-        self._parents: dict[Any, int] = {}
-
-    def _moved(self) -> tuple[list[tuple[dict[str, Any], Any, int]], set[int]]:
-        """Find what moves nodes: (animation, sampler, node); and nodes that turn."""
-        moves, turned = [], set()
-        for animation, sampler, path, node in self.document.channels():
-            if node is None or "camera" in self.entry("nodes", node):
-                continue
-            if path == "translation":
-                moves.append((animation, sampler, node))
-            elif path in {"rotation", "scale"}:
-                turned.add(node)
-        return moves, turned
-
-    def _family(self) -> None:
-        """Note the parent of each node."""
-        nodes = self.top.get("nodes")
-        if isinstance(nodes, list) and len(nodes) > MOST_NODES:
-            raise self._damage(f"has {len(nodes):,} nodes; wanted {MOST_NODES:,}")
-        for parent, node in enumerate(nodes if isinstance(nodes, list) else []):
-            children = node.get("children") if isinstance(node, dict) else None
-            for child in children if isinstance(children, list) else []:
-                self.entry("nodes", child)
-                if self._parents.setdefault(child, parent) != parent:
-                    raise self._damage(f"node {child} has two parents")
-
-    def above(self, node: int) -> list[int]:
-        """Return the nodes that carry a node, the nearest first."""
-        found: list[int] = []
-        while node in self._parents:
-            node = self._parents[node]
-            if node in found or len(found) >= _DEEPEST:
-                raise self._damage(f"node {node} carries itself, or too deep a tree")
-            found.append(node)
-        return found
-
-    def _placed(self, node: int, moving: set[int]) -> FloatArray:
-        """Where nodes above put a node: an affine map (4, 4) in glTF's axes."""
-        result = np.eye(4)
-        for carrier in self.above(node):
-            if carrier in moving:
-                raise self._damage(
-                    f"node {node} is carried by node {carrier}, which moves too; "
-                    f"{_BAKE}"
-                )
-            result = self._local(carrier) @ result
-        return result
-
-    def _local(self, index: int) -> FloatArray:
-        """Affine map of a node that stands still (4, 4)."""
-        node, what = self.entry("nodes", index), f"{self.path}: node {index}"
-        if node.get("matrix") is not None:
-            # By columns.
-            return array(node["matrix"], (16,), what).reshape(4, 4).T
-        x, y, z, w = array(node.get("rotation", [0, 0, 0, 1]), (4,), what).tolist()
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        result = np.eye(4)
-        result[:3, :3] = turn * array(node.get("scale", [1, 1, 1]), (3,), what)
-        result[:3, 3] = array(node.get("translation", [0, 0, 0]), (3,), what)
-        return result
-
-    def _none_forgotten(self, found: set[int], turned: set[int]) -> None:
-        """Refuse a scene in which something flies on a node that only turns."""
-        nodes = self.top.get("nodes")
-        for index, node in enumerate(nodes if isinstance(nodes, list) else []):
-            if not isinstance(node, dict) or node.get("mesh") is None:
-                continue
-            above = self.above(index)
-            if not found & {index, *above} and turned & set(above):
-                raise self._damage(
-                    f"node {index} is swung about by a node above it; {_BAKE}"
-                )
-
-    def courses(self) -> dict[int, Course]:
-        """Courses of all nodes whose translation moves."""
-        found: dict[int, Course] = {}
-        counted = Courses(self.path)
-        moves, turned = self._moved()
-        self._family()
-        moving = {node for _, _, node in moves} | turned
-        for animation, sampler, node in moves:
-            if node in found:
-                raise self._damage(f"node {node} is moved by two channels")
-            if len(found) >= MOST_DRONES:
-                raise self._damage(f"moves more than {MOST_DRONES} nodes")
-            put = self._placed(node, moving)
-            found[node] = self._course(animation, sampler, node, put)
-            counted.add(found[node])
-        self._none_forgotten(set(found), turned)
-        return found
-
-    def _course(
-        self,
-        animation: dict[str, Any],
-        index: Any,  # noqa: ANN401
-        node: int,
-        put: FloatArray,
-    ) -> Course:
-        keys = self.document.keys(animation, index, "VEC3", f"node {node}")
-        key = keys.output, put.tobytes()
-        other = self._moved_by.setdefault(key, node)
-        if other != node:
-            raise self._damage(
-                f"nodes {other} and {node} have the same places; wanted for each drone "
-                "some of its own"
-            )
-        return _course_of(keys, put, f"{self.path}: node {node}")
-
-    def materials_of(self, nodes: list[int]) -> list[int | None]:
-        """Return for each of some nodes the material that it shows, or a node below."""
-        found: dict[int, int] = {}
-        every = self.top.get("nodes")
-        for index, node in enumerate(every if isinstance(every, list) else []):
-            mesh = node.get("mesh") if isinstance(node, dict) else None
-            if mesh is None:
-                continue
-            parts = self.entry("meshes", mesh).get("primitives")
-            for part in parts if isinstance(parts, list) else []:
-                material = part.get("material") if isinstance(part, dict) else None
-                if material is not None:
-                    self.entry("materials", material)
-                    for carrier in (index, *self.above(index)):
-                        found.setdefault(carrier, material)
-                    break
-        return [found.get(node) for node in nodes]
-
-
-def _course_of(keys: Keys, put: FloatArray, what: str) -> Course:
-    """Return the course of a node that ``put`` (4, 4) puts into the world."""
-    times, values = keys.times, keys.values @ put[:3, :3].T
-    spline = keys.way == "CUBICSPLINE"
-    # Tangents are turned and scaled, but not shifted.
-    shift = np.broadcast_to(put[:3, 3], values.shape).copy()
-    if spline:
-        shift.reshape(-1, 3, 3)[:, ::2] = 0.0
-    values = places(_show_frame(values + shift), what)
-    if spline:
+def _course_of(keys: Keys) -> Course:
+    """Return the course of a node, its keys in the show frame."""
+    times, values = keys.times, keys.values
+    if keys.way == "CUBICSPLINE":
         return _hermite(times, values.reshape(-1, 3, 3))
     if keys.way == "STEP" and times.size > 1:
         before = np.maximum(times[1:] - _STEP_GAP, 0.5 * (times[:-1] + times[1:]))
@@ -198,11 +39,6 @@ def _course_of(keys: Keys, put: FloatArray, what: str) -> Course:
         kept = np.repeat(values, 2, axis=0)[:-1]
         return polyline(moments, kept)
     return polyline(times, values)
-
-
-def _show_frame(values: FloatArray) -> FloatArray:
-    """From glTF's axes to those of the show frame."""
-    return np.stack([values[:, 0], -values[:, 2], values[:, 1]], axis=1)
 
 
 def _hermite(times: FloatArray, keys: FloatArray) -> Course:
@@ -225,16 +61,20 @@ def read_gltf(path: Path) -> ForeignShow:
     DamagedFileError
         If it is not what the format wants, or nothing in it moves.
     """
-    document = Document(path)
-    scene = _Scene(document)
-    found = scene.courses()
+    document = Document(
+        str(path),
+        read_file(path, LARGEST_ENTRY),
+        lambda name: read_file(path.parent / name, LARGEST_ENTRY),
+    )
+    scene, counted = Scene(document), Courses(path)
+    found: dict[int, Course] = {}
+    for node, keys in scene.moves():
+        found[node] = _course_of(keys)
+        counted.add(found[node])
     if not found:
         raise DamagedFileError(f"{path}: no node's translation is animated")
     nodes = sorted(found)
-    names = tuple(
-        str(document.entry("nodes", node).get("name") or f"node {node}")[:80]
-        for node in nodes
-    )
+    names = tuple(scene.name_of(node) for node in nodes)
     shown = scene.materials_of(nodes)
     materials = Materials(document, {one for one in shown if one is not None})
     known = {one: materials.light(one) for one in set(shown) if one is not None}

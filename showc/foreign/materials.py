@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.foreign.numbers import array, number
+from showc.documents.numbers import array, number
 from showc.foreign.show import LightTrack
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.foreign.buffers import Document, Keys
+    from showc.documents.gltf import Document, Keys
 
 _BASE = "pbrMetallicRoughness"
 _STRENGTH = "KHR_materials_emissive_strength"
@@ -66,7 +66,7 @@ class Materials:
     def light(self, index: int) -> LightTrack | None:
         """Return the light that a material shows; None: it is painted by a picture."""
         material = self._document.entry("materials", index)
-        what = f"{self._document.path}: material {index}"
+        what = f"{self._document.name}: material {index}"
         emits = array(material.get(_EMITTED, [0, 0, 0]), (3,), f"{what}: {_EMITTED}")
         colour = self._changes.get((index, _EMITTED))
         if colour is None and emits.any():

@@ -23,13 +23,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
 
 
-LARGEST_COORDINATE = 1e5
-"""Greatest coordinate that is read [m]: a hundred kilometres is no show."""
-
-LONGEST = 1e5
-"""Longest show that is read [s]: more than a day."""
-
-
 @dataclass(frozen=True, slots=True)
 class Declared:
     """The validation settings of a file; None where it says nothing."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.archive import Archive, References, parse_json
+from showc.documents.numbers import array, number, places, rising
 from showc.errors import DamagedFileError
-from showc.foreign.document import Archive, References, parse_json
-from showc.foreign.numbers import array, number, places, rising
 from showc.foreign.show import (
     Course,
     Courses,

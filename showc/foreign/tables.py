@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.documents.archive import LARGEST_ENTRY, Archive
+from showc.documents.numbers import places, rising
 from showc.errors import DamagedFileError
 from showc.files import read_file
-from showc.foreign.document import LARGEST_ENTRY, Archive
-from showc.foreign.numbers import places, rising
 from showc.foreign.show import Course, Courses, ForeignShow, LightTrack, polyline
 
 if TYPE_CHECKING:

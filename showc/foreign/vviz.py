@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.archive import LARGEST_ENTRY, parse_json
+from showc.documents.numbers import array, number, places, rising
 from showc.errors import DamagedFileError
 from showc.files import read_file
-from showc.foreign.document import LARGEST_ENTRY, parse_json
-from showc.foreign.numbers import array, number, places, rising
 from showc.foreign.show import Courses, ForeignShow, LightTrack, polyline
 
 if TYPE_CHECKING:

@@ -315,7 +315,7 @@ class Builder:
                     f"`{one.file}`, which it follows, {one.frames.shape[1]}",
                     settings.mark_of("motion"),
                     help_text="give both the same number of places: a formation of "
-                    f"`type: csv` with `file: {one.file}` has those of the first frame",
+                    f"`type: frames` with `file: {one.file}` has those of the first",
                 )
                 return ()
         return motion

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from showc.script.frames import frames_of
+from showc.script.formations.frames import FILE, frames_of
 from showc.script.kinds import (
     Choice,
     Either,
     Field,
-    File,
     Items,
     Quantity,
     Reference,
@@ -194,11 +193,11 @@ MOTION = Section(
                 (
                     Field(
                         "file",
-                        File((".csv", ".tsv", ".txt")),
-                        "A table with the columns time [s], place (from 1), x, y and z "
-                        "[m]. Places go as far as they go there since the first frame, "
-                        "along a smooth curve: with frames a time h apart, at most "
-                        "h²/4 times their acceleration beside them.",
+                        FILE,
+                        "A table or scene, as `type: frames` takes it. Places go as "
+                        "far as they go there since the first frame, along a smooth "
+                        "curve: with frames a time h apart, at most h²/4 times their "
+                        "acceleration beside them.",
                         required=True,
                     ),
                     _RAMP,
@@ -207,7 +206,7 @@ MOTION = Section(
             ),
             "Follow the frames of a file, evenly but for the ramps, place i as its "
             "place i.",
-            examples=("dance.csv", {"file": "dance.csv", "ramp": 1}),
+            examples=("dance.csv", {"file": "dance.glb", "ramp": 1}),
         ),
     ),
     one_of=("rotate", "breathe", "wave", "orbit", "travel", "morph", "follow"),
@@ -245,7 +244,7 @@ def _motion(item: Settings, files: InputFiles) -> Motion:
     if "follow" in item:
         own = item.section("follow")
         name = own.text("file")
-        frames = frames_of(files.read(name, "motion"), name, "motion")
+        frames = frames_of(name, "motion", files.read)
         return Follow(name, frames.points, frames.length, own.number("ramp"))
     if "travel" in item:
         ways = []

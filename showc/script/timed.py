@@ -25,14 +25,6 @@ _NAMES = {
 }  # fmt: skip
 
 
-def headed(content: bytes, columns: tuple[str, ...]) -> bool:
-    """Whether a table's first line names these columns, with others perhaps."""
-    for line in content[:10_000].decode("utf-8-sig", "replace").splitlines():
-        if line.strip() and not line.startswith("#"):
-            return set(columns) <= set(_heads(line, _separator(line)))
-    return False
-
-
 def timed_rows(
     content: bytes,
     name: str,

@@ -165,7 +165,7 @@ def test_a_motion_of_minutes_follows_frames_and_is_proved(tmp_path):
     script = tmp_path / "long.yaml"
     script.write_text(
         "showc: 1\nseparation: 1.5\nlog_rate: 2\n"
-        "formations: {it: {type: csv, file: dance.csv}}\ntransitions:\n"
+        "formations: {it: {type: frames, file: dance.csv}}\ntransitions:\n"
         "  - {to: it, motion: [{follow: dance.csv}, {wave: 0.5}]}\n"
     )
     log = tmp_path / "long.mcap"

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.formations.shape import Drawing, FormationError, Request, Shape
-from showc.script.frames import frames_of, has_frames
 from showc.script.kinds import Field, File, Section
 
 if TYPE_CHECKING:
@@ -30,8 +29,7 @@ SECTION = Section(
     "csv",
     "Places from a CSV file, in the show frame: columns x, y, z in metres and, if "
     "wanted, red, green, blue from 0 to 255. A first line with these names is optional "
-    "for x, y, z. The separator is a comma, semicolon or tab. Where there are columns "
-    "time and place too, the places of the first moment.",
+    "for x, y, z. The separator is a comma, semicolon or tab.",
     (Field("file", File((".csv", ".tsv", ".txt")), "The table.", required=True),),
 )
 
@@ -45,8 +43,6 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     FormationError
         Naming the first faulty line, and how many there are.
     """
-    if has_frames(content):
-        return frames_of(content, name, "file").points[0], None
     lines_there = content.count(b"\n") + 1
     if lines_there > MAX_LINES:
         raise FormationError(
@@ -112,7 +108,7 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
             "several instants, and not where several drones are",
             "file",
             help_text="give one row for each drone, with the columns x, y and z; or "
-            "frames, with a column `place` as well",
+            "take `type: frames`, with a column `place` as well",
         )
     if not {"x", "y", "z"} <= set(names):
         lacking = sorted({"x", "y", "z"} - set(names))

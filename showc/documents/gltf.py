@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.archive import parse_json
+from showc.documents.numbers import number, rising
 from showc.errors import DamagedFileError
-from showc.files import read_file
-from showc.foreign.document import LARGEST_ENTRY, parse_json
-from showc.foreign.numbers import number, rising
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -55,14 +53,29 @@ class Keys:
 
 
 class Document:
-    """A file, and what it refers to."""
+    """A file, and what it refers to.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        content = read_file(path, LARGEST_ENTRY)
+    Parameters
+    ----------
+    name
+        Of the file, for errors.
+    content
+        The file.
+    read
+        Gives the content of a file by its name, relative to this one's folder.
+
+    Raises
+    ------
+    DamagedFileError
+        If it is no glTF document.
+    """
+
+    def __init__(self, name: str, content: bytes, read: Callable[[str], bytes]) -> None:
+        self.name = name
+        self._read = read
         self.binary = b""
         text = self._chunks(content) if content[:4] == MAGIC else content
-        top = parse_json(text, str(path))
+        top = parse_json(text, name)
         if not isinstance(top, dict):
             raise self.damage("is no glTF document")
         self.top = top
@@ -70,7 +83,7 @@ class Document:
 
     def damage(self, text: str) -> DamagedFileError:
         """Return the error that says what is wrong."""
-        return DamagedFileError(f"{self.path}: {text}")
+        return DamagedFileError(f"{self.name}: {text}")
 
     def _chunks(self, content: bytes) -> bytes:
         """Text of a binary glTF; its buffer is kept."""
@@ -118,7 +131,7 @@ class Document:
             name = PurePosixPath(uri)
             if name.is_absolute() or ".." in name.parts or ":" in uri:
                 raise self.damage(f"buffers[{index}] leads to {uri[:60]!r}")
-            content = read_file(self.path.parent / name, LARGEST_ENTRY)
+            content = self._read(uri)
         else:
             raise self.damage(f"buffers[{index}] has no content")
         self._buffers[index] = content
@@ -227,7 +240,7 @@ class Document:
             or not isinstance(samplers[index], dict)
         ):
             raise self.damage(f"sampler {index!r} of {what} is not there")
-        sampler, name = samplers[index], f"{self.path}: {what}"
+        sampler, name = samplers[index], f"{self.name}: {what}"
         times = rising(self.numbers(sampler.get("input"), "SCALAR")[:, 0], name)
         values = self.numbers(sampler.get("output"), kind)
         way = sampler.get("interpolation", "LINEAR")

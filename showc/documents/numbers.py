@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import DamagedFileError
-from showc.foreign.show import LARGEST_COORDINATE, LONGEST
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
+
+LARGEST_COORDINATE = 1e5
+"""Greatest coordinate that is read [m]: a hundred kilometres is no show."""
+
+LONGEST = 1e5
+"""Longest show that is read [s]: more than a day."""
 
 
 def number(value: Any, what: str) -> float:  # noqa: ANN401 - anything may come

@@ -1,0 +1,1 @@
+"""Documents of unknown origin, read within bounds: archives, JSON, numbers, glTF."""
