@@ -251,3 +251,9 @@ def test_verify_shares_no_code_with_the_planner():
         for part in (*planner, *writers)
         if name == f"showc.{part}" or name.startswith(f"showc.{part}.")
     } == set()
+
+
+def test_the_map_of_rooms_has_all_of_them():
+    guide = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert {room for room in rooms if f"`showc/{room}`" not in guide} == set()
