@@ -48,6 +48,9 @@ class PhaseSolution:
     bound_gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """What the objective could gain where a state's bound is kept by its Bernstein
     coefficients and not touched by the state itself, shape (K, states)."""
+    integral_prices: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Derivative of the least objective by each integral of the phase, in the order of
+    their statement, for an objective that is minimised."""
 
     @property
     def start(self) -> float:
@@ -134,6 +137,9 @@ class Solution:
     slack: float = 0.0
     """What the solver's tolerance leaves open, in units of the objective: multipliers
     times the distances to the bounds and equations they belong to, summed."""
+    blur: float = 0.0
+    """Change of the objective if every state were off by a millionth of its range: an
+    objective below it, as of a perfect fit, is all but zero."""
     optima: tuple[Optimum, ...] = ()
     """All optima that the starts led to, the best first; empty for a single start."""
 

@@ -7,13 +7,13 @@ equation, several phases, a table, units far from one, unstable or stiff dynamic
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, cosh, exp, log, pi, sin, sqrt, tanh
+from math import acos, atan, cos, cosh, exp, log, pi, sin, sinh, sqrt, tanh
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 from showc import ocp
 
@@ -522,4 +522,191 @@ def above_a_hill():
     phase.derivative(x, u)
     phase.constrain(x - (0.25 - (phase.time - 2.0) ** 2 / 4.0), 0.0, None)
     problem.minimise(phase.integral(x))
+    return problem
+
+
+def _slide(name: str) -> tuple[ocp.Problem, ocp.Phase]:
+    """State the brachistochrone to a vertical line 1 m away, 9.81 m/s²."""
+    problem = ocp.Problem(name)
+    phase = problem.phase(duration=(0.0, None))
+    x = phase.state("x", start=0.0, end=1.0)
+    y = phase.state("y", start=0.0)
+    v = phase.state("v", start=0.0)
+    a = phase.control("a", 0.0, pi)
+    phase.derivative(x, v * ca.sin(a))
+    phase.derivative(y, v * ca.cos(a))
+    phase.derivative(v, 9.81 * ca.cos(a))
+    problem.minimise(phase.duration)
+    return problem, phase
+
+
+@add(sqrt(pi / 9.81))
+def slide_to_a_line():
+    return _slide("slide_to_a_line")[0]
+
+
+def _above_a_slope() -> float:
+    """Cycloid, slope, cycloid; each cycloid starts from a cusp on the same level."""
+    slope, height, g = 0.5, 0.1, 9.81
+    turn = 2.0 * atan(1.0 / slope)
+    rise, along = 1.0 - cos(turn), turn - sin(turn)
+    first = height / (rise - along * slope)
+    second = (slope + height) / (rise + (pi - along) * slope)
+    fast, slow = sqrt(2.0 * g * second * rise), sqrt(2.0 * g * first * rise)
+    down = (fast - slow) / (g * slope / sqrt(1.0 + slope**2))
+    return sqrt(first / g) * turn + down + sqrt(second / g) * (pi - turn)
+
+
+@add(_above_a_slope)
+def slide_above_a_slope():
+    # Bryson and Ho 1975, section 3.11.
+    problem, phase = _slide("slide_above_a_slope")
+    x, y = (phase.states[name].quantity.symbol for name in "xy")
+    phase.constrain(y - 0.5 * x, None, 0.1)
+    return problem
+
+
+def _two_masses() -> float:
+    """Symmetric switches at which distance and spring's motion are right."""
+    signs, root = (1, -1, 1, -1), sqrt(2.0)
+
+    def missed(times: np.ndarray) -> list[float]:
+        a, b = times
+        borders = [0.0, a, b, 2.0 * b - a, 2.0 * b]
+        pairs = list(zip(signs, borders, borders[1:], strict=False))
+        spring = sum(
+            s * (cos(root * (q - b)) - cos(root * (p - b))) for s, p, q in pairs
+        )
+        end = borders[-1]
+        way = sum(s * ((end - p) ** 2 - (end - q) ** 2) / 4.0 for s, p, q in pairs)
+        return [spring, way - 1.0]
+
+    return 2.0 * float(fsolve(missed, [1.0, 2.1])[1])
+
+
+@add(_two_masses)
+def two_masses_and_a_spring():
+    # Singh, Kabamba, McClamroch 1989; rest to rest of both.
+    problem = ocp.Problem("two_masses_and_a_spring")
+    phase = problem.phase(duration=(0.0, None))
+    a = phase.state("a", start=0.0, end=1.0)
+    b = phase.state("b", start=0.0, end=1.0)
+    p = phase.state("p", start=0.0, end=0.0)
+    q = phase.state("q", start=0.0, end=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(a, p)
+    phase.derivative(b, q)
+    phase.derivative(p, b - a + u)
+    phase.derivative(q, a - b)
+    problem.minimise(phase.duration)
+    return problem
+
+
+@add(2.0 * pi)
+def around_an_area():
+    # Brockett 1981: every circle through the start is as good as another.
+    problem = ocp.Problem("around_an_area")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=0.0, end=0.0)
+    y = phase.state("y", start=0.0, end=0.0)
+    area = phase.state("area", start=0.0, end=1.0)
+    u, v = phase.control("u"), phase.control("v")
+    phase.derivative(x, u)
+    phase.derivative(y, v)
+    phase.derivative(area, 0.5 * (x * v - y * u))
+    problem.minimise(phase.integral(0.5 * (u**2 + v**2)))
+    return problem
+
+
+@add(lambda: brentq(lambda t: (2 + t) ** 2 + (1 - t / 2) ** 2 - t**4 / 4, 1, 9))
+def intercept():
+    # A thrust of length 1 in the plane, at any speed.
+    problem = ocp.Problem("intercept")
+    phase = problem.phase(duration=(0.0, None))
+    x = phase.state("x", shape=2, start=0.0, end=[2.0, 1.0])
+    v = phase.state("v", shape=2, start=[-1.0, 0.5])
+    u = phase.control("u", -1.0, 1.0, shape=2)
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    phase.constrain(u[0] ** 2 + u[1] ** 2, None, 1.0)
+    problem.minimise(phase.duration)
+    return problem
+
+
+def _soap_film() -> float:
+    waist = brentq(lambda c: c * cosh(0.5 / c) - 1.0, 0.6, 1.0, xtol=1e-15)
+    return waist * (0.5 + 0.5 * waist * sinh(1.0 / waist))
+
+
+@add(_soap_film)
+def soap_film():
+    problem = ocp.Problem("soap_film")
+    phase = problem.phase(duration=1.0)
+    y = phase.state("y", 0.0, None, start=1.0, end=1.0)
+    u = phase.control("u")
+    phase.derivative(y, u)
+    problem.minimise(phase.integral(y * ca.sqrt(1.0 + u**2)))
+    return problem
+
+
+@add(4.0 * sqrt(6.0) / 3.0)
+def time_and_effort():
+    problem = ocp.Problem("time_and_effort")
+    phase = problem.phase(duration=(0.0, None))
+    x = phase.state("x", start=0.0, end=1.0)
+    v = phase.state("v", start=0.0, end=0.0)
+    u = phase.control("u")
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    problem.minimise(phase.duration + phase.integral(u**2))
+    return problem
+
+
+def _with_friction() -> float:
+    k, top, way = 0.2, 2.0, 10.0
+    faster, slower = -log(1.0 - k * top) / k, log(1.0 + k * top) / k
+    way -= (faster - (1.0 - exp(-k * faster)) / k) / k
+    way -= (top + 1.0 / k) / k * (1.0 - exp(-k * slower)) - slower / k
+    return faster + slower + way / top
+
+
+@add(_with_friction)
+def friction_and_a_speed_limit():
+    problem = ocp.Problem("friction_and_a_speed_limit")
+    phase = problem.phase(duration=(0.0, None))
+    x = phase.state("x", start=0.0, end=10.0)
+    v = phase.state("v", None, 2.0, start=0.0, end=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, v)
+    phase.derivative(v, u - 0.2 * v)
+    problem.minimise(phase.duration)
+    return problem
+
+
+@add(acos(sin(0.3) * sin(-0.8) + cos(0.3) * cos(0.8) * cos(1.7)))
+def great_circle():
+    problem = ocp.Problem("great_circle")
+    phase = problem.phase(duration=(0.0, None))
+    longitude = phase.state("longitude", start=0.2, end=1.9)
+    latitude = phase.state("latitude", -1.5, 1.5, start=0.3, end=-0.8)
+    course = phase.control("course", -pi, pi)
+    phase.derivative(longitude, ca.cos(course) / ca.cos(latitude))
+    phase.derivative(latitude, ca.sin(course))
+    problem.minimise(phase.duration)
+    return problem
+
+
+@add(2.0 * (0.4 * log(0.4) + 0.6) - 0.18 + (2.0 * log(2.5) - 0.6) ** 2 / 2.0)
+def sounding_rocket():
+    # Without air all fuel burns at once: exhaust 2, flow 1, mass 1 to 0.4, gravity 1.
+    problem = ocp.Problem("sounding_rocket")
+    phase = problem.phase(duration=(0.0, None))
+    h = phase.state("h", start=0.0)
+    v = phase.state("v", start=0.0, end=0.0)
+    m = phase.state("m", 0.4, 1.0, start=1.0)
+    flow = phase.control("flow", 0.0, 1.0)
+    phase.derivative(h, v)
+    phase.derivative(v, 2.0 * flow / m - 1.0)
+    phase.derivative(m, -flow)
+    problem.maximise(phase.final(h))
     return problem

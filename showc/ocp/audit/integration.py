@@ -129,6 +129,9 @@ class Flown:
     """Greatest distance to the polynomials over each state's range, shape (K,)."""
     ends: FloatArray
     """States at the ends of the intervals, shape (K, states)."""
+    integrals: FloatArray
+    """Integrals along what is flown less those by the collocation's own quadrature,
+    shape (K, integrals)."""
 
 
 class Integrator:
@@ -138,10 +141,13 @@ class Integrator:
     ----------
     dynamics
         CasADi function (x, u, t, p) -> dx/dt.
+    running
+        CasADi function (x, u, t, p) -> integrands of the phase.
     """
 
-    def __init__(self, dynamics: Any) -> None:  # noqa: ANN401 - a CasADi function
-        self.f = dynamics
+    def __init__(self, dynamics: Any, running: Any) -> None:  # noqa: ANN401
+        self.f, self.running = dynamics, running
+        self.integrals = int(running.size1_out(0))
         x, u, t, p = (dynamics.sx_in(i) for i in range(4))
         slopes = casadi.sparsify(casadi.jacobian(dynamics(x, u, t, p), x))
         rows, columns = slopes.sparsity().get_triplet()
@@ -156,19 +162,21 @@ class Integrator:
         """
         count, size = starts.shape
         deviation, ends = np.zeros(count), np.zeros((count, size))
+        integrals = np.zeros((count, self.integrals))
         points = np.asarray(flight.phase.mesh.points)
         for n in np.unique(points):
             chosen = np.flatnonzero(points == n)
             work = _Batch(self, flight, chosen, int(n) + _MORE)
-            far, open_, end = work.step(starts[chosen], 1)
+            far, open_, end, gained = work.step(starts[chosen], 1)
             coarse = open_ > np.maximum(_UNRESOLVED * far, _SMALL)
             if coarse.any():
                 again = _Batch(self, flight, chosen[coarse], int(n) + _MORE)
                 finer = again.step(starts[chosen[coarse]], _PARTS)
-                far[coarse], open_[coarse], end[coarse] = finer
+                far[coarse], open_[coarse], end[coarse], gained[coarse] = finer
             deviation[chosen] = far + np.where(open_ > _UNRESOLVED * far, open_, 0.0)
             ends[chosen] = end
-        return Flown(deviation, ends)
+            integrals[chosen] = gained - work.quadrature(int(n))
+        return Flown(deviation, ends, integrals)
 
     def shoot(self, flight: Flight) -> FloatArray:
         """Integrate once from the start of the phase to its end.
@@ -232,6 +240,7 @@ class _Batch:
         phase = flight.phase
         self.owner, self.scale, self.stages = owner, flight.scale, stages
         self.bounds, self.p = flight.bounds, flight.parameters
+        self.scheme = phase.scheme
         self.domain = flight.domain
         self.states = phase.states.coefficients[chosen]
         self.controls = phase.controls.coefficients[chosen]
@@ -240,25 +249,29 @@ class _Batch:
 
     def step(
         self, starts: FloatArray, parts: int
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Integrate in equal parts.
 
         Returns
         -------
         tuple of ndarray
             Greatest distance to the polynomial and size of the last two Legendre
-            coefficients, both over the ranges, shape (B,); states at the ends.
+            coefficients, both over the ranges, shape (B,); states at the ends; and the
+            integrals, shape (B, integrals).
         """
         count = self.width.size
+        gained = np.zeros((count, self.owner.integrals))
         far, open_, x = np.zeros(count), np.zeros(count), starts
-        c, _, spectrum = _radau(self.stages)
+        c, matrix, spectrum = _radau(self.stages)
         for part in range(parts):
             at = (part + c) / parts
             guess = self.values(self.states, at)
             offset = (x - self.values(self.states, np.array([part / parts]))[:, 0])[
                 :, None
             ]
-            found = _Step(self, guess + offset, guess, at, self.width / parts).stages(x)
+            step = _Step(self, guess + offset, guess, at, self.width / parts)
+            found = step.stages(x)
+            gained += self._integral(found, step.u, step.t, matrix[-1] / parts)
             distance = np.abs(found - guess) / self.scale
             distance = np.nan_to_num(distance, nan=_LOST, posinf=_LOST)
             far = np.maximum(far, distance.max(axis=(1, 2)))
@@ -267,7 +280,30 @@ class _Batch:
             tail = np.nan_to_num(tail, nan=_LOST, posinf=_LOST)
             open_ = np.maximum(open_, tail.max(axis=(1, 2)))
             x = found[:, -1]
-        return np.minimum(far, _LOST), np.minimum(open_, _LOST), x
+        return np.minimum(far, _LOST), np.minimum(open_, _LOST), x, gained
+
+    def quadrature(self, points: int) -> FloatArray:
+        """Integrals of the polynomials by ``points`` of the scheme, (B, integrals)."""
+        nodes, weights = collocation(self.scheme, points)
+        u = self.values(self.controls, nodes)
+        t = self.begin[:, None] + self.width[:, None] * nodes
+        return self._integral(self.values(self.states, nodes), u, t, weights)
+
+    def _integral(
+        self, x: FloatArray, u: FloatArray, t: FloatArray, weights: FloatArray
+    ) -> FloatArray:
+        """Weighted sums of the integrands at (B, places), shape (B, integrals)."""
+        count = t.size
+        if not self.owner.integrals:
+            return np.zeros((t.shape[0], 0))
+        values = self.owner.running.map(count)(
+            x.reshape(count, -1).T,
+            u.reshape(count, u.shape[2]).T,
+            t.reshape(1, -1),
+            np.repeat(self.p[:, None], count, axis=1),
+        )
+        table = np.asarray(values).T.reshape(*t.shape, -1)
+        return np.asarray(np.einsum("b,s,bsi->bi", self.width, weights, table))
 
     def flow(self) -> FloatArray:
         """Slopes of the ends by the starts, shape (B, states, states)."""

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAuditor
     from showc.ocp.phase import Phase
-    from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
 
@@ -47,7 +46,7 @@ class MinimumPrinciple:
 
     Parameters
     ----------
-    problem, phase
+    phase
         Whose Hamiltonian.
     symbols
         States, controls, time and parameters (statics last), each a column.
@@ -57,7 +56,6 @@ class MinimumPrinciple:
 
     def __init__(
         self,
-        problem: Problem,
         phase: Phase,
         symbols: tuple[Any, Any, Any, Any],
         auditor: PhaseAuditor,
@@ -66,27 +64,20 @@ class MinimumPrinciple:
         x, u, t, p = symbols
         f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
         costate = casadi.SX.sym("l", x.numel())
-        running = casadi.SX(0)
-        if phase.integrals:
-            symbols = casadi.vertcat(*[s for s, _ in phase.integrals])
-            factors = casadi.jacobian(problem.objective, symbols)
-            sign = -1.0 if problem.maximises else 1.0
-            integrands = casadi.vertcat(*[e for _, e in phase.integrals])
-            running = sign * casadi.mtimes(factors, integrands)
+        integrands = casadi.vertcat(casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        price = casadi.SX.sym("w", integrands.numel())
         path = casadi.vertcat(
             casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
         )
         pressure = casadi.SX.sym("m", path.numel())
-        hamiltonian = running + casadi.dot(costate, f)
+        hamiltonian = casadi.dot(costate, f)
+        if phase.integrals:
+            hamiltonian += casadi.dot(price, integrands)
         if phase.path_constraints:
             hamiltonian += casadi.dot(pressure, path)
-        costate = casadi.vertcat(costate, pressure)
-        known = {str(s) for s in casadi.symvar(casadi.vertcat(x, u, t, p, costate))}
-        self.has_gap = {str(s) for s in casadi.symvar(hamiltonian)} <= known
-        if not self.has_gap:
-            hamiltonian = casadi.SX(0)
+        costate = casadi.vertcat(costate, pressure, price)
         # Whatever states and integrals are worth to objective and constraints.
-        parts = casadi.vertcat(f, casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        parts = casadi.vertcat(f, integrands)
         prices = casadi.SX.sym("price", parts.numel())
         bends = casadi.jacobian(casadi.gradient(casadi.dot(prices, parts), u), u)
         limits = casadi.jacobian(casadi.jacobian(path, u).T, u)
@@ -114,7 +105,7 @@ class MinimumPrinciple:
     def gap(self, phase: PhaseSolution, p: FloatArray, table: Table) -> FloatArray:
         """Integral over each interval of the gap in the minimum principle."""
         count = phase.states.intervals
-        if not self.has_gap or not phase.control_names:
+        if not phase.control_names:
             return np.zeros(count)
         nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
         x = flat(values_at(phase.states.coefficients, nodes))
@@ -124,16 +115,16 @@ class MinimumPrinciple:
         along = np.any(blocked != 0.0, axis=0).reshape(count, -1).mean(axis=1)
         settling = along > _MOSTLY
         costates = self._settled(phase, settling)
-        costate = flat(
-            np.concatenate(
-                [
-                    interpolated(phase, places, costates),
+        costate = np.vstack(
+            [
+                flat(interpolated(phase, places, costates)),
+                flat(
                     self._pressures(
                         interpolated(phase, places, phase.path_multipliers), table
-                    ),
-                ],
-                axis=2,
-            )
+                    )
+                ),
+                np.repeat(phase.integral_prices[:, None], count * nodes.size, axis=1),
+            ]
         )
         widths = np.diff(phase.states.breaks)
         t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
@@ -260,7 +251,10 @@ class MinimumPrinciple:
             )
             begin, end = phase.states.breaks[k : k + 2]
             t = (begin + (end - begin) * nodes).reshape(1, -1)
-            costate = np.hstack([phase.costates[here], phase.path_multipliers[here]]).T
+            prices = np.repeat(phase.integral_prices[None], nodes.size, axis=0)
+            costate = np.hstack(
+                [phase.costates[here], phase.path_multipliers[here], prices]
+            ).T
             parameters = np.repeat(p[:, None], t.size, axis=1)
             slope = np.asarray(
                 self.h_slopes.map(t.size)(x, u, t, parameters, costate)[0]
@@ -390,7 +384,8 @@ def worth(solution: Solution) -> float:
 
 def objective_size(solution: Solution) -> float:
     """Return what errors of the objective are relative to."""
-    size = max(abs(solution.objective), _CANCELLED * worth(solution))
+    least = max(solution.blur, _CANCELLED * worth(solution))
+    size = max(abs(solution.objective), least)
     return size if size > 0.0 else 1.0
 
 

@@ -5,8 +5,8 @@ Dynamics: the controls, clipped to their bounds, are integrated implicitly
 from the start of the phase; both are compared with the polynomials of the states.
 
 Optimality: the dual-weighted residual |l . (re-integrated - polynomial state)| of every
-interval, with costate l (Becker, Rannacher 2001), and the gap in the minimum principle
-(:mod:`showc.ocp.audit.optimality`).
+interval, integrals of the phase among the states, with costate l (Becker, Rannacher
+2001), and the gap in the minimum principle (:mod:`showc.ocp.audit.optimality`).
 """
 
 from __future__ import annotations
@@ -116,8 +116,10 @@ class PhaseAuditor:
                 )
             ],
         )
-        self.principle = MinimumPrinciple(problem, phase, (x, u, t, p), self)
-        self.integrator = Integrator(self.f)
+        self.principle = MinimumPrinciple(phase, (x, u, t, p), self)
+        integrands = casadi.vertcat(casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        running = casadi.Function("running", [x, u, t, p], [integrands])
+        self.integrator = Integrator(self.f, running)
 
     def audit(
         self, solution: Solution, table: Table, *, shoot: bool = False
@@ -134,7 +136,9 @@ class PhaseAuditor:
         missed = flown.ends - phase.states.coefficients[:, -1]
         missed = np.nan_to_num(missed, nan=1e9, posinf=1e9, neginf=1e9)
         costate_end = interpolated(phase, (1.0,), phase.costates)
-        residual = np.abs(np.einsum("kc,kc->k", costate_end[:, 0], missed))
+        residual = np.einsum("kc,kc->k", costate_end[:, 0], missed)
+        # Integrals are states as others, with costates that do not change.
+        residual += np.nan_to_num(flown.integrals, nan=1e9) @ phase.integral_prices
         path, path_places, path_names, active, worst = self._path(phase, p, table)
         unseen, jumps = self._features(phase, p, np.asarray(reference))
         shooting, end = 0.0, starts[-1]
@@ -145,7 +149,7 @@ class PhaseAuditor:
         return PhaseAudit(
             np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
             jumps,
-            residual,
+            np.abs(residual),
             self.principle.gap(phase, p, table),
             path,
             path_places,

@@ -21,6 +21,7 @@ from showc.ocp.refinement.options import (
     INNER_DEGREE,
     LOOSE,
     LOOSELY,
+    OPEN,
     ROUGH,
     SWITCH_TRIALS,
     TIGHTER,
@@ -351,12 +352,18 @@ class Hp(Strategy):
 
     def arcs(self, current: Judgement) -> Proposal | None:
         """Return a mesh whose arcs are those of a solution, if they are new."""
-        if self.trials <= 0 or self.loose:
+        if self.trials <= 0 or (self.loose and self._open(current)):
             return None
         table = self.attempts.table
         proposal = place_switches(current, self.auditors, table, self.refused)
         self.trials -= proposal is not None
         return proposal
+
+    @staticmethod
+    def _open(current: Judgement) -> bool:
+        """Whether the solver left open a good part of what the mesh errs by."""
+        share = current.solution.slack / objective_size(current.solution)
+        return share > OPEN * current.error.objective
 
     def finer(self, current: Judgement) -> Proposal | None:
         """Return the next finer mesh; ``None``: there is none, or it is too large."""

@@ -41,6 +41,9 @@ GROWTH = 2.0
 """Greatest growth of the points from mesh to mesh beyond that."""
 LOOSE = 1e-6
 """Solver's tolerance on costly programs whose mesh is yet too coarse by far."""
+OPEN = 0.1
+"""Share of a mesh's error that a solver stopped early may have left open if arcs are to
+be read off what it gave."""
 CLOSE = 1e-7
 """Solver's tolerance on other costly programs: the last digits cost most iterations."""
 TIGHTER = 0.1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import casadi
 import numpy as np
 
 from showc.ocp.nodes import bernstein_values, collocation
@@ -55,8 +56,12 @@ def phase_solution(
     index: int,
     unknowns: FloatArray,
     multipliers: Multipliers,
+    parameters: FloatArray,
 ) -> PhaseSolution:
-    """Read the trajectory of one phase from the unscaled unknowns."""
+    """Read the trajectory of one phase from the unscaled unknowns.
+
+    ``parameters`` are values of those of the problem.
+    """
     phase, mesh = built.problem.phases[index], built.mesh.phases[index]
     place = built.discretisation.layout.phases[index]
     arcs = unknowns[place.durations]
@@ -82,7 +87,37 @@ def phase_solution(
         built.scheme,
         pressures,
         _bound_gaps(built, index, unknowns, multipliers),
+        _integral_prices(built, index, multipliers, parameters),
     )
+
+
+def _integral_prices(
+    built: Transcription, index: int, multipliers: Multipliers, parameters: FloatArray
+) -> FloatArray:
+    """Differentiate the objective by the integrals of a phase, shape (integrals,).
+
+    An integral that is an unknown has an equation, whose multiplier tells; one that
+    only enters the objective has a factor of known numbers there.
+    """
+    problem, parts = built.problem, built.discretisation
+    symbols = [symbol for symbol, _ in problem.phases[index].integrals]
+    if parts.layout.integrals[index].size:
+        rows = [
+            group.rows[0]
+            for group in parts.groups
+            if group.phase == index and group.kind == "integral"
+        ]
+        force = multipliers.of_constraints[rows]
+        return np.asarray(-multipliers.objective_scale * force)
+    if not symbols:
+        return np.zeros(0)
+    factors = casadi.jacobian(problem.objective, casadi.vertcat(*symbols))
+    given = casadi.vertcat(
+        casadi.SX(0, 1), *[symbol for symbol, _ in problem.parameters.values()]
+    )
+    function = casadi.Function("prices", [given], [casadi.densify(factors)])
+    sign = -1.0 if problem.maximises else 1.0
+    return np.asarray(sign * np.asarray(function(parameters)).ravel())
 
 
 def _bound_gaps(

@@ -68,6 +68,8 @@ scales: an arc on which one is kept with equality would else have no inside."""
 _JUMP = 1e-3
 """Change of a row over its scale, on the way out through a relaxed bound, from which on
 the model ends at that bound."""
+_MILLIONTH = 1e-6
+"""Share of a state's range that is the usual tolerance of states."""
 _SAMPLES = 5
 """Places at which the slopes of the objective are looked at for its scale."""
 
@@ -220,8 +222,23 @@ class Transcription:
             solution,
             objective=-objective if self.problem.maximises else objective,
             slack=unit * _slack(scaled, answer),
+            blur=unit * self._blur(solution, vector),
             iterations=int(statistics["iter_count"]),
         )
+
+    def _blur(self, solution: Solution, vector: FloatArray) -> float:
+        """Change of the scaled objective by a millionth of every state's range."""
+        built, point = self.discretisation, solution.multipliers.unknowns
+        moved = point.copy()
+        for part, place in zip(solution.phases, built.layout.phases, strict=True):
+            low, high = part.states.bounds()
+            for table in place.states:
+                moved[table] = point[table] + (
+                    _MILLIONTH * (high - low) / built.unknown_scale[table]
+                )
+        before, after = (built.program.values(x, vector)[0] for x in (point, moved))
+        change = abs(float(after) - float(before))
+        return change if np.isfinite(change) else 0.0
 
     def lagrangian(
         self, point: Multipliers, parameters: FloatArray, overrides: Overrides
@@ -446,8 +463,9 @@ class Transcription:
         unknowns = multipliers.unknowns * built.unknown_scale
         # The solver keeps bounds to its tolerance only; the answer keeps them.
         unknowns = np.clip(unknowns, limits.lower, limits.upper)
+        values = np.array(list(parameters.values()), dtype=np.float64)
         phases = tuple(
-            phase_solution(self, p, unknowns, multipliers)
+            phase_solution(self, p, unknowns, multipliers, values)
             for p in range(len(self.problem.phases))
         )
         numbers = zip(self.problem.statics, built.layout.statics, strict=True)
