@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 STAMP = (1980, 1, 1, 0, 0, 0)
 """Date of every entry: the oldest a zip knows, that equal shows have equal bytes."""
 
-LEVEL = 5
-"""Of compression: beyond it the file shrinks by a per cent."""
+LEVEL = 4
+"""Of compression: beyond it the file shrinks by a twentieth, in 1.6 times the time."""
 
 PARTS = 4
 """Parts of a fleet that are written side by side: lights are sought for many drones

@@ -57,6 +57,9 @@ _NARROW = 0.5
 _MOST_PARTS = 1_000
 """Parts into which a search cuts the time: what ten minutes at 5 m/s need."""
 
+_BURIED = 1.0
+"""Depth below all pads from which flights are remarked [m]: no stage has such holes."""
+
 _HEAP = 8
 """Equally near pairs for each drone beyond which they are not listed."""
 
@@ -141,6 +144,7 @@ def each_alone(show: ForeignShow, rules: list[Asked]) -> list[Check]:
     ]
     if all(asked.altitude is None for asked in rules):
         checks.append(_limited("VRF506", "height", height, None, "m"))
+    checks += _depth(tracks)
     for asked in rules:
         if asked.volume is not None:
             checks.append(_volume(tracks, asked))
@@ -152,6 +156,29 @@ def each_alone(show: ForeignShow, rules: list[Asked]) -> list[Check]:
                 )
             )
     return checks
+
+
+def _depth(tracks: Tracks) -> list[Check]:
+    """Remark flights far below every place where one begins or ends."""
+    lowest = over_fleet(tracks, lambda part: greatest(part, component(2, -1.0), 1e-3))
+    begin = tracks.position[tracks.first[:-1], 0, 2]
+    end = tracks.position[tracks.first[1:] - 1, -1, 2]
+    below = float(min(begin.min(), end.min())) + lowest.lower
+    if below <= _BURIED:
+        return []
+    return [
+        Check(
+            "VRF506",
+            GROUP,
+            "depth below where flights begin and end",
+            "warning",
+            below,
+            _BURIED,
+            "m",
+            Place(drone=lowest.drone + 1, time=lowest.time),
+            ("is another axis the one that leads up in this file?",),
+        )
+    ]
 
 
 def _bytes(show: ForeignShow) -> Check:

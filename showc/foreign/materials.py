@@ -27,6 +27,8 @@ _KINDS = {_EMITTED: "VEC3", _REFLECTED: "VEC4", _BRIGHT: "SCALAR"}
 """What of a material can change, and its numbers."""
 _PARTS = 8
 """Straight lines for each piece of a spline: colours are looked at, not flown."""
+MOST_COLOURS = 2_000_000
+"""Colours of all materials that a file may have: a thousand of 80 s at 24 Hz."""
 _STEP_GAP = 1e-4
 """Time in which a STEP sampler changes here [s]."""
 
@@ -50,6 +52,7 @@ class Materials:
     def __init__(self, document: Document, shown: set[int]) -> None:
         self._document = document
         self._changes: dict[tuple[int, str], LightTrack] = {}
+        count = 0
         for animation, sampler, path, _ in document.channels():
             parts = path.split("/", 3)
             if len(parts) != 4 or parts[1] != "materials" or not parts[2].isdecimal():
@@ -62,6 +65,12 @@ class Materials:
                 raise document.damage(f"{what} is changed by two channels")
             keys = document.keys(animation, sampler, _KINDS[name], what)
             self._changes[number_, name] = _track(keys)
+            count += len(self._changes[number_, name].times)
+            if count > MOST_COLOURS:
+                raise document.damage(
+                    f"up to {what} there are {count:,} colours; wanted at most "
+                    f"{MOST_COLOURS:,}"
+                )
 
     def light(self, index: int) -> LightTrack | None:
         """Return the light that a material shows; None: it is painted by a picture."""

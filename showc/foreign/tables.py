@@ -8,6 +8,7 @@ yaw in the time since the piece's start.
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from math import comb
 from typing import TYPE_CHECKING
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 50_000
 """Lines of one drone: a quarter of an hour at 50 a second."""
+
+MOST_DRONES = 5000
+"""Tables in an archive."""
 
 DEGREE = 7
 """Degree of the pieces of a poly7 file."""
@@ -104,25 +108,34 @@ def _worded(line: str) -> bool:
 
 _NAMES = {
     "time": "t",
+    "timestamp": "t",
     "red": "r",
     "green": "g",
     "blue": "b",
 }
 """Short names of columns; others are their own."""
 
-_TIMES = {"": 1e-3, "msec": 1e-3, "ms": 1e-3, "s": 1.0, "sec": 1.0}
+_TIMES = {"msec": 1e-3, "ms": 1e-3, "s": 1.0, "sec": 1.0, "seconds": 1.0}
 _LENGTHS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
 _SHARES = {"": 1.0}
 _UNITS = {
-    "t": _TIMES,
+    "t": {"": 1e-3, **_TIMES},
     **dict.fromkeys("xyz", _LENGTHS),
     **dict.fromkeys("rgb", _SHARES),
 }
 """Units that a column may have, in those of its quantity [s, m]."""
+_CELL = re.compile(r"(?:pos(?:ition)?[ _]?)?([a-z]+)[ _]*(?:[\[(]? *([a-z]*) *[\])]?)")
+"""A cell of a heading, in small letters: name, and unit in whatever brackets."""
+
+_QUICKEST = 5.0
+"""Least time between two rows of a table whose unit is not said [ms]: numbers that are
+nearer are seconds, for no table has two hundred rows a second."""
 
 
 def skybrush_columns(head: list[str], values: FloatArray, name: str) -> FloatArray:
     """Return the columns t [s], x, y, z [m] and, where there are colours, r, g, b.
+
+    Colours of which none is greater than 1 are shares of full light.
 
     Raises
     ------
@@ -134,31 +147,48 @@ def skybrush_columns(head: list[str], values: FloatArray, name: str) -> FloatArr
             raise DamagedFileError(
                 f"{name}: has {values.shape[1]} columns and no heading; wanted 4 or 7"
             )
-        return values * ([1e-3] + [1.0] * (values.shape[1] - 1))
+        head = ["t", "x", "y", "z", "r", "g", "b"][: values.shape[1]]
     if len(head) != values.shape[1]:
         raise DamagedFileError(
             f"{name}: has {values.shape[1]} columns; its heading has {len(head)}"
         )
-    found: dict[str, tuple[int, float]] = {}
-    for index, cell in enumerate(head):
-        words, _, unit = cell.strip().lower().rstrip("]").partition("[")
-        key = _NAMES.get(words.strip(), words.strip())
+    found: dict[str, FloatArray] = {}
+    for cell, column in zip(head, values.T, strict=True):
+        key, unit = _named(cell)
         if key not in _UNITS:
             continue
-        if key in found or unit.strip() not in _UNITS[key]:
+        if key in found or unit not in _UNITS[key]:
             raise DamagedFileError(
                 f"{name}: the column {cell.strip()[:40]!r} of the heading is there "
                 f"twice, or in a unit that is not known; wanted {WANTED!r}"
             )
-        found[key] = index, _UNITS[key][unit.strip()]
+        factor = _UNITS[key][unit]
+        if key == "t" and not unit and _in_seconds(column):
+            factor = 1.0
+        found[key] = column * factor
     missing = [key for key in "txyz" if key not in found]
     if missing:
         raise DamagedFileError(
             f"{name}: the heading {','.join(head)[:60]!r} has no column "
             f"{', '.join(missing)}; wanted {WANTED!r}"
         )
-    keys = "txyzrgb" if all(key in found for key in "rgb") else "txyz"
-    return np.stack([values[:, found[key][0]] * found[key][1] for key in keys], axis=1)
+    result = [found[key] for key in "txyz"]
+    if all(key in found for key in "rgb"):
+        colours = np.stack([found[key] for key in "rgb"])
+        result += list(colours * (255.0 if 0.0 < colours.max() <= 1.0 else 1.0))
+    return np.stack(result, axis=1)
+
+
+def _named(cell: str) -> tuple[str, str]:
+    """Return the short name of a column and its unit, both in small letters."""
+    match = _CELL.fullmatch(cell.strip().lower())
+    if match is None:
+        return "", ""
+    return _NAMES.get(match[1], match[1]), match[2]
+
+
+def _in_seconds(times: FloatArray) -> bool:
+    return times.size > 1 and float(np.median(np.diff(times))) < _QUICKEST
 
 
 WANTED = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
@@ -261,8 +291,10 @@ def read_csv_zip(path: Path) -> ForeignShow:
     """
     archive = Archive(path)
     members = [name for name in archive.names if name.lower().endswith(".csv")]
-    if not members:
-        raise DamagedFileError(f"{path}: has no .csv files in it")
+    if not 1 <= len(members) <= MOST_DRONES:
+        raise DamagedFileError(
+            f"{path}: has {len(members):,} .csv files; wanted 1 to {MOST_DRONES:,}"
+        )
     contents: dict[str, Callable[[], bytes]] = {}
     for member in members:
         stem = member.rsplit("/", 1)[-1][: -len(".csv")]

@@ -369,6 +369,13 @@ WRITTEN = {
     "in seconds": sheet(HEAD.replace("msec", "s"), 1e-3).encode(),
     "in centimetres": sheet(HEAD.replace("[m]", "[cm]"), 1.0, 100.0).encode(),
     "in feet": sheet(HEAD.replace("[m]", "[ft]"), 1.0, 1.0 / 0.3048).encode(),
+    "in round brackets": sheet("Time (ms),x (m),y (m),z (m),R,G,B").encode(),
+    "with underscores": sheet("time_msec,x_cm,pos_y_cm,z_cm,red,green,blue", 1.0, 100.0
+        ).encode(),
+    "in seconds, unsaid": sheet("t,x,y,z,r,g,b", 1e-3).encode(),
+    "in seconds, without a heading": sheet("", 1e-3).encode(),
+    "with shares of light": sheet(order=lambda place, light: place +
+        [str(int(one) / 255.0) for one in light]).encode(),
     "colours first": sheet("t,r,g,b,x,y,z", order=lambda place, light: light + place
         ).encode(),
     "with yaw": sheet(HEAD + ",Yaw [deg]", order=lambda place, light: place + light +
@@ -398,6 +405,23 @@ def test_tables_are_read_however_they_were_written(tmp_path, name):
 def test_headings_that_mean_something_else_are_refused(tmp_path, head, said):
     (tmp_path / "1.csv").write_text(sheet(head))
     assert said in findings(tmp_path)["VRF501"].notes[0]
+
+
+def test_a_file_whose_up_is_another_axis_is_remarked(tmp_path):
+    rows = [[0, 0, 0, 0], [5000, 3, 12, -9], [9000, 0, 0, 0]]
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    (tmp_path / "1.csv").write_text(text)
+    found = [one for one in verify_foreign(tmp_path).checks if "depth" in one.name]
+    assert [one.verdict for one in found] == ["warning"]
+    assert found[0].value == pytest.approx(9.0, abs=1e-2)
+
+
+def test_more_tables_than_there_are_drones_are_refused(tmp_path):
+    path = tmp_path / "show.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for number in range(5001):
+            archive.writestr(f"{number}.csv", "")
+    assert "5,001 .csv files" in findings(path)["VRF501"].notes[0]
 
 
 def scene(count=3, **changes):
