@@ -108,6 +108,21 @@ def test_drones_in_one_place_have_distance_zero(shape):
     assert found.pair == (0, 2)
 
 
+@given(st.integers(0, 2**31), st.integers(2, 40), st.sampled_from(sorted(SHAPES)))
+def test_drones_that_stand_are_measured_too(seed, drones, shape):
+    places = np.random.default_rng(seed).uniform(-9.0, 9.0, (drones, 1, 1, 3))
+    times = [np.array([0.0, 1.0])] * drones
+    show = show_of(
+        [table_of(list(places), times)], shape=SHAPES[shape], stretch=STRETCH
+    )
+    found = closest_encounter(show)
+    place = places[:, 0, 0]
+    first, second = np.triu_indices(drones, 1)
+    exact = distance(place[first] - place[second], shape).min()
+    assert found.lower <= exact <= found.upper + found.error
+    assert found.upper - exact <= RESOLUTION + found.error
+
+
 def crossing(gap, speed=5.0):
     """Two drones that pass head on, ``gap`` apart, midway between 20 Hz samples."""
     half = speed * 1.025

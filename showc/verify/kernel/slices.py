@@ -279,10 +279,11 @@ def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
     Yields
     ------
     float, float
-        Show times between which a slice lies [s]; none if nothing moves.
+        Show times between which a slice lies [s]; one for all if nothing moves.
     """
     speed = positions.speed
     if speed == 0.0:
+        yield positions.begin, positions.end
         return
     times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
     inside = (times > positions.begin) & (times < positions.end)
