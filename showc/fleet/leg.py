@@ -15,6 +15,7 @@ from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
 from showc.fleet.search import Found, Search, whole_milliseconds
+from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
 from showc.fleet.single_drone.single import Aircraft, hover
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import (
@@ -27,11 +28,13 @@ from showc.flight import (
 from showc.script.fence import Fence
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.metric import measure
+from showc.vehicle.power import Power
 
 if TYPE_CHECKING:
     from showc.fleet.execution.pool import Workers
     from showc.fleet.lower_bound.limiting import Limiting
     from showc.fleet.options import SolveOptions
+    from showc.fleet.shared_profile.profile import Profile
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
     from showc.script.show import Show
@@ -48,6 +51,12 @@ SHORTEST_MOTION = 0.5
 def aircraft_of(show: Show, leg: Leg) -> Aircraft:
     """Return what flies on this leg, with the leg's own limits."""
     return Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
+
+
+def fleet_of(show: Show, leg: Leg) -> Fleet:
+    """Return what a leg's moves cost."""
+    power = Power.of(show.battery, show.vehicle, show.site.altitude)
+    return Fleet(aircraft_of(show, leg), power, leg.goal - leg.start)
 
 
 def airframe_of(show: Show, leg: Leg) -> Aircraft | None:
@@ -100,7 +109,7 @@ class _Solver:
         workers: Workers,
         progress: Progress,
     ) -> None:
-        self.leg = leg
+        self.leg, self.show = leg, show
         self.aircraft = aircraft_of(show, leg)
         self.separation: Separation = show.separation
         self.options = options
@@ -132,6 +141,8 @@ class _Solver:
             self.workers,
             self.progress,
         )
+        if leg.duration is not None and leg.prefer == "energy":
+            return self._sparing(search, whole_milliseconds(leg.duration))
         if leg.duration is not None:
             return self._fixed(search, whole_milliseconds(leg.duration))
         return self._finish(search, *search.least())
@@ -262,7 +273,24 @@ class _Solver:
             return {}
         return {"airframe_bound": self._bound(self.airframe, row, guess).time}
 
-    def _fixed(self, search: Search, time: float) -> LegFlight:
+    def _sparing(self, search: Search, time: float) -> LegFlight:
+        """Fly the leg in the time given with little energy; say what that saves."""
+        quickest = search.shared
+        if quickest is None:
+            return self._fixed(search, time)
+        fleet = fleet_of(self.show, self.leg)
+        found = self._fixed(search, time, sparing_profile(fleet, quickest, time))
+        spent = flown_energy(fleet, found.trajectories)
+        waiting = max(time - quickest.duration, 0.0)
+        at_once = fleet.energy(quickest) + fleet.hover * waiting
+        said = {"energy": round(spent, 1), "energy_at_once": round(at_once, 1)}
+        certificate = found.certificate
+        counts = dict(sorted({**certificate.statistics, **said}.items()))
+        return replace(found, certificate=replace(certificate, statistics=counts))
+
+    def _fixed(
+        self, search: Search, time: float, sparing: Profile | None = None
+    ) -> LegFlight:
         """Fly the leg in the time that the script gives; minimum times need no solving.
 
         The rigorous bound stands for the single-drone minimum then.
@@ -276,7 +304,9 @@ class _Solver:
                 f"it is proved that drone {drone + 1} cannot make its way of "
                 f"{limiting.distance:.2f} m in less under its limits",
             )
-        repair = search.at(time)
+        repair = search.at(time, shared=sparing)
+        if not repair.done and sparing is not None:
+            repair = search.at(time)
         if repair.done:
             return self._finish(search, repair, limiting)
         found, _ = search.least()

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
+    from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.single import Aircraft
     from showc.flight import Trajectory
     from showc.plan.itinerary import Leg
@@ -229,13 +230,20 @@ class Search:
         allowed = _WORK + _WORK_EACH * self.leg.drones.size
         return self.options.effort * allowed - self.work
 
-    def at(self, time: float, bent: Mapping[int, Trajectory] = _NONE) -> Repair:
+    def at(
+        self,
+        time: float,
+        bent: Mapping[int, Trajectory] = _NONE,
+        shared: Profile | None = None,
+    ) -> Repair:
         """Look for flights over a time [s]; ``done`` tells whether they are found.
 
         Parameters
         ----------
         bent
             Flights over another time that kept apart, by row.
+        shared
+            The profile that drones share; None: the quickest one.
         """
         leg = self.leg
         move = Move(
@@ -248,7 +256,7 @@ class Search:
             parked=leg.others_parked,
             others=leg.others,
             names=leg.drones,
-            shared=self.shared,
+            shared=self.shared if shared is None else shared,
             detours=self.detours,
             fence=self.fence,
             rounds=self.options.repair_rounds,

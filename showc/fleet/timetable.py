@@ -1,8 +1,9 @@
 """The timetable: holds and durations, so that arrivals fall where the script asks.
 
 A move that is to arrive at a time takes its duration where the script gives one. Else
-it takes ``pace`` times its quickest straight flight's time, or what there is if that is
-less. The hold before it takes up what is left. Moves without a time of their own are
+it takes what it prefers: as short as can be, so many times its quickest straight
+flight's time, or the time that costs the least energy, and never more than there is.
+The hold before it takes up what is left. Moves without a time of their own are
 flown as short as can be, so their times must be known first.
 """
 
@@ -15,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.leg import aircraft_of, place
+from showc.fleet.leg import aircraft_of, fleet_of, place
 from showc.fleet.search import whole_milliseconds
+from showc.fleet.shared_profile.sparing import sparing_time
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
 from showc.plan.itinerary import Leg
@@ -64,17 +66,24 @@ def timetable(itinerary: Itinerary, known: Mapping[int, LegFlight]) -> Itinerary
         If a move is to start or to arrive before it can; the message says by how much,
         what is in the way, and what the earliest time is.
     """
-    return scheduled(
-        itinerary, {index: flight.duration for index, flight in known.items()}
-    )
+    times = {index: flight.duration for index, flight in known.items()}
+    return scheduled(itinerary, times, estimated=False)
 
 
-def scheduled(itinerary: Itinerary, times: Mapping[int, float]) -> Itinerary:
-    """Do the same from the ``times`` [s] of those legs, by index, or estimates."""
+def scheduled(
+    itinerary: Itinerary, times: Mapping[int, float], *, estimated: bool = True
+) -> Itinerary:
+    """Do the same from the ``times`` [s] of those legs, by index, or estimates.
+
+    An estimate that is longer than there is time for is taken to be too long.
+    """
     show, clock = itinerary.show, 0.0
     legs: list[Leg] = []
     for planned in itinerary.legs:
         leg = _lanes(planned, show, clock, legs) if planned.parts else planned
+        if estimated and leg.open and leg.arrive is not None:
+            room = max(round(leg.arrive - clock, 3), _SHORTEST)
+            times = {**times, leg.index: min(times[leg.index], room)}
         start, duration = _times(leg, show, clock, times, legs)
         wait = round(start - clock, 3)
         if wait > 0.0:
@@ -91,7 +100,7 @@ def _times(
     leg: Leg, show: Show, clock: float, times: Mapping[int, float], legs: list[Leg]
 ) -> tuple[float, float]:
     """Show time at which a leg starts, and its time [s]."""
-    duration = times[leg.index] if leg.open else leg.duration
+    duration = times.get(leg.index) if leg.open else leg.duration
     start = clock
     if leg.depart is not None:
         start = leg.depart
@@ -102,7 +111,7 @@ def _times(
         room = round(leg.arrive - clock, 3)
         if room < _SHORTEST:
             raise _late(leg, leg.arrive, clock + straight, legs, straight)
-        duration = min(whole_milliseconds(leg.pace * straight), room)
+        duration = min(whole_milliseconds(_preferred(leg, show, room)), room)
         start = round(leg.arrive - duration, 3)
     if start < clock - _ON_TIME:
         if leg.arrive is not None:
@@ -110,6 +119,18 @@ def _times(
             raise _late(leg, leg.arrive, clock + least, legs, least)
         raise _late(leg, start, clock, legs, 0.0)
     return max(start, clock), duration or 0.0
+
+
+def _preferred(leg: Leg, show: Show, room: float) -> float:
+    """Time that a move is to take where there is ``room`` [s]."""
+    if leg.prefer == "energy":
+        fleet = fleet_of(show, leg)
+        quickest = shared_profile(
+            show.vehicle, leg.limits, show.heading, leg.start, leg.goal
+        )
+        return sparing_time(fleet, quickest, room)
+    # A group beside others takes straight ways: as short as can be is theirs.
+    return (1.0 if leg.prefer == "time" else leg.prefer) * straight_time(leg, show)
 
 
 def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:

@@ -38,6 +38,9 @@ class LegOutlook:
     """Show time of its start, moves not solved yet as straight flights [s]."""
     asked: float | None = None
     """Show time at which the script wants it to end [s]."""
+    saved: float | None = None
+    """Where it prefers energy: what it saves as a straight flight, against flying at
+    once and hovering; an estimate [J]."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as plain data."""
@@ -123,9 +126,27 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
         else f"not in the cache: {int((way > _STILL).sum())} drones move, "
         f"{way.max():.1f} m at most"
     )
+    saved = None
+    if leg.prefer == "energy" and leg.duration is not None:
+        saved = _saved(leg, show, leg.duration)
+        reason += f"; saves about {saved:.0f} J"
     return LegOutlook(
-        leg.index, leg.name, not cached, reason, lower, upper, start, leg.arrive
+        leg.index, leg.name, not cached, reason, lower, upper, start, leg.arrive, saved
     )
+
+
+def _saved(leg: Leg, show: Show, duration: float) -> float:
+    from showc.fleet.leg import fleet_of  # noqa: PLC0415 - heavy
+    from showc.fleet.shared_profile.sparing import sparing_profile  # noqa: PLC0415
+    from showc.fleet.shared_profile.synchronise import shared_profile  # noqa: PLC0415
+
+    fleet = fleet_of(show, leg)
+    quickest = shared_profile(
+        show.vehicle, leg.limits, show.heading, leg.start, leg.goal
+    )
+    waiting = max(duration - quickest.duration, 0.0)
+    at_once = fleet.energy(quickest) + fleet.hover * waiting
+    return at_once - fleet.energy(sparing_profile(fleet, quickest, duration))
 
 
 def _axis_bound(displacement: FloatArray, limits: Limits) -> float:

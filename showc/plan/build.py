@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import LegKind
     from showc.progress import Progress
     from showc.script.moving import MovingPlaces
-    from showc.script.show import Effect, Mark, Show, Transition
+    from showc.script.show import Effect, Mark, Preference, Show, Transition
     from showc.vehicle import Limits, Separation
 
     class Assign(Protocol):
@@ -92,7 +92,7 @@ class _Asked:
     transition: int | None = None
     arrive: float | None = None
     depart: float | None = None
-    pace: float = 1.0
+    prefer: Preference = 1.0
     state: FloatArray | None = None
     """States and thrusts (n, 13) in which it ends, if not in hovers."""
 
@@ -143,7 +143,7 @@ class _Builder:
             indices[0],
             next((t.at for t in transitions if t.at is not None), None),
             next((t.start for t in transitions if t.start is not None), None),
-            max(t.pace for t in transitions),
+            _together([t.prefer for t in transitions]),
         )
         if own_times(transitions):
             moving = any(any(one.under_way) for one in transitions)
@@ -341,7 +341,7 @@ class _Builder:
             assignment=given.reason,
             arrive=transition.at,
             depart=departure(transition),
-            pace=transition.pace,
+            prefer=transition.prefer,
         )
 
     def _give(
@@ -490,7 +490,7 @@ class _Builder:
             transition=asked.transition,
             arrive=asked.arrive,
             depart=asked.depart,
-            pace=asked.pace,
+            prefer=asked.prefer,
             start_state=begin,
             goal_state=self.state,
         )
@@ -506,6 +506,14 @@ class _Builder:
         hovers = self.show.vehicle.hover_state(places[still], self.show.heading)
         states[still, :-1] = hovers
         return _frozen(states)
+
+
+def _together(wanted: Sequence[Preference]) -> Preference:
+    """Return what groups that are flown together prefer: the calmest wish."""
+    if "energy" in wanted:
+        return "energy"
+    numbers = [one for one in wanted if not isinstance(one, str)]
+    return max(numbers) if numbers else "time"
 
 
 def _frozen(array: NDArray) -> NDArray:  # type: ignore[type-arg]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.script.moving import MovingPlaces
-    from showc.script.show import Mark, Show
+    from showc.script.show import Mark, Preference, Show
     from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Limits
 
@@ -70,8 +70,8 @@ class Leg:
     hover."""
     goal_state: FloatArray | None = None
     """The same at the end."""
-    pace: float = 1.0
-    """How many times its straight flight's time it takes, if there is so much."""
+    prefer: Preference = 1.0
+    """What it does with time that it does not need."""
     parts: tuple[Leg, ...] = ()
     """Moves of groups that have times of their own within this one, in the script's
     order; each has the drones of its group. Before, between and after they hover."""
@@ -84,7 +84,8 @@ class Leg:
     @property
     def open(self) -> bool:
         """Whether its time is known only when it is solved."""
-        return self.duration is None and (self.arrive is None or self.in_motion)
+        soon = self.in_motion or self.prefer == "time"
+        return self.duration is None and (self.arrive is None or soon)
 
     def ends(self, row: int) -> tuple[FloatArray, FloatArray]:
         """Start and goal of a drone: places (3,) to hover at, or states (13,)."""

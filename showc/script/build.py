@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from showc.script.files import InputFiles
     from showc.script.reader import Reader
-    from showc.script.show import Site
+    from showc.script.show import Preference, Site
 
 Assignment = Literal["optimal", "fixed"]
 
@@ -281,7 +281,7 @@ class Builder:
             effect=effect,
             at=at,
             start=start,
-            pace=settings.number("pace"),
+            prefer=_preference(settings if "prefer" in settings else self.settings),
             motion=motion,
             under_way=self._under_way(settings),
             lights=lights_of(settings, formation, self.music, self.files, self.reader),
@@ -440,6 +440,13 @@ class Builder:
             parking=sketch.parking,
             music=self.music,
         )
+
+
+def _preference(settings: Settings) -> Preference:
+    wanted = settings.number_or_text("prefer")
+    if isinstance(wanted, str):
+        return "energy" if wanted == "energy" else "time"
+    return wanted
 
 
 def _with_free_holds(

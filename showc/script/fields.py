@@ -130,6 +130,7 @@ LANDING = Section(
 )
 
 _JOINT = Choice(("at rest", "moving"))
+PREFER = Either((Choice(("time", "energy")), Quantity(minimum=1.0, maximum=10.0)))
 
 TRANSITION = Section(
     "transition",
@@ -162,14 +163,14 @@ TRANSITION = Section(
             "duration",
             Quantity("s", minimum=0.1, maximum=600.0),
             "Time the move takes.",
-            default_text="as short as can be, or by `at`, `start` and `pace`",
+            default_text="as short as can be, or by `at`, `start` and `prefer`",
         ),
         Field(
-            "pace",
-            Quantity(minimum=1.0, maximum=10.0),
-            "With `at` alone: how many times the time of its quickest straight flight "
-            "the move takes, if there is so much. More is calmer.",
-            default=1.5,
+            "prefer",
+            PREFER,
+            "What the move does with time that it does not need, where `at` or "
+            "`duration` leave some.",
+            default_text="the show's",
         ),
         Field(
             "group",
@@ -437,6 +438,17 @@ SHOW = Section(
             required=True,
         ),
         Field("music", MUSIC, MUSIC.description),
+        Field(
+            "prefer",
+            PREFER,
+            "What moves do with time that they do not need. With `at` alone: `time` "
+            "flies as fast as can be, and late; a number takes so many times the time "
+            "of the quickest straight flight, if there is so much, and more is calmer; "
+            "`energy` takes the time that costs the fleet the least. With `duration` "
+            "too, `energy` takes the profile that costs the least.",
+            default=1.5,
+            examples=("time", "energy", 3),
+        ),
         Field("landing", LANDING, LANDING.description, default={}),
         Field(
             "parking",

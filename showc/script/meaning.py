@@ -29,6 +29,7 @@ MEANT = {
     "time": "duration",
     "wait": "hold",
     "pause": "hold",
+    "pace": "prefer",
     "shape": "type",
     "kind": "type",
 }

@@ -142,6 +142,9 @@ class Site:
         )
 
 
+Preference = Literal["time", "energy"] | float
+"""To be there soon, to take little energy, or so many times the time of the quickest
+straight flight."""
 EffectKind = Literal["pulse", "sweep", "rainbow", "strobe", "twinkle", "run"]
 """What a colour effect does."""
 
@@ -326,9 +329,8 @@ class Transition:
     """Show time of the arrival [s]; None: when it comes."""
     start: float | None = None
     """Show time of the departure [s]; None: when it comes."""
-    pace: float = 1.5
-    """Share of the straight flight's time that the move may take, at least 1."""
-
+    prefer: Preference = 1.5
+    """What it does with time that it does not need."""
     motion: tuple[Motion, ...] = ()
     """What the formation does over the hold, each on top of those before it."""
     under_way: tuple[bool, bool] = (False, False)

@@ -88,6 +88,7 @@ def safety_section(
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
         f"{_failures(case.failures)}{_stops(case.stops)}"
         f"{_aborts(beside.aborts)}{_wind(case, beside.wind)}{_energy(case)}"
+        f"{_spared(logged)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
@@ -316,6 +317,35 @@ def _energy(case: SafetyCase) -> str:
         f"taken.</p>{table(heads, rows, words=frozenset({0}))}"
         f'<div class="maps">{plots}</div>'
     )
+
+
+def _spared(logged: LoggedShow) -> str:
+    """Return what moves that prefer energy save."""
+    lines = []
+    for segment in logged.segments:
+        counted = segment.message.certificate.statistics
+        if "energy_at_once" not in counted:
+            continue
+        spent, at_once = counted["energy"], counted["energy_at_once"]
+        lines.append(
+            row(
+                [
+                    text(segment.message.name) + small(f"from {clock(segment.start)}"),
+                    f"{segment.duration:.1f}",
+                    f"{spent / 3600.0:.2f}",
+                    f"{at_once / 3600.0:.2f}",
+                    f"{100.0 * (1.0 - spent / at_once):.1f}",
+                ],
+                words=frozenset({0}),
+            )
+        )
+    if not lines:
+        return ""
+    heads = [
+        "Prefers energy", "Takes [s]", "Fleet's energy [Wh]",
+        "Flown at once, then hovered [Wh]", "Saved [%]",
+    ]  # fmt: skip
+    return table(heads, lines, words=frozenset({0}))
 
 
 def _volumes(case: SafetyCase) -> str:

@@ -40,9 +40,9 @@ def moves(*transitions):
     return [one for one in legs(*transitions) if one[0] == "transition"]
 
 
-def test_a_move_takes_its_pace_and_the_hold_before_it_the_rest():
+def test_a_move_takes_the_time_it_prefers_and_the_hold_before_it_the_rest():
     fast, calm = (
-        moves("{to: row, at: 40, hold: 2}", f"{{to: up, at: 60, pace: {pace}}}")
+        moves("{to: row, at: 40, hold: 2}", f"{{to: up, at: 60, prefer: {pace}}}")
         for pace in (1, 3)
     )
     assert [end for _, _, end in fast] == [end for _, _, end in calm] == [40.0, 60.0]
@@ -51,12 +51,12 @@ def test_a_move_takes_its_pace_and_the_hold_before_it_the_rest():
 
 
 def test_a_move_with_less_room_takes_what_there_is():
-    found = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 48, pace: 5}")
+    found = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 48, prefer: 5}")
     assert found[1] == ("transition", 42.0, 48.0)
 
 
 def test_a_hold_that_is_not_written_may_vanish():
-    found = legs("{to: row, at: 40}", "{to: up, at: 46, pace: 10}")
+    found = legs("{to: row, at: 40}", "{to: up, at: 46, prefer: 10}")
     assert ("transition", 40.0, 46.0) in found
     assert ("hold", 40.0, 40.0) not in found
 
@@ -78,3 +78,33 @@ def test_what_cannot_be_met_is_said_with_the_earliest_time():
     said = str(refused.value)
     assert "up -> row" in said and "cannot start at 54.300 s" in said
     assert "hold after row -> up" in said and "the earliest time is" in said
+
+
+def test_a_move_that_prefers_time_is_as_short_as_can_be_and_late():
+    found = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 60, prefer: time}")
+    calm = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 60, prefer: 1}")
+    assert found[1][1:] == pytest.approx(calm[1][1:], abs=0.002)
+    # A straight flight is too long an estimate where there is no time for it.
+    tight = moves("{to: row, at: 40, hold: 2}", "{to: up, at: 47.6, prefer: time}")
+    assert tight[1][1] == 42.0
+
+
+def test_what_the_show_prefers_holds_where_a_move_says_nothing():
+    text = SCRIPT % "  - {to: row}\n  - {to: up, at: 60, prefer: 2}"
+    show = read_show(text.replace("drones: 2", "drones: 2\nprefer: energy").encode())
+    assert [one.prefer for one in show.show.transitions] == ["energy", 2.0]
+
+
+def test_a_move_that_prefers_energy_takes_its_time_and_keeps_written_holds():
+    found = legs(
+        "{to: row, at: 40, hold: 3}", "{to: up, at: 70, prefer: energy, hold: 1}"
+    )
+    (start, end) = next(one[1:] for one in found if one[:2] == ("transition", 43.0))
+    assert (start, end) == (43.0, 70.0)
+
+
+def test_the_old_name_is_mended():
+    text = SCRIPT % "  - {to: row}\n  - {to: up, at: 60, pace: 2}"
+    (found,) = read_show(text.encode()).errors
+    assert "`prefer`" in f"{found.message} {found.help}"
+    assert found.fix == "prefer"

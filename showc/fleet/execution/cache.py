@@ -112,6 +112,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.others_parked,
         leg.others,
         leg.motion,
+        *([show.battery, show.site.altitude] if leg.prefer == "energy" else []),
         [options.gap, options.gap_limit, options.effort, options.repair_rounds],
     )
 

@@ -207,7 +207,7 @@ def shared_profile(  # noqa: PLR0917 - same
     profile = Profile(
         duration, float(shape[0, 0]) * duration, float(shape[0, 1]) * duration
     )
-    while not np.all(_proved(vehicle, limits, heading, suspects, profile)):
+    while not np.all(proved(vehicle, limits, heading, suspects, profile)):
         profile = profile.stretched(profile.duration * 1.002)
     return profile
 
@@ -245,7 +245,7 @@ def best_profile(
 
     def judged(rows: IntArray, shapes: FloatArray) -> tuple[BoolArray, FloatArray]:
         """Drones that keep all limits by shape, (n, m), and each shape's score."""
-        use = _uses(vehicle, limits, heading, distinct[rows], duration, shapes)
+        use = uses(vehicle, limits, heading, distinct[rows], duration, shapes)
         fits = use <= 0.9999
         least = np.minimum(use, 10.0).max(axis=0)
         return fits, weights[rows] @ fits - 1e-3 * least
@@ -264,7 +264,7 @@ def best_profile(
     return profile, np.asarray(fits[inverse.ravel(), best])
 
 
-def _uses(  # noqa: PLR0917 - same
+def uses(  # noqa: PLR0917 - same
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,
@@ -289,7 +289,7 @@ def _uses(  # noqa: PLR0917 - same
     return use
 
 
-def _proved(
+def proved(
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,
