@@ -179,6 +179,14 @@ def test_a_move_during_its_groups_hold_is_found(compiled, start):
     assert found.legs == ["“up -> down” is flown while its group is held"]
 
 
+def test_a_leg_of_the_whole_fleet_with_moves_of_groups_is_found(compiled):
+    _, logged = loaded(compiled.log)
+    logged.segments[LEG + 1].message.moves.add(name="up -> down", group="left")
+    show = load_show(compiled.log.parent / "lanes.yaml").show
+    (found,) = hold_against(show, logged).legs
+    assert "moves of groups is 1, not 0" in found
+
+
 def test_moves_of_other_groups_than_the_script_has_are_found(compiled):
     def lie(leg):
         leg.message.moves[0].group = "right"

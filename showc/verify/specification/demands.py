@@ -221,7 +221,8 @@ class _Walk:
         if first.group is not None:
             last = {one.group: one.to for one in transitions}
             to = self._unused(" + ".join(f"{group} in {last[group]}" for group in last))
-        segment = self._leg("transition", name, to, duration=duration)
+        count = len(transitions) if own else 0
+        segment = self._leg("transition", name, to, duration=duration, moves=count)
         begin, end = segment.start, segment.end
         flights = [(begin, end) for _ in transitions]
         if own:
@@ -391,10 +392,12 @@ class _Walk:
         limits: Limits | None = None,
         duration: float | None = None,
         least: float = 0.0,
+        moves: int = 0,
     ) -> Segment:
         """Take the next leg of the log, which must be the one asked for.
 
-        It lasts ``duration`` [s], or ``least`` or more if that is None.
+        It lasts ``duration`` [s], or ``least`` or more if that is None; ``moves``
+        groups have times of their own in it.
         """
         if self.next >= len(self.logged.segments):
             raise _StrayError(f"the log lacks the leg “{name}”")
@@ -412,6 +415,7 @@ class _Walk:
             ("to", message.to_formation, to),
             ("limits", message.limits, self.limits.index(limits)),
             ("start", segment.start, round(self.end, 3)),
+            ("moves of groups", len(message.moves), moves),
         ]
         if duration is not None:
             facts.append(("duration", segment.duration, round(duration, 3)))
