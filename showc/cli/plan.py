@@ -83,11 +83,15 @@ def command(
             )
         )
     else:
-        width = max(len(leg.name) for leg in legs)
-        for leg in legs:
+        names = [
+            leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
+            for leg in legs
+        ]
+        width = max(map(len, names))
+        for leg, name in zip(legs, names, strict=True):
             asked = "" if leg.asked is None else f"  asked to end at {leg.asked:.3f} s"
             click.echo(
-                f"{leg.start:9.3f} s  {leg.name:<{width}}  {leg.lower:8.3f} s to "
+                f"{leg.start:9.3f} s  {name:<{width}}  {leg.lower:8.3f} s to "
                 f"{leg.upper:8.3f} s  {leg.reason}{asked}"
             )
         click.echo(f"compile would solve {pending} of {len(legs)} legs")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,8 @@ class LegOutlook:
     saved: float | None = None
     """Where it prefers energy: what it saves as a straight flight, against flying at
     once and hovering; an estimate [J]."""
+    group: str | None = None
+    """Group whose move it is, within the leg before, at a time of its own."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as plain data."""
@@ -71,6 +73,11 @@ def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     for leg in legs:
         time = next(open_times) if leg.open else leg.duration or 0.0
         found.append(_look(leg, show, clock, cached(leg) is not None))
+        for part in leg.parts:
+            one = _look(part, show, part.depart or 0.0, cached(part) is not None)
+            group = show.transitions[part.transition or 0].group
+            ends = round(one.start + (part.duration or 0.0), 3)
+            found.append(replace(one, index=leg.index, group=group, asked=ends))
         clock = round(clock + time, 3)
     return found
 
@@ -87,8 +94,14 @@ def cue_sheet(legs: list[LegOutlook], offset: float, *, csv: bool) -> bytes:
     csv
         Whether to write CSV with the columns Name, Start and End, as Reaper does.
     """
-    ends = [leg.start for leg in legs[1:]]
-    ends.append(legs[-1].start + legs[-1].upper)
+    whole = [leg.start for leg in legs if leg.group is None]
+    last = legs[-1].start + legs[-1].upper
+    ends = [
+        (leg.asked or leg.start)
+        if leg.group is not None
+        else min((start for start in whole if start > leg.start), default=last)
+        for leg in legs
+    ]
     joint = "," if csv else "\t"
     rows = ["Name,Start,End"] if csv else []
     for leg, end in zip(legs, ends, strict=True):
@@ -102,6 +115,11 @@ def cue_sheet(legs: list[LegOutlook], offset: float, *, csv: bool) -> bytes:
 def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # noqa: FBT001
     from showc.fleet.timetable import straight_time  # noqa: PLC0415 - heavy
 
+    if leg.parts:
+        time, reason = leg.duration or 0.0, "groups in times of their own, below"
+        return LegOutlook(
+            leg.index, leg.name, False, reason, time, time, start, leg.arrive
+        )
     if leg.motion:
         time = leg.duration or 0.0
         reason = "solved before" if cached else "moving formation: in closed form"

@@ -25,7 +25,15 @@ from showc.plan.assignment import assign, nearest_on_lines
 from showc.plan.build import build_itinerary
 from showc.vehicle.metric import scaled
 from showc.view.overview import box_of
-from showc.view.scene import Chapter, Ground, Meeting, Scene, Signal, Soundtrack
+from showc.view.scene import (
+    Chapter,
+    Ground,
+    GroupMove,
+    Meeting,
+    Scene,
+    Signal,
+    Soundtrack,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -108,6 +116,8 @@ class Draft:
     """[s]."""
     courses: tuple[Course, ...]
     """Of each leg."""
+    moves: Mapping[int, tuple[Course, ...]]
+    """Of each part of the legs, by position, whose groups have times of their own."""
     solved: Mapping[int, LegFlight] = field(default_factory=dict)
     """Flights of legs, by index in the itinerary."""
 
@@ -177,6 +187,10 @@ def lay_out(
         starts=tuple(starts),
         durations=tuple(durations),
         courses=tuple(_course(leg, itinerary.show, memory) for leg in itinerary.legs),
+        moves={
+            number: tuple(_course(part, itinerary.show, memory) for part in leg.parts)
+            for number, leg in enumerate(itinerary.legs)
+        },
         solved={index: one for index, one in flights.items() if one is not None},
     )
 
@@ -184,7 +198,7 @@ def lay_out(
 def _course(leg: Leg, show: Show, memory: Memory) -> Course:
     """Return the profile of a move along straight lines."""
     way = leg.goal - leg.start
-    if leg.motion or not (np.linalg.norm(way, axis=1) > _STILL).any():
+    if leg.motion or leg.parts or not (np.linalg.norm(way, axis=1) > _STILL).any():
         return _STANDING
     key = ("course", way.tobytes(), leg.kind, leg.limits, show.vehicle, show.heading)
     found: Course = memory.recall(key, lambda: _flown(leg, show, way))
@@ -272,6 +286,15 @@ def _places(draft: Draft, number: int, elapsed: FloatArray) -> FloatArray:
             moved = one.derivatives(time, elapsed)
             places[:, one.rows] = moved[0]
         return places
+    if leg.parts:
+        places = np.repeat(leg.start[None], elapsed.size, axis=0)
+        for part, course in zip(leg.parts, draft.moves[number], strict=True):
+            since = elapsed - ((part.depart or 0.0) - (leg.depart or 0.0))
+            least, most = np.flatnonzero(since > 0.0), part.duration or 0.0
+            share = course.share(np.clip(since[least], 0.0, most), most)[:, None, None]
+            moved = part.start + share * (part.goal - part.start)
+            places[np.ix_(least, part.drones)] = moved
+        return places
     share = draft.courses[number].share(elapsed, time)[:, None, None]
     return np.asarray(leg.start + share * (leg.goal - leg.start))
 
@@ -291,6 +314,15 @@ def _chapters(draft: Draft) -> list[Chapter]:
                 duration=time,
                 picture=held_formation(leg),
                 state="solved" if leg.index in draft.solved else "straight",
+                moves=tuple(
+                    GroupMove(
+                        part.name.replace("->", "→"),
+                        draft.show.transitions[part.transition or 0].group or "",
+                        part.depart or 0.0,
+                        part.duration or 0.0,
+                    )
+                    for part in leg.parts
+                ),
             )
         )
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, sin, sqrt
+from math import inf, remainder, sin, sqrt, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.script.show import Follow, Morph, Rotate, Travel
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         index, together = members[0], [show.transitions[at] for at in members]
         if own_times(together):
             asked = [settings[row] for row in members]
-            if found := _lane_fault(show, together, asked, earliest, before):
+            if found := _lane_fault(show, members, asked, earliest, before):
                 yield found
                 return
             ends = max(arrival(one) or 0.0 for one in together) + rest(together)
@@ -186,12 +187,13 @@ _ON_TIME = 1e-6
 
 def _lane_fault(
     show: Show,
-    together: list[Transition],
+    members: list[int],
     asked: list[Settings],
     earliest: float,
     before: str,
 ) -> Diagnostic | None:
     """Say which transition of a group with times of its own cannot be (SHW213)."""
+    together = [show.transitions[index] for index in members]
     for lane in lanes(together):
         free, why = earliest, before
         for row in lane:
@@ -216,15 +218,17 @@ def _lane_fault(
                     help="give the groups that are flown with it the same times, or "
                     "leave the motion out",
                 )
-            soonest = free if starts is not None else free + _SHORTEST
+            least = max(least_duration(show, members[row])[0], _SHORTEST)
+            soonest = free if starts is not None else free + least
             time = starts if starts is not None else there
             if time < soonest - _ON_TIME:
                 key = "start" if one.start is not None else "at"
                 return Diagnostic(
                     "SHW213",
                     Severity.ERROR,
-                    f"`{one.name}` cannot start at {_time(show, time)}: "
-                    f"{number_text(_up(soonest - time))} s too early",
+                    f"`{one.name}` cannot {'start' if starts else 'stand'} at "
+                    f"{_time(show, time)}: {number_text(_up(soonest - time))} s too "
+                    "early",
                     asked[row].mark_of(key),
                     notes=(why,),
                     help=f"the earliest time is {_time(show, soonest, up=True)}, or "
@@ -320,20 +324,43 @@ def least_mean_time(show: Show, index: int) -> float:
 
 
 def _ends(show: Show, index: int) -> tuple[FloatArray, FloatArray] | None:
-    """Return where the fleet starts and ends a transition, if it moves as one."""
+    """Return where the drones of a transition start and end, if that is known."""
     transition = show.transitions[index]
-    if transition.group is not None or show.parking is not None:
+    own = transition.group
+    if show.parking is not None:
         return None
-    before = show.transitions[index - 1] if index else None
+    before = next(
+        (
+            one
+            for one in reversed(show.transitions[:index])
+            if own is None or one.group in {None, own}
+        ),
+        None,
+    )
+    rows = slice(None) if own is None else list(show.groups[own])
     if before is None:
-        start = show.formations[show.pads].points[: show.drones]
+        start = show.formations[show.pads].points[: show.drones][rows]
         start = start + np.array([0.0, 0.0, show.launch.altitude])
-    elif before.group is not None:
+    elif _elsewhere(before) or (own is None and before.group is not None):
         return None
     else:
         start = show.formations[before.to].points
+        if before.group != own:
+            if before.assignment != "fixed":
+                return None
+            start = start[rows]
     goal = show.formations[transition.to].points
     return (start, goal) if len(start) == len(goal) else None
+
+
+def _elsewhere(held: Transition) -> bool:
+    """Tell whether a formation ends its hold in other places than it began it."""
+    return any(
+        abs(remainder(one.angle, tau)) > _ON_TIME
+        if isinstance(one, Rotate)
+        else isinstance(one, Travel | Morph | Follow)
+        for one in held.motion
+    )
 
 
 def least_duration(show: Show, index: int) -> tuple[float, int | None]:
@@ -353,8 +380,9 @@ def least_duration(show: Show, index: int) -> tuple[float, int | None]:
     )
     if transition.assignment == "fixed" and known:
         times = least_times(goal - start, show.limits, show.vehicle)
-        drone = int(np.argmax(times))
-        return float(times[drone]), drone
+        row = int(np.argmax(times))
+        own = transition.group
+        return float(times[row]), row if own is None else show.groups[own][row]
     if transition.assignment == "fixed":
         return 0.0, None
     pairs = _PAIRS // len(show.transitions)

@@ -21,7 +21,7 @@ from showc.view.document import badge
 from showc.view.findings import findings_of
 from showc.view.fleet import bands_of, predicted_places
 from showc.view.overview import ground_of
-from showc.view.scene import Chapter, Meeting, Scene, Signal
+from showc.view.scene import Chapter, GroupMove, Meeting, Scene, Signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -218,6 +218,10 @@ def _chapter(one: Digest) -> Chapter:
         start=one.segment.start,
         duration=one.segment.duration,
         picture=held.get(one.segment.kind, ""),
+        moves=tuple(
+            GroupMove(move.name, move.group, move.start, move.duration)
+            for move in message.moves
+        ),
     )
 
 

@@ -178,6 +178,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     for one in digests:
         number += one.moving
         rows.append(_move(one, number, nearest, rule))
+        rows += [_group_move(move) for move in one.segment.message.moves]
     limits = logged.rules.limits
     fastest = max(
         max(abs(value) for value in (v.x, v.y, v.z))
@@ -215,6 +216,26 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     )
     note += _envelope_cost(digests)
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
+
+
+def _group_move(move: pb.Move) -> str:
+    """Return the line of a group that has times of its own, below its leg."""
+    certificate = move.certificate
+    least, bound = certificate.single_drone_minimum, certificate.dual_bound
+    return row(
+        [
+            "",
+            text(f"{move.group}: {move.name}"),
+            clock(move.start),
+            f"{move.duration:.3f}",
+            f"{bound:.3f}" if bound > 0.0 else "–",
+            f"{100.0 * (move.duration / least - 1.0):.1f} %" if least > 0.0 else "–",
+            "",
+            "",
+            "",
+        ],
+        words=frozenset({1}),
+    )
 
 
 def _envelope_cost(digests: tuple[Digest, ...]) -> str:

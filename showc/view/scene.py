@@ -37,6 +37,18 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True)
+class GroupMove:
+    """A move of a group that has times of its own."""
+
+    name: str
+    group: str
+    start: float
+    """[s]."""
+    duration: float
+    """[s]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Chapter:
     """One leg on the timeline."""
 
@@ -53,6 +65,8 @@ class Chapter:
     """Name of the formation that is held; empty during moves."""
     state: str = ""
     """``straight`` or ``solved`` where not all are solved yet."""
+    moves: tuple[GroupMove, ...] = ()
+    """Of groups that have times of their own."""
 
 
 @dataclass(frozen=True, slots=True)

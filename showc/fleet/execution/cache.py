@@ -111,6 +111,7 @@ def leg_key(leg: Leg, show: Show, options: SolveOptions) -> str:
         leg.duration,
         leg.others_parked,
         leg.others,
+        leg.parts,
         leg.motion,
         *([show.battery, show.site.altitude] if leg.prefer == "energy" else []),
         [options.gap, options.gap_limit, options.effort, options.repair_rounds],

@@ -155,7 +155,7 @@ function draw() {
   timeline.move(player.time);
   panel.move(player.time);
   $("#clock").textContent = clockText(player.time);
-  $("#chapter").textContent = segment.name;
+  $("#chapter").textContent = movingAt(segment, player.time);
   followSound();
   window.__frames++;
 }

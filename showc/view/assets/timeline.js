@@ -5,6 +5,12 @@ const FULL = { names: [0, 17], light: [20, 22], distance: [46, 14], mesh: [63, 1
 const MESHLESS = { ...FULL, ruler: [63, 24], wave: [89, 22] };
 const PLAIN = { names: [0, 17], light: [20, 22], ruler: [45, 24], wave: [71, 22] };
 
+// What is flown at a time: of groups with times of their own, the moves of those that move.
+function movingAt(segment, time) {
+  const now = segment.moves.filter((move) => time >= move.start && time < move.start + move.duration);
+  return now.map((move) => `${move.group}: ${move.name}`).join(", ") || segment.name;
+}
+
 class Timeline {
   constructor(element, seek) {
     this.element = element;
@@ -41,7 +47,7 @@ class Timeline {
       ? `${clockText(near.time)} · ${near.distance.toFixed(2)} m between ${near.a + 1} and ${near.b + 1}`
       : finding
         ? `${clockText(finding.time)} · ${finding.code}: ${finding.message}`
-        : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : segment.name}`;
+        : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : movingAt(segment, time)}`;
     this.tip.hidden = false;
     const half = this.tip.offsetWidth / 2;
     const left = Math.min(Math.max(this.x(time) - half, 0), this.width - 2 * half);
@@ -145,7 +151,9 @@ class Timeline {
       const left = this.x(segment.start);
       const wide = this.x(segment.duration);
       const moving = segment.kind !== "hold";
-      if (moving) {
+      if (segment.moves.length) {
+        this.drawLanes(c, segment, top, height);
+      } else if (moving) {
         c.fillStyle = "rgba(125, 180, 255, 0.16)";
         c.beginPath();
         c.roundRect(left + 0.5, top, Math.max(wide - 1, 1), height, 4);
@@ -163,6 +171,30 @@ class Timeline {
         c.restore();
       }
     });
+  }
+
+  // A strip for each group, with a bar wherever it moves.
+  drawLanes(c, segment, top, height) {
+    const groups = [...new Set(segment.moves.map((move) => move.group))];
+    const tall = height / groups.length;
+    c.font = `${Math.min(11, Math.max(tall - 1, 5))}px system-ui, 'DejaVu Sans', sans-serif`;
+    for (const move of segment.moves) {
+      const left = this.x(move.start);
+      const wide = this.x(move.duration);
+      const above = top + groups.indexOf(move.group) * tall;
+      c.fillStyle = "rgba(125, 180, 255, 0.16)";
+      c.beginPath();
+      c.roundRect(left + 0.5, above, Math.max(wide - 1, 1), Math.max(tall - 1, 1), 3);
+      c.fill();
+      if (wide < 26 || tall < 6) continue;
+      c.save();
+      c.beginPath();
+      c.rect(left, above, wide - 4, tall);
+      c.clip();
+      c.fillStyle = "rgba(233, 237, 246, 0.85)";
+      c.fillText(move.group, left + 6, above + tall / 2);
+      c.restore();
+    }
   }
 
   // Mean colour of the fleet, brightened so that few lights show too.

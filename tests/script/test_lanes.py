@@ -1,0 +1,107 @@
+"""Groups with times of their own: what is flown together, and what cannot be."""
+
+import pytest
+
+from showc.script import read_show
+from showc.script.lanes import chapters, own_times, rest
+
+SCRIPT = """\
+showc: 1
+drones: 5
+music: {{bpm: 120, cues: {{drop: 20}}}}
+pads: {{type: grid, rows: 1, step: 4, count: 5}}
+launch: {{altitude: 10, hold: 2}}
+groups: {{a: 1-2, b: 4-5}}
+formations:
+  up: {{type: points, points: [[-8, 0, 16], [-4, 0, 16]]}}
+  far: {{type: points, points: [[8, 30, 10], [4, 30, 10]]}}
+  down: {{type: points, points: [[-8, 0, 12], [-4, 0, 12]]}}
+transitions:
+{transitions}
+"""
+
+
+def read(*transitions):
+    lines = "\n".join(f"  - {{{one}}}" for one in transitions)
+    return read_show(SCRIPT.format(transitions=lines).encode(), path="show.yaml")
+
+
+def together(*transitions):
+    result = read(*transitions)
+    assert result.show is not None, result.errors
+    found = chapters(result.show)
+    return found, [
+        own_times([result.show.transitions[row] for row in one]) for one in found
+    ]
+
+
+A = "to: up, group: a, hold: 1, start: 10, at: 20"
+B = "to: far, group: b, hold: 4, at: 28, duration: 14"
+
+
+@pytest.mark.parametrize(
+    ("transitions", "chapter", "own"),
+    [
+        # In one common time, as long as nothing else is asked for.
+        (["to: up, group: a", "to: far, group: b"], [[0, 1]], [False]),
+        ([A, "to: far, group: b"], [[0, 1]], [False]),
+        ([A, "to: far, group: b, at: 20"], [[0, 1]], [False]),
+        # Each in its own.
+        ([A, B], [[0, 1]], [True]),
+        ([A, B, "to: down, group: a, at: 26, duration: 4"], [[0, 1, 2]], [True]),
+        # It arrives while the other still moves: so it moves meanwhile.
+        ([A, B, "to: down, group: a, at: 26"], [[0, 1, 2]], [True]),
+        # While the other is held.
+        ([A, B, "to: down, group: a, start: 31, duration: 4"], [[0, 1, 2]], [True]),
+        # After all are held: another chapter.
+        ([A, B, "to: down, group: a, start: 33, duration: 4"], [[0, 1], [2]],
+         [True, False]),
+        ([A, "to: far, group: b, start: 25, duration: 9"], [[0], [1]], [False, False]),
+        # Nothing says when: after the others.
+        ([A, B, "to: down, group: a"], [[0, 1], [2]], [True, False]),
+    ],
+)  # fmt: skip
+def test_what_is_flown_together_and_in_which_times(transitions, chapter, own):
+    assert together(*transitions) == (chapter, own)
+
+
+def test_every_group_is_held_as_long_as_it_asks_after_the_last_arrival():
+    show = read(A, B, "to: down, group: a, at: 26, hold: 9").show
+    assert rest(show.transitions) == 7.0
+
+
+def fault(*transitions):
+    (found,) = read(*transitions).errors
+    return found
+
+
+def test_cues_and_beats_are_times_of_groups_too():
+    show = read("to: up, group: a, at: bar 10", 'to: far, group: b, at: "@drop"').show
+    assert [one.at for one in show.transitions] == [18.0, 20.0]
+    assert own_times(show.transitions)
+
+
+def test_a_move_whose_arrival_is_not_known_is_found():
+    found = fault(A, "to: far, group: b, start: 12")
+    assert found.code == "SHW213"
+    assert "when `launch -> far` arrives is not known" in found.message
+    assert "`duration`" in found.help
+
+
+def test_a_group_cannot_leave_while_it_is_held():
+    found = fault(A, B, "to: down, group: a, start: 20.5, duration: 4")
+    assert "`up -> down` cannot start at 20.5 s of the music: 0.5 s" in found.message
+    assert "`a` stands in `up` at 20 s" in found.notes[0]
+
+
+def test_a_move_that_no_drone_can_make_in_its_time_is_found():
+    quick = fault(A, "to: far, group: b, at: 23.5, duration: 3")
+    assert quick.code == "SHW209"
+    late = fault(A, "to: far, group: b, at: 10.5")
+    assert late.code == "SHW213"
+    assert "cannot stand at 10.5 s of the music" in late.message
+
+
+def test_a_motion_beside_groups_of_other_times_is_found():
+    found = fault(A + ", motion: [{rotate: 90}]", B)
+    assert "`launch -> up` has a motion" in found.message
