@@ -18,7 +18,8 @@ into squared rotor speeds, clipped to [0, greatest squared speed] and turned bac
 Then at every instant of the window each of its twelve states differs from the logged
 polynomials by no more than :func:`radius` says, jumps of the polynomials included. The
 first window of a segment begins with it, the next with the first mesh interval after
-each :data:`WINDOW`: what is flown without feedback for longer leaves any path.
+each :data:`WINDOW`: what is flown without feedback for longer leaves any path. So do
+windows with each interval in which it hovers, and with the one after: there it waits.
 
 Proof. Write ~ for what is logged, e for flown minus logged, T for the window's time.
 
@@ -86,6 +87,9 @@ ETA = 1e-3
 WINDOW = 20.0
 """Longest time that is flown from one logged state [s]; most transitions are shorter.
 Bounds grow with its square: a drone tilted by 1e-7 rad for ten minutes is 0.2 m off."""
+
+STILL = 1e-9
+"""Extent of a mesh interval's positions that is rounding: it hovers [m]."""
 
 _FINE = 1e-8
 """Interpolation error [m/s²] above which an interval is halved: over 10 s it moves a
@@ -179,7 +183,9 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
                 # A window is taken as a drone of its own is.
                 of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
                 late = np.diff(part.start // WINDOW, prepend=0.0) != 0.0
-                each = np.flatnonzero(of_drone | late)
+                waits = np.ptp(part.state[:, :, :3], axis=1).max(axis=1) <= STILL
+                waits[1:] |= waits[:-1]
+                each = np.flatnonzero(of_drone | late | waits)
                 first = np.append(each, part.start.size)
                 windows = replace(part, drones=np.arange(each.size), first=first)
                 own = np.searchsorted(each, part.first[:-1])

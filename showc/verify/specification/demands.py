@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from showc.light.keyframes import Lit, keyframes_of
+from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
 from showc.verify.kernel.certificates import refuted
-from showc.verify.kernel.choreography import REACHED
+from showc.verify.kernel.choreography import MOMENT, REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.motion import (
@@ -46,18 +46,12 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
 
-MOMENT = 1e-6
-"""Rounding of times [s]."""
-
 PLACE_ERROR = 1e-9
 """How far a goal may be off its place: rounding, not flight [m]."""
 
 ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
 a quarter of a frame of film."""
-
-PARKED = -1
-"""Place of a drone that waits in the parking formation."""
 
 
 @dataclass(slots=True)

@@ -25,6 +25,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from showc.script.show import Breathe, Follow, Morph, Orbit, Rotate, Travel, Wave
+from showc.verify.kernel.choreography import MOMENT
+from showc.verify.kernel.dynamics import STILL
 from showc.verify.samples import evaluate
 
 if TYPE_CHECKING:
@@ -53,8 +55,6 @@ _REST = 4e-4
 """Share of it that is left to what happens between two instants [m]."""
 _MOST = 200_000
 """Instants of one motion at which a look gives up."""
-_STILL, _MOMENT = 1e-9, 1e-6
-"""Way that is rounding within an interval [m], and rounding of times [s]."""
 _SLOPE, _BEND = 35.0 / 16.0, 7.52
 """Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
 
@@ -397,14 +397,14 @@ def unlike_claims(
     for table in segment.tables:
         mine = np.isin(table.owner, drones)
         way = table.state[mine, :, :3]
-        mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > _STILL
+        mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > STILL
         begin, end = segment.start + table.start[mine], segment.start + table.end[mine]
         which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
         np.minimum.at(first, which, begin)
         np.maximum.at(last, which, end)
     for claim, begins, ends in zip(claims, first, last, strict=True):
         off = max(abs(begins - claim.start), abs(ends - claim.start - claim.duration))
-        if np.isfinite(begins) and not off <= _MOMENT:
+        if np.isfinite(begins) and not off <= MOMENT:
             yield (
                 f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the log "
                 f"says from {claim.start:.3f} s, for {claim.duration:.3f} s"
