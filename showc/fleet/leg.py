@@ -309,8 +309,11 @@ class _Solver:
             repair = search.at(time)
         if repair.done:
             return self._finish(search, repair, limiting)
+        if self.leg.others:
+            # How they fly is known for this time alone.
+            raise SolveError(f"{self.where}: {repair.trouble}")
         found, _ = search.least()
-        if found.duration > time or self.leg.in_motion or self.leg.others:
+        if found.duration > time or self.leg.in_motion:
             raise self._too_short(time, found.duration, repair.trouble)
         return self._finish(search, found, limiting, time)
 

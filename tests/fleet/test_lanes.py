@@ -1,5 +1,6 @@
 """Groups with times of their own: apart at every instant, around each other."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -14,6 +15,7 @@ from showc.fleet.options import SolveOptions
 from showc.plan import build_itinerary
 from showc.progress import Silent
 from showc.script import read_show
+from showc.trajectory import PiecewisePolynomial
 
 SCRIPT = """\
 showc: 1
@@ -76,7 +78,7 @@ def test_every_move_begins_and_ends_when_it_is_asked_to(crossing):
 
 def test_a_move_too_quick_for_its_time_says_how_long_it_needs():
     with pytest.raises(SolveError, match=r"cannot arrive at 21.000 s .* needs >= 6"):
-        solved(time=4)
+        solved(time=6.1)
 
 
 def test_groups_that_cannot_be_kept_apart_are_refused_with_pair_and_time(crossing):
@@ -98,3 +100,14 @@ def test_groups_that_cannot_be_kept_apart_are_refused_with_pair_and_time(crossin
     assert {part.name for part in asked} == {"launch -> right", "launch -> top"}
     assert asked[0].name == "launch -> top"
     assert len(asked[0].others) == 4
+
+
+def test_a_move_that_cannot_be_flown_around_others_is_refused(crossing):
+    (flown,) = (flown for flown in crossing.legs if flown.parts)
+    part, show = flown.leg.parts[1], crossing.itinerary.show
+    # One stands where the group is to go, as long as it flies.
+    place = part.goal[0] + [0.3, 0.0, 0.0]
+    stays = PiecewisePolynomial.constant(place, 0.0, part.duration)
+    blocked = replace(part, others=(stays,), others_parked=None)
+    with pytest.raises(SolveError, match=r"launch -> top: drone 3 and another drone"):
+        solve_leg(blocked, show, SolveOptions(use_cache=False), InProcess(), Silent())
