@@ -25,6 +25,7 @@ from showc.fleet.deconfliction.stretched import StretchedFlights, fly_ways_slowl
 from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,
+    least_time_along,
     limiting_in_motion,
     limiting_time,
 )
@@ -64,6 +65,9 @@ _WORK, _WORK_EACH = 300.0, 1.5
 unit is a flight behind half-spaces that is solved, about 0.07 s on one core."""
 _AT_ONCE, _LEAST_WORK = 0.3, 100.0
 """Share of the work left that any one time may take, and what it may at least."""
+_TOGETHER = 0.9
+"""Share of the time with which a fleet that goes round corners begins, below which none
+is tried: its drones would cut them."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 _NONE: Mapping[int, Trajectory] = MappingProxyType({})
@@ -150,12 +154,17 @@ class Search:
         SolveError
             If a pair cannot be kept apart in any time that is tried.
         """
-        limiting = self.limiting(solve=True)
+        limiting = self._round(self.limiting(solve=True))
         together = self._side_by_side(limiting)
         if together is not None:
             return together, limiting
         best: Found | None = None
-        least, longest = self._times(limiting)
+        least = limiting.time
+        if len(self.detours) == self.leg.drones.size:
+            # All go round together: nearer to a straight flight that cruises as long.
+            ways = self.detours.values()
+            least = max(least, *(way.estimate(self.aircraft) for way in ways))
+        longest = self._longest(least)
         failed, gap, slower = 0.0, self.options.gap, 0
         while True:
             time = whole_milliseconds(least * (1.0 + gap))
@@ -183,8 +192,8 @@ class Search:
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
             gap = min(self._growth(repair) * gap, longest)
-        lowest = 0.9 * least if self.detours else limiting.time
-        return self._narrowed(best, max(failed, lowest), limiting), limiting
+        lowest = max(failed, limiting.time, _TOGETHER * least)
+        return self._narrowed(best, lowest, limiting), limiting
 
     def _growth(self, repair: Repair) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
@@ -350,20 +359,26 @@ class Search:
         length = float(np.linalg.norm(goal[:3] - start[:3]))
         return replace(limiting, time=result.duration, drone=row, distance=length)
 
-    def _times(self, limiting: Limiting) -> tuple[float, float]:
-        """Time to begin with [s], and the share of it that may be added at most.
+    def _round(self, limiting: Limiting) -> Limiting:
+        """Raise the least time to what the way round the fence's corners takes."""
+        fence, leg = self.fence, self.leg
+        for row in self.detours if fence is not None else ():
+            start, goal = leg.start[row], leg.goal[row]
+            assert fence is not None  # noqa: S101 - the line above says so
+            length = fence.least_length(start[:2], goal[:2])
+            time = least_time_along(self.aircraft, length)
+            self.counts["fence_bound"] = max(time, self.counts.get("fence_bound", 0.0))
+            if time > limiting.time:
+                limiting = replace(limiting, time=time, drone=row, distance=length)
+        return limiting
 
-        Ways round the fence's corners take longer than any drone alone would.
+    def _longest(self, least: float) -> float:
+        """Share of a least time [s] that may be added to it at most.
+
+        Ways round the fence's corners may take several times as long.
         """
-        least, longest = limiting.time, self.options.gap_limit
-        for way in self.detours.values():
-            least = max(least, way.estimate(self.aircraft))
-        if self.detours:
-            halting = max(
-                way.halting_time(self.aircraft) for way in self.detours.values()
-            )
-            longest += 2.0 * halting / least
-        return least, longest
+        halting = [way.halting_time(self.aircraft) for way in self.detours.values()]
+        return self.options.gap_limit + 2.0 * max(halting, default=0.0) / least
 
     def _side_by_side(self, limiting: Limiting) -> Repair | None:
         """Where all drones make the same move, none comes nearer: no slack."""

@@ -207,6 +207,22 @@ class Fence:
                 return found
         return None
 
+    def least_length(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return a length that no way within the fence falls short of [m].
+
+        That of the shortest way that may touch the fence: with the margin it is longer.
+
+        Parameters
+        ----------
+        start, goal
+            Shape (2,) [m].
+        """
+        free, way = Fence(self.corners), None
+        if not free.straight(start, goal[None])[0]:
+            way = free._way(start, goal, 0.0)
+        ends = np.stack([start, goal]) if way is None else way
+        return float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
+
     def _way(
         self, start: FloatArray, goal: FloatArray, spare: float
     ) -> FloatArray | None:

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from fleet.handmade import LIMITS, make_leg, make_options, make_show
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from showc.errors import SolveError
 from showc.fleet import solve_leg
@@ -81,3 +83,28 @@ def test_a_place_too_near_the_fence_is_refused_with_both_distances():
     leg = make_leg([(-10.0, 39.0, 9.0)], [(-10.0, 0.0, 9.0)], limits=GENTLE)
     with pytest.raises(SolveError, match=r"1\.00 m within the fence, the margin is 3"):
         solve(leg, L, 3.0)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10_000))
+def test_no_way_within_the_fence_is_shorter_than_the_least_length(seed):
+    fence, draw = Fence(L, 2.0), np.random.default_rng(seed)
+    places = draw.uniform(-38.0, 38.0, (40, 2))
+    start, goal = places[fence.keeps(places)][:2]
+    way = fence.way(start, goal)
+    length = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+    least = fence.least_length(start, goal)
+    assert np.linalg.norm(goal - start) - 1e-9 <= least <= length + 1e-9
+
+
+def test_one_drone_that_must_goes_round_alone_and_its_least_time_knows_the_fence():
+    start = np.array([(-30.0, y, 20.0) for y in (-30.0, -26.0, -22.0, -18.0)])
+    goal = start + [50.0, 0.0, 0.0]
+    start[3], goal[3] = (-4.0, 36.0, 20.0), (36.0, -4.0, 20.0)
+    flight = solve(make_leg(start, goal, limits=GENTLE), L, 2.0)
+    assert_encloses(flight, L, 2.0)
+    statistics = flight.certificate.statistics
+    assert statistics["fence_bound"] <= flight.duration
+    for row in range(3):
+        places = flight.trajectories[row].state(np.linspace(0, flight.duration, 50))
+        assert np.ptp(places[:, 1]) < 1e-6

@@ -25,6 +25,8 @@ _REACH = 4.0
 """Distance from a flight beyond which the fence lays no walls [m]."""
 _ROOM = 5e-3
 """How much more than the margin walls keep [m]: they give way a little."""
+_LONE = 0.25
+"""Share of the drones up to which those that leave the fence go round on their own."""
 _STEPS = 4
 """Pieces of a reference on each interval of a spline."""
 _CURVE = 1.2
@@ -131,9 +133,10 @@ def detours(
 ) -> dict[int, Detour | None]:
     """Find ways for a fleet some of whose straight ways leave the fence.
 
-    Where there is room, the whole fleet follows the way of its middle, each drone with
-    its place about it: at every instant the drones are then to each other as on
-    straight ways, and as far apart. Else each that must takes its own shortest way.
+    A few go round on their own. Where more must and there is room, the whole fleet
+    follows the way of its middle, each drone with its place about it: at every instant
+    the drones are then to each other as on straight ways, and as far apart. Else each
+    that must takes its own shortest way.
 
     Parameters
     ----------
@@ -152,9 +155,10 @@ def detours(
     ]
     if not rows:
         return {}
-    together = _together(fence, aircraft, start, goal)
-    if together is not None:
-        return dict(enumerate(together))
+    if len(rows) > _LONE * start.shape[0]:
+        together = _together(fence, aircraft, start, goal)
+        if together is not None:
+            return dict(enumerate(together))
     return {row: detour(fence, start[row], goal[row]) for row in rows}
 
 

@@ -292,3 +292,19 @@ def _guess(relaxation: Relaxation, displacement: FloatArray) -> float:
     pull = 0.5 * relaxation.vehicle.gravity
     ramp = np.minimum(velocity / pull, np.sqrt(way / pull))
     return float((way / velocity + ramp).max())
+
+
+def least_time_along(aircraft: Aircraft, length: float) -> float:
+    """Least time of a way of some length over ground, from rest to rest [s].
+
+    However it turns, speed along it changes by the level acceleration at most, and
+    stays below the greatest level speed.
+    """
+    limits, vehicle = aircraft.limits, aircraft.vehicle
+    box = np.maximum(limits.velocity_max, np.abs(limits.velocity_min))
+    speed = min(float(np.hypot(box[0], box[1])), limits.level_speed or np.inf)
+    thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
+    pull = min(thrust * np.sin(limits.tilt), limits.acceleration or np.inf)
+    if length >= speed**2 / pull:
+        return float(length / speed + speed / pull)
+    return float(2.0 * np.sqrt(length / pull))
