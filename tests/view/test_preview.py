@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from showc.fleet.options import SolveOptions
 from showc.plan.assignment import nearest_on_lines
@@ -86,6 +87,32 @@ def test_a_formation_that_moves_is_drawn_where_it_will_be():
     at = int(np.ceil(end / scene.step))
     assert np.allclose(scene.positions[at], leg.goal, atol=0.3)
     assert np.abs(leg.goal - leg.start).max() > 3.0
+
+
+def test_groups_with_times_of_their_own_are_drawn_in_them():
+    script = (ROOT / "shows" / "lanes.yaml").read_text(encoding="utf-8")
+    draft = draft_of(script)
+    scene = scene_of(draft, Memory())
+    (chapter,) = (one for one in scene.chapters if one.moves)
+    assert [(one.group, one.start, one.duration) for one in chapter.moves] == [
+        ("left", 10.0, 8.0),
+        ("middle", 14.0, 8.0),
+        ("right", 18.0, 8.0),
+        ("left", 24.0, 6.0),
+    ]
+    times = scene.step * np.arange(len(scene.positions))
+    moves = np.linalg.norm(np.diff(scene.positions, axis=0), axis=-1) > 1e-9
+    middle = 0.5 * (times[1:] + times[:-1])
+    within = (middle > 10.2) & (middle < 29.8)
+    for drones, spans in (
+        (slice(0, 4), [(10, 18), (24, 30)]),
+        (slice(4, 8), [(18, 26)]),
+        (slice(8, 12), [(14, 22)]),
+    ):
+        near = [(middle > begin - 0.2) & (middle < end + 0.2) for begin, end in spans]
+        deep = [(middle > begin + 0.5) & (middle < end - 0.5) for begin, end in spans]
+        assert not moves[within & ~np.any(near, axis=0), drones].any()
+        assert moves[np.any(deep, axis=0), drones].any(axis=1).all()
 
 
 def test_what_did_not_change_is_not_worked_out_again(monkeypatch):

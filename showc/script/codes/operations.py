@@ -72,4 +72,24 @@ CODES = (
         "ring: {type: circle, radius: 19}    (with a fence at 20 m)",
         Severity.WARNING,
     ),
+    Code(
+        "SHW308",
+        "groups that missions cannot carry",
+        "Groups move at times of their own. In missions all drones wait for the same "
+        "slot before each leg, so none are written.",
+        "Want no missions and fly the log (`showc stream`), or give groups that are "
+        "flown together the same times.",
+        "groups: {a: 1, b: 2}\n"
+        "formations: {row: {type: points, points: [[0, 0, 20]]}, "
+        "top: {type: points, points: [[4, 0, 25]]}}\n"
+        "transitions: [{to: row, group: a, at: 30, duration: 9}, "
+        "{to: top, group: b, at: 33, duration: 9}]",
+        Severity.WARNING,
+        instead="mission: {wanted: false}\n"
+        "groups: {a: 1, b: 2}\n"
+        "formations: {row: {type: points, points: [[0, 0, 20]]}, "
+        "top: {type: points, points: [[4, 0, 25]]}}\n"
+        "transitions: [{to: row, group: a, at: 30, duration: 9}, "
+        "{to: top, group: b, at: 33, duration: 9}]",
+    ),
 )
