@@ -76,14 +76,6 @@ class Place:
         )
         return ", ".join(part for part in parts if part)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return only what is known."""
-        return {
-            key: _plain(value)
-            for key, value in asdict(self).items()
-            if value is not None
-        }
-
 
 @dataclass(frozen=True, slots=True)
 class Check:
@@ -120,8 +112,8 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
-        whole = {key: _plain(value) for key, value in asdict(self).items()}
-        return whole | {"where": self.where.to_json()}
+        where = {key: one for key, one in asdict(self.where).items() if one is not None}
+        return dict(_plain(asdict(self) | {"where": where}))
 
 
 def checked(
@@ -222,20 +214,22 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole result as a dictionary that JSON can hold."""
-        return {
+        said = {
             "format_version": FORMAT_VERSION,
-            "log": printable(self.path),
-            "show": printable(self.title),
+            "log": self.path,
+            "show": self.title,
             "drones": self.drones,
             "duration": self.duration,
-            "anchor": printable(self.anchor),
-            "verdict": printable(self.verdict),
+            "anchor": self.anchor,
+            "verdict": self.verdict,
             "trajectories": self.trajectories,
             "missions": self.missions,
             "proved": self.proved,
             "passed": self.passed,
             "exit_code": self.exit_code,
-            "checks": [check.to_json() for check in self.checks],
+        }
+        return dict(_plain(said)) | {
+            "checks": [check.to_json() for check in self.checks]
         }
 
     def __str__(self) -> str:
@@ -298,6 +292,8 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds
     """Value that JSON can hold: texts printable, numbers finite or None."""
     if isinstance(value, str):
         return printable(value)
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, (tuple, list)):
         return [_plain(one) for one in value]
     if isinstance(value, float) and not math.isfinite(value):

@@ -253,10 +253,7 @@ def _attachments(
     names = [script, *sorted(anchor.show.source.inputs), MANIFEST, LAYOUT]
     found = log.attachments
     if [entry.name for entry in found] != names:
-        yield (
-            f"the log carries {_list(entry.name for entry in found)}, the show has "
-            f"{_list(names)}"
-        )
+        yield f"the log carries {[one.name for one in found]}, the show has {names}"
     for entry in found:
         media = _MEDIA.get(
             PurePath(entry.name).suffix.lower(), "application/octet-stream"
@@ -265,15 +262,9 @@ def _attachments(
             yield f"{entry.name!r} has the type {entry.media_type!r}, not {media!r}"
         if not entry.log_time == entry.create_time == show.epoch:
             yield f"{entry.name!r} is not from the time of the show"
-    plots = any(
-        channel.topic == "/drone/0001/state" for channel in log.channels.values()
-    )
+    plots = "/drone/0001/state" in {one.topic for one in log.channels.values()}
     if log.attachment(LAYOUT) != layout_json(anchor.show, plots=plots):
         yield "the layout for viewers is not the one of the show"
-
-
-def _list(names: Iterator[str] | list[str]) -> str:
-    return ", ".join(repr(name) for name in names)
 
 
 def _manifest(
