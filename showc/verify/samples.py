@@ -260,32 +260,28 @@ class Samples:
 
     def outline(self) -> Found:
         """Check topics, times of messages, and the scene."""
-        show, log = self.show, self.log
-        fleet = range(1, show.drones + 1)
-        small = show.drones <= SMALL_FLEET
-        wanted = {RULES, SEGMENTS, SCENE, TRANSFORMS, FLEET}
-        wanted |= {f"/drone/{drone:04d}/trajectory" for drone in fleet}
-        wanted |= {f"/drone/{drone:04d}/state" for drone in fleet if small}
+        drones = range(1, self.show.drones + 1)
+        small = self.show.drones <= SMALL_FLEET
+        start = np.array([self.show.epoch])
+        stride = max(1, round(self.show.rules.log_rate / FRAME_RATE))
+        frames = np.concatenate([start, self.times[::stride]]) if small else start
+        wanted = {RULES: start, SCENE: start, TRANSFORMS: frames, FLEET: self.times}
+        wanted |= {f"/drone/{n:04d}/state": self.times for n in drones if small}
+        # Their times are held against those of the segments.
+        others = {SEGMENTS, *(f"/drone/{n:04d}/trajectory" for n in drones)}
         topics, steps = Compared(), Compared()
-        names = [channel.topic for channel in log.channels.values()]
-        topics.odd += [f"{name} is missing" for name in sorted(wanted - set(names))]
+        names = [channel.topic for channel in self.log.channels.values()]
+        missing = (wanted.keys() | others) - set(names)
+        strange = set(names) - wanted.keys() - others - {PREDICTED}
+        topics.odd += [f"{name} is missing" for name in sorted(missing)]
         topics.odd += [
-            f"showc writes no {name!r} for this show"
-            for name in sorted(set(names) - wanted - {PREDICTED})
+            f"showc writes no {name!r} for this show" for name in sorted(strange)
         ]
         if len(set(names)) != len(names):
             topics.odd.append("a topic has two channels")
-        start = np.array([show.epoch])
-        stride = max(1, round(show.rules.log_rate / FRAME_RATE))
-        frames = np.concatenate([start, self.times[::stride]]) if small else start
-        singles = sorted(name for name in names if name.endswith("/state"))
-        for found, topic, times in (
-            (topics, RULES, start),
-            (topics, SCENE, start),
-            (topics, TRANSFORMS, frames),
-            *((steps, topic, self.times) for topic in {FLEET, *singles}),
-        ):
-            if not np.array_equal(log.times(self.topics.get(topic, -1)), times):
+        for topic, times in wanted.items():
+            if not np.array_equal(self.log.times(self.topics.get(topic, -1)), times):
+                found = steps if times is self.times else topics
                 found.odd.append(f"{topic} has messages at other times")
         seen = {"VRF120": topics, "VRF121": steps, "VRF126": self._scene()}
         return {**seen, **self._prediction()}

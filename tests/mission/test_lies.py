@@ -13,6 +13,7 @@ from mission.flights import START, shift_flight
 from mission.planted import Case, OtherManifest
 
 from showc.errors import ShowError
+from showc.log import showc_pb2 as pb
 from showc.script.show import MissionOptions
 from showc.verify.missions import Missions
 from showc.verify.missions.folder import check_parameters, check_plan
@@ -347,6 +348,23 @@ def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
     found = {check.code: check for check in flight}["VRF414"]
     assert (found.verdict, found.value) == ("fail", None)
     assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
+
+
+@pytest.mark.parametrize("lie", ["motion", "lanes"])
+def test_missions_of_a_show_that_no_mission_carries_are_not_proved(case, lie):
+    segments = list(case.show.segments)
+    message = pb.Segment()
+    message.CopyFrom(segments[1].message)
+    if lie == "motion":
+        message.kind = pb.Segment.MOTION
+    else:
+        message.moves.add(name="a")
+    segments[1] = replace(segments[1], message=message)
+    show = replace(case.show, segments=tuple(segments))
+    missions = Missions(case.log, show, case.script, None)
+    (found,) = missions.flight()
+    assert (found.code, found.verdict) == ("VRF410", "fail")
+    assert missions.tubes is None
 
 
 def test_a_name_cannot_bring_escapes_to_a_terminal(case):

@@ -214,6 +214,13 @@ class Missions:
     def _fly(self) -> None:
         """Work out what all drones fly, if that can be said."""
         missions, site = list(self.missions.values()), self.show.rules.site
+        legs = [one.message for one in self.show.segments]
+        if any(one.moves or one.kind == pb.Segment.MOTION for one in legs):
+            self.grounded = (
+                "a mission carries no formation that moves, and no group with times of "
+                "its own"
+            )
+            return
         try:
             clock = mission_clock(self.described)
             if len(missions) == self.show.drones:
