@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 _ON_TIME = 5e-4
 """By how much a wait may be negative by rounding to milliseconds [s]."""
+_INSTANT = 1e-3
+"""Time of a move in which every drone stays [s]."""
 _SHORTEST = 0.1
 """Least time that a move is tried in [s], as for `duration`."""
 
@@ -41,6 +43,8 @@ def straight_time(leg: Leg, show: Show) -> float:
 
     It keeps every limit; whether drones keep apart on it is another question.
     """
+    if not np.any(leg.goal != leg.start):
+        return _INSTANT
     if leg.kind in {"launch", "land"}:
         heights = (leg.goal - leg.start)[:, 2]
         return quickest_ascent(aircraft_of(show, leg), heights).duration
@@ -123,6 +127,8 @@ def _times(
 
 def _preferred(leg: Leg, show: Show, room: float) -> float:
     """Time that a move is to take where there is ``room`` [s]."""
+    if not np.any(leg.goal != leg.start):
+        return _INSTANT
     if leg.prefer == "energy":
         fleet = fleet_of(show, leg)
         quickest = shared_profile(

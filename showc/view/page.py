@@ -219,7 +219,9 @@ def _chapter(one: Digest) -> Chapter:
         duration=one.segment.duration,
         picture=held.get(one.segment.kind, ""),
         moves=tuple(
-            GroupMove(move.name, move.group, move.start, move.duration)
+            GroupMove(
+                move.name.replace("->", "→"), move.group, move.start, move.duration
+            )
             for move in message.moves
         ),
     )

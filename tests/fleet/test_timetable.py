@@ -108,3 +108,11 @@ def test_the_old_name_is_mended():
     (found,) = read_show(text.encode()).errors
     assert "`prefer`" in f"{found.message} {found.help}"
     assert found.fix == "prefer"
+
+
+@pytest.mark.parametrize("more", ["", ", prefer: energy"])
+def test_drones_that_stay_where_they_are_arrive_on_time_too(more):
+    same = f"{{to: row, assignment: keep, at: 60{more}}}"
+    (_, stayed) = moves("{to: row, at: 40, hold: 2}", same)
+    assert stayed[2] == 60.0
+    assert stayed[1] > 59.9

@@ -182,7 +182,7 @@ class Timeline {
       const left = this.x(move.start);
       const wide = this.x(move.duration);
       const above = top + groups.indexOf(move.group) * tall;
-      c.fillStyle = "rgba(125, 180, 255, 0.16)";
+      c.fillStyle = "rgba(125, 180, 255, 0.45)";
       c.beginPath();
       c.roundRect(left + 0.5, above, Math.max(wide - 1, 1), Math.max(tall - 1, 1), 3);
       c.fill();
