@@ -56,8 +56,10 @@ class DualWitness:
     the displacement, ``beta . d + lambda(T) . v(T) - lambda(0) . v(0)`` is ``int (beta
     + lambda') . v + lambda . (u - g e_z) dt``, so a time T is impossible when the
     former is greater than ``int h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z dt``
-    over [0, T], h being support functions. The verifier re-checks it with code of its
-    own.
+    over [0, T], h being support functions. Where jerk is at most j, ``int mu' . (u - g
+    e_z) + mu . (u - g e_z)' dt = 0`` for any absolutely continuous mu that vanishes at
+    ends that are no hovers: lambda + mu' then stands for lambda beside u and g, and the
+    integral of j |mu| is added. The verifier re-checks it with code of its own.
     """
 
     drone: int
@@ -68,8 +70,8 @@ class DualWitness:
     """Multiplier of the displacement."""
     knots: tuple[float, ...]
     """Fractions of the time at which ``multipliers`` stand, from 0 to 1."""
-    multipliers: tuple[tuple[float, float, float], ...]
-    """lambda at the knots, linear in between."""
+    multipliers: tuple[tuple[float, ...], ...]
+    """lambda at the knots, linear in between; then mu too where jerk is limited."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,11 @@ THRUST_JOINT = 5e-7
 """Greatest jump of the thrust at a joint [N]: half of what the proof allows."""
 
 
+_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
+_STILL = 1e-6
+"""States that are zero at a hover, and how far off they may be: what a proof allows."""
+
+
 def lean_factor(tilt: float, yaw: Literal["held", "free"]) -> float:
     """Sine s of the greatest lean where yaw is free, else 0.
 
@@ -91,9 +96,9 @@ def greatest_jerk(
     -------
     ndarray, shape (..., K, m)
         [m/s³]; infinite where thrust jumps at a joint, or is not that of a hover at an
-        end.
+        end at rest.
     """
-    thrust = control[..., 0]
+    thrust, hover = control[..., 0], vehicle.hover_thrust
     degree = thrust.shape[-1] - 1
     change = degree * np.diff(thrust, axis=-1) / np.diff(breaks)[:, None]
     if not degree:
@@ -107,9 +112,20 @@ def greatest_jerk(
     ones = np.ones(turning[0].shape[-1] - change.shape[-1] + 1)
     square = sum(product(part, part) for part in (product(change, ones), *turning))
     size = np.sqrt(np.maximum(square, 0.0)) / vehicle.mass
-    hover = np.full_like(thrust[..., :1, 0], vehicle.hover_thrust)
-    before = np.concatenate([hover, thrust[..., -1]], axis=-1)
-    after = np.concatenate([thrust[..., 0], hover], axis=-1)
+    ends = (
+        (thrust[..., :1, 0], state[..., :1, 0, :]),
+        (
+            thrust[..., -1:, -1],
+            state[..., -1:, -1, :],
+        ),
+    )
+    # What comes before and after an end that moves is for others to join.
+    outer = [
+        np.where(np.abs(at[..., _AT_REST]).max(axis=-1) > _STILL, push, hover)
+        for push, at in ends
+    ]
+    before = np.concatenate([outer[0], thrust[..., -1]], axis=-1)
+    after = np.concatenate([thrust[..., 0], outer[1]], axis=-1)
     leaps = np.abs(after - before) > THRUST_JOINT
     size[leaps[..., :-1] | leaps[..., 1:]] = np.inf
     return size

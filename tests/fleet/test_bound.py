@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from showc.fleet.lower_bound.bound import lower_bound, surplus
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.shared_profile.synchronise import shared_profile
+from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.vertical import quickest_ascent
 from showc.vehicle.motion import thrust_direction
 
 
@@ -88,6 +90,34 @@ def test_the_bound_never_exceeds_a_flight_that_exists(way):
     flown = shared_profile(VEHICLE, LIMITS, 0.3, np.zeros((1, 3)), way[None])
     found = lower_bound(Relaxation(VEHICLE, LIMITS, "held", 0.3), 0, way, 5.0)
     assert 0.5 * flown.duration < found.time < flown.duration
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(
+    way=st.tuples(*[st.floats(-30.0, 30.0)] * 3).filter(
+        lambda d: np.linalg.norm(d) > 1.0
+    ),
+    jerk=st.floats(4.0, 60.0),
+)
+def test_with_jerk_no_bound_exceeds_a_flight_that_exists_either(way, jerk):
+    limits, way = replace(LIMITS, jerk=jerk), np.array(way)
+    flown = shared_profile(VEHICLE, limits, 0.3, np.zeros((1, 3)), way[None])
+    found = lower_bound(Relaxation(VEHICLE, limits, "held", 0.3), 0, way, 5.0)
+    assert 0.5 * flown.duration < found.time < flown.duration
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(st.floats(1.0, 30.0), st.floats(4.0, 60.0))
+def test_straight_up_with_jerk_is_bound_by_its_closed_form(height, jerk):
+    limits = replace(
+        LIMITS, jerk=jerk, acceleration_up=3.0, acceleration_down=3.8
+    ).upright(4.0)
+    way = np.array([0.0, 0.0, height])
+    exact = quickest_ascent(Aircraft(VEHICLE, limits), way[2:]).duration
+    found = lower_bound(Relaxation(VEHICLE, limits), 0, way, exact)
+    assert 0.95 * exact < found.time <= exact
+    plain = lower_bound(Relaxation(VEHICLE, replace(limits, jerk=0.0)), 0, way, exact)
+    assert plain.time < found.time + 0.01 * exact
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The lower bound: support functions against points, integrals against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -136,16 +138,38 @@ def test_no_turn_from_rest_goes_beyond_the_caps(duration, seed):
     assert np.all(np.minimum(roll, relaxed.tilt) <= cap + slack)
 
 
+@pytest.mark.parametrize("jerk", [0.0, 12.0])
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize(
     "way", [(30.0, 20.0, 10.0), (0.0, -12.0, 0.5), (0.0, 0.0, -9.0)]
 )
-def test_proves_what_the_planner_claims(way, held):
+def test_proves_what_the_planner_claims(way, held, jerk):
     """Two codes, one theorem: a claim of the planner's holds here to a microsecond."""
-    relaxation = Relaxation(VEHICLE, LIMITS, "held" if held else "free", 0.3)
+    limits, known = replace(LIMITS, jerk=jerk), rules(held=held)
+    known.limits[0].jerk = jerk
+    relaxation = Relaxation(VEHICLE, limits, "held" if held else "free", 0.3)
     witness = lower_bound(relaxation, 0, np.array(way), 5.0)
     assert witness.time > 1.0
-    assert refuted(claim(witness), rules(held=held), np.array(way), HOVERS)
+    assert refuted(claim(witness), known, np.array(way), HOVERS)
+
+
+def test_a_bound_by_jerk_needs_its_multipliers_and_its_limit():
+    limits, known, way = replace(LIMITS, jerk=6.0), rules(), np.array([9.0, 4.0, 3.0])
+    known.limits[0].jerk = 6.0
+    witness = lower_bound(Relaxation(VEHICLE, limits, "held", 0.3), 0, way, 5.0)
+    plain = lower_bound(Relaxation(VEHICLE, LIMITS, "held", 0.3), 0, way, 5.0)
+    assert witness.time > 1.03 * plain.time
+    assert refuted(claim(witness), known, way, HOVERS)
+    halved = claim(witness)
+    rows = np.array(witness.multipliers) * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]
+    halved.certificate.witness.multipliers[:] = rows.ravel().tolist()
+    assert not refuted(halved, known, way, HOVERS)
+    # What may change its thrust faster is bound by less; what may always, by lambda.
+    known.limits[0].jerk = 7.0
+    assert not refuted(claim(witness), known, way, HOVERS)
+    known.limits[0].jerk = 0.0
+    assert not refuted(claim(witness), known, way, HOVERS)
+    assert refuted(claim(plain), known, way, HOVERS)
 
 
 def test_a_claim_beyond_the_proof_falls_short():

@@ -7,14 +7,16 @@ other. A time T is impossible if multipliers beta and lambda(t) with
     beta . d + lambda(T) . v(T) - lambda(0) . v(0)
         > integral over [0, T] of h_V(beta + lambda') + h_U(t)(lambda) - g lambda_z
 
-exist (h: support functions; see :class:`showc.flight.DualWitness`). The multipliers
+exist (h: support functions; see :class:`showc.flight.DualWitness`, with mu for jerk).
+The multipliers
 come from a linear program, the dual of which is the relaxed move on a coarse mesh; they
 are then judged by an integral that is rounded upward, so the bound does not depend on
 the program having been solved well. An impossible T makes every shorter time theta T
 impossible too, theta between 0 and 1: with lambda times theta on the same fractions of
 the time, the left side less the right one is at least beta . d + theta a - theta² b
 with constants a and b, b not below 0 since a drone may stand upright and hover. That is
-concave in theta and positive at 0 and 1 where beta . d is.
+concave in theta and positive at 0 and 1 where beta . d is; so it is with mu times
+theta², whose part grows with theta³.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.lower_bound.relaxation import HOVERS
+from showc.fleet.lower_bound.relaxation import HOVERS, hovering
 from showc.flight import DualWitness
 
 if TYPE_CHECKING:
@@ -69,17 +71,26 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     time
         T [s].
     beta, knots, multipliers
-        As in :class:`showc.flight.DualWitness`; shapes (3,), (k,), (k, 3).
+        As in :class:`showc.flight.DualWitness`; shapes (3,), (k,), (k, 3 or 6).
     ends
         States at the start and at the goal, shape (2, 12 or more).
     """
     instants = knots * time
     widths = np.diff(instants)
+    multipliers, turns = multipliers[:, :3], multipliers[:, 3:]
+    shift, turning = np.zeros((widths.size, 3)), 0.0
+    if turns.size:
+        shift = np.diff(turns, axis=0) / widths[:, None]
+        # The length of mu is convex: the trapezoid rule errs upward.
+        size = np.linalg.norm(turns, axis=1)
+        if np.any(size[[0, -1]][~hovering(ends)]):
+            return -np.inf
+        turning = relaxation.limits.jerk * float(0.5 * (size[:-1] + size[1:]) @ widths)
     slopes = np.diff(multipliers, axis=0) / widths[:, None]
     cruise = float(relaxation.velocity_support(beta + slopes) @ widths)
     part = np.arange(subdivisions + 1) / subdivisions
     at = instants[:-1, None] + widths[:, None] * part
-    value = multipliers[:-1, None] + (
+    value = (multipliers[:-1] + shift)[:, None] + (
         np.diff(multipliers, axis=0)[:, None] * part[:, None]
     )
     left, right = at[:, :-1], at[:, 1:]
@@ -94,12 +105,13 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     thrust = float((heights * (right - left)).sum())
     gravity = relaxation.vehicle.gravity
     weight = gravity * float(
-        (0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])) @ widths
+        (0.5 * (multipliers[:-1, 2] + multipliers[1:, 2]) + shift[:, 2]) @ widths
     )
     gain = float(beta @ displacement)
     swing = float(multipliers[-1] @ ends[1, 3:6] - multipliers[0] @ ends[0, 3:6])
+    loss = cruise + thrust - weight + turning
     magnitude = abs(gain) + abs(swing) + abs(cruise) + abs(thrust) + abs(weight)
-    left_over = gain + swing - (cruise + thrust - weight) - _MARGIN * magnitude
+    left_over = gain + swing - loss - _MARGIN * (magnitude + turning)
     # Without the first, shorter times would not be impossible as well.
     return min(left_over, gain - _MARGIN * magnitude)
 
@@ -140,15 +152,15 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
     before: tuple[float, float] | None = None
     time, power = guess, 1.25
     for number in range(rounds):
-        knots = _knots(relaxation, time)
-        beta, multipliers, reach = move.multipliers(time, knots)
+        beta, knots, multipliers, reach = move.multipliers(
+            time, _knots(relaxation, time)
+        )
         last = number == rounds - 1 or abs(reach - 1.0) < _NEAR
         if last or abs(reach - 1.0) < _WORTH_A_PROOF:
             proof = relaxation, displacement, beta, knots, multipliers, time
             longest = _longest(*proof, ends)
             if best is None or longest > best[0]:
-                # A longer time makes the same multipliers less steep.
-                best = longest, beta, knots, multipliers * (longest / time)
+                best = longest, beta, knots, _stretched(multipliers, longest / time)
         if last:
             break
         # The reach grows between linearly (cruise) and with the square of the time;
@@ -165,10 +177,14 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
         time=longest,
         beta=(float(beta[0]), float(beta[1]), float(beta[2])),
         knots=tuple(float(knot) for knot in knots),
-        multipliers=tuple(
-            (float(row[0]), float(row[1]), float(row[2])) for row in multipliers
-        ),
+        multipliers=tuple(tuple(row) for row in multipliers.tolist()),
     )
+
+
+def _stretched(multipliers: FloatArray, scale: float) -> FloatArray:
+    """Multipliers for another time: the same lambda' and the same mu' over lambda."""
+    powers = np.repeat([1.0, 2.0], 3)[: multipliers.shape[1]]
+    return np.asarray(multipliers * scale**powers)
 
 
 def _knots(relaxation: Relaxation, time: float) -> FloatArray:
@@ -205,7 +221,7 @@ def _longest(  # noqa: PLR0917 - same
     """
 
     def over(candidate: float) -> float:
-        scaled = multipliers * (candidate / time)
+        scaled = _stretched(multipliers, candidate / time)
         proof = relaxation, displacement, candidate, beta, knots, scaled
         return surplus(*proof, ends=ends)
 

@@ -14,15 +14,23 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.vehicle import Limits, Quadrotor
 
 
 Span = tuple["FloatArray", "FloatArray"]
 """Least and greatest value, of one shape."""
 
+_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
+_STILL = 1e-6
+"""States that are zero at a hover, and how far off they may be: what a proof allows."""
 HOVERS: FloatArray = np.zeros((2, 12))
 """States at the ends of a move from hover to hover; places do not count."""
+
+
+def hovering(ends: FloatArray) -> BoolArray:
+    """Which of the states at both ends (2, 12 or more) are hovers, shape (2,)."""
+    return np.asarray(np.abs(ends[:, _AT_REST]).max(axis=1) <= _STILL)
 
 
 @dataclass(frozen=True, slots=True)

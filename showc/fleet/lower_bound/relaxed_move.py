@@ -8,7 +8,13 @@ the knots between them:
     v_k - v_{k-1} = weight_k (sum of w_ik u_ik - g e_z),  sum of w_ik = 1,
 
 with the trapezoid rule's weights and the velocities of the ends before and after. The
-multipliers of the first equations are beta, those of the second lambda.
+multipliers of the first equations are beta, those of the second lambda. Where jerk is
+at most j,
+
+    |R (u_k - u_{k-1})| <= j dt_k, axis by axis, u = g e_z before and after a hover,
+
+R turning the first axis into the move. The multipliers, turned back, are mu in the
+middles of the intervals, and at both ends.
 """
 
 from __future__ import annotations
@@ -18,8 +24,10 @@ from typing import TYPE_CHECKING, Any
 import highspy
 import numpy as np
 
+from showc.fleet.lower_bound.relaxation import hovering
+
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.lower_bound.relaxation import Relaxation
 
 
@@ -40,7 +48,9 @@ class RelaxedMove:
         self, relaxation: Relaxation, displacement: FloatArray, ends: FloatArray
     ) -> None:
         self._relaxation, self._displacement = relaxation, displacement
-        self._ends = ends
+        self._ends, self._jerk = ends, relaxation.limits.jerk
+        # Rows: the move's direction, and two across it.
+        self._frame = np.linalg.svd(displacement[None])[2]
         self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
         for option, value in (
             ("output_flag", False),
@@ -52,8 +62,8 @@ class RelaxedMove:
 
     def multipliers(
         self, time: float, knots: FloatArray
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Return beta (3,), lambda (k, 3) and the share of the way made in ``time``.
+    ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """Return beta (3,), knots, multipliers and the share of the way in ``time``.
 
         Parameters
         ----------
@@ -65,8 +75,9 @@ class RelaxedMove:
         Returns
         -------
         tuple
-            Multipliers scaled so that ``beta . d`` is 1; where the program has no
-            answer, beta along the way, no lambda, and 1.
+            Multipliers (m, 3 or 6) at their knots (m,), as
+            :class:`showc.flight.DualWitness` has them, scaled so that ``beta . d`` is
+            1; where the program has no answer, beta along the way, no others, and 1.
         """
         lp = self._program(time, knots)
         basis = self._solver.getBasis() if self._columns == lp.num_col_ else None
@@ -77,12 +88,24 @@ class RelaxedMove:
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._columns = 0
-            return self._toward(), np.zeros((knots.size, 3)), 1.0
+            none = np.zeros((knots.size, 6 if self._jerk else 3))
+            return self._toward(), knots, none, 1.0
         marginal = np.array(self._solver.getSolution().row_dual)
         beta = -marginal[:3]
         multipliers = marginal[3 : 3 + 3 * knots.size].reshape(-1, 3)
         share = -float(self._solver.getObjectiveValue())
-        return *self._signed(beta, multipliers), share
+        if self._jerk:
+            turns = marginal[-3 * (knots.size + 1) :].reshape(-1, 3) @ self._frame
+            middles = 0.5 * (knots[:-1] + knots[1:])
+            places = np.concatenate([[0.0], middles, [1.0]])
+            both = np.union1d(knots, middles)
+            multipliers = np.column_stack(
+                [np.interp(both, knots, column) for column in multipliers.T]
+                + [np.interp(both, places, column) for column in turns.T]
+            )
+            knots = both
+        beta, multipliers = self._signed(beta, multipliers)
+        return beta, knots, multipliers, share
 
     def _program(self, time: float, knots: FloatArray) -> Any:  # noqa: ANN401 - HiGHS
         relaxation, limits = self._relaxation, self._relaxation.limits
@@ -133,6 +156,13 @@ class RelaxedMove:
                 [rows_of_velocity, 3 + 4 * nodes + interval]
             )
             velocity = np.column_stack([velocity, level[axis]])
+        low, high = self._steps(widths)
+        if low.size:
+            # Each knot's thrust ends one step and begins the next.
+            first = lp.num_row_ + 3 * knot[:, None] + np.arange(3)
+            rows_of_weight = np.column_stack([rows_of_weight, first, first + 3])
+            turned = corners.reshape(-1, 3) @ self._frame.T
+            thrust = np.column_stack([thrust, turned, -turned])
         right = np.zeros(lp.num_row_)
         right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
         right[3:6] += self._ends[0, 3:6]
@@ -141,20 +171,29 @@ class RelaxedMove:
         left = right.copy()
         right[3 + 4 * nodes :] = limits.level_speed
         left[3 + 4 * nodes :] = -np.inf
-        lp.row_lower_, lp.row_upper_ = left, right
-        matrix = lp.a_matrix_
-        matrix.format_ = highspy.MatrixFormat.kColwise
-        each = np.concatenate(
-            [[3], np.full(axis.size, velocity.shape[1]), np.full(knot.size, 4)]
-        )
-        matrix.start_ = np.concatenate([[0], np.cumsum(each)])
-        matrix.index_ = np.concatenate(
-            [np.arange(3), rows_of_velocity.ravel(), rows_of_weight.ravel()]
-        )
-        matrix.value_ = np.concatenate(
-            [-self._displacement, velocity.ravel(), thrust.ravel()]
+        lp.num_row_ += low.size
+        lp.row_lower_ = np.concatenate([left, low])
+        lp.row_upper_ = np.concatenate([right, high])
+        _fill(
+            lp.a_matrix_,
+            (np.arange(3)[None], -self._displacement[None]),
+            (rows_of_velocity, velocity),
+            (rows_of_weight, thrust),
         )
         return lp
+
+    def _steps(self, widths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the rows that jerk has: of each step of the thrust, end to end."""
+        if not self._jerk:
+            return np.zeros(0), np.zeros(0)
+        hover = self._relaxation.vehicle.gravity * self._frame[:, 2]
+        most = np.repeat(self._jerk * widths, 3)
+        # An end that moves has a thrust of its own: nothing is said of it here.
+        free = np.where(hovering(self._ends)[:, None], 0.0, np.inf)
+        return (
+            np.concatenate([hover - free[0], -most, -hover - free[1]]),
+            np.concatenate([hover + free[0], most, -hover + free[1]]),
+        )
 
     def _signed(
         self, beta: FloatArray, multipliers: FloatArray
@@ -170,3 +209,12 @@ class RelaxedMove:
     def _toward(self) -> FloatArray:
         way = self._displacement
         return np.asarray(way / float(way @ way))
+
+
+def _fill(matrix: Any, *parts: tuple[IntArray, FloatArray]) -> None:  # noqa: ANN401
+    """Write columns after each other, from rows and values (columns, entries)."""
+    matrix.format_ = highspy.MatrixFormat.kColwise
+    each = [np.full(rows.shape[0], rows.shape[1]) for rows, _ in parts]
+    matrix.start_ = np.concatenate([[0], np.cumsum(np.concatenate(each))])
+    matrix.index_ = np.concatenate([rows.ravel() for rows, _ in parts])
+    matrix.value_ = np.concatenate([values.ravel() for _, values in parts])

@@ -24,6 +24,11 @@ side is greater by F(q) = beta . d + q a - q² b or more, a and b being constant
 the integral of h_U(lambda) - g lambda_z. As g e_z lies in U, b is not negative, and F
 is concave: it is positive between 0 and 1 as it is at both, beta . d being positive.
 
+Where jerk is at most j, a = u - g e_z is continuous, and 0 at hovers: for any such mu,
+0 at other ends, the integral of mu' . a + mu . a' vanishes, and mu . a' <= j |mu|. Then
+lambda + mu' stands for lambda beside u and g, and the integral of j |mu| is added on
+the right: by convexity the trapezoid rule is not below it. It adds -q³ c to F, c >= 0.
+
 Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
 u_z, |u_y| <= q u_z, p and q by the caps, u_x² + u_y² <= r², low <= u_z <= high. At
 height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
@@ -53,6 +58,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.verify.kernel.choreography import AT_REST, JOINT
 from showc.verify.kernel.show import Seen, Statement, worst, xyz
 from showc.verify.kernel.slices import Tracks, measures
 
@@ -244,7 +250,7 @@ def refuted(
     ----------
     message
         Segment with a witness: T [s], beta, knots (k,) as fractions of T, and
-        multipliers (k, 3).
+        multipliers (k, 3): lambda; where jerk is limited (k, 6): lambda, mu.
     rules
         Rules of the show.
     way
@@ -255,10 +261,11 @@ def refuted(
     witness, beta = message.certificate.witness, xyz(message.certificate.witness.beta)
     knots, time = np.array(witness.knots), witness.time
     multipliers = np.array(witness.multipliers)
-    relaxed = Relaxed(rules, rules.limits[message.limits])
+    limits = rules.limits[message.limits]
+    relaxed, each = Relaxed(rules, limits), 6 if limits.jerk > 0.0 else 3
     if not (
         knots.size >= 2
-        and multipliers.size == 3 * knots.size
+        and multipliers.size == each * knots.size
         and np.all(np.isfinite(multipliers))
         and np.all(np.isfinite(beta))
         and knots[0] == 0.0
@@ -270,18 +277,25 @@ def refuted(
         and relaxed.least <= relaxed.gravity <= relaxed.most
     ):
         return False
-    multipliers = multipliers.reshape(-1, 3)
+    multipliers, turns = np.split(multipliers.reshape(-1, each), [3], axis=1)
     instants = knots * time
     widths = np.diff(instants)
     slope = np.diff(multipliers, axis=0) / widths[:, None]
     cruise = float(relaxed.velocity_support(beta + slope) @ widths)
-    middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2])
+    shift, lengths = np.zeros((widths.size, 3)), np.linalg.norm(turns, axis=1)
+    shift[:, : turns.shape[1]] = np.diff(turns, axis=0) / widths[:, None]
+    moves = np.abs(ends[:, AT_REST]).max(axis=1) > JOINT
+    if lengths[[0, -1]][moves].any():
+        return False
+    turning = 0.5 * limits.jerk * float((lengths[:-1] + lengths[1:]) @ widths)
+    middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2]) + shift[:, 2]
     weight = relaxed.gravity * float(middle @ widths)
     thrust = size = 0.0
     edge = np.arange(CELLS + 1) / CELLS
     for k, width in enumerate(widths):
         at = instants[k] + width * edge
         vector = multipliers[k] + edge[:, None] * (multipliers[k + 1] - multipliers[k])
+        vector += shift[k]
         low, high = at[:-1], at[1:]
         # The moments of the cell that are furthest from the ends have the widest caps.
         roll, pitch = relaxed.caps(high, time - low, ends)
@@ -294,16 +308,17 @@ def refuted(
         heights = np.min([before + after for before, after in sides], axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
         size += width * float(np.abs(multipliers[k : k + 2]).sum())
+        size += 2.0 * width * float(np.abs(shift[k]).sum())
     gain, speeds = float(beta @ way), ends[:, 3:6]
     swing = float(multipliers[-1] @ speeds[1] - multipliers[0] @ speeds[0])
     # No thrust is greater than the greatest, no speed than that of the box's corner.
     fastest = np.maximum(np.abs(relaxed.slowest), np.abs(relaxed.fastest))
     size *= 2.0 * (relaxed.most + relaxed.gravity)
-    size += float(np.abs(beta) @ np.abs(way))
+    size += float(np.abs(beta) @ np.abs(way)) + turning
     size += float((np.abs(multipliers[[0, -1]]) * np.abs(speeds)).sum())
     size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
     steps = (CELLS + knots.size + 200) * UNIT
-    excess = min(gain, gain + swing - (cruise + thrust - weight))
+    excess = min(gain, gain + swing - (cruise + thrust - weight + turning))
     return bool(excess > steps / (1.0 - steps) * size)
 
 

@@ -34,7 +34,7 @@ solver calls equal."""
 MOMENT = 1e-6
 """Gap in time between two segments [s]: rounding of times."""
 
-_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
+AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
 """States that are zero at a hover: all but position and yaw."""
 
 
@@ -73,9 +73,9 @@ def _hover(show: LoggedShow) -> Iterator[Seen]:
             zip((one.start, one.end), one.ends(), strict=True)
         ):
             if not any(moves[index + side : index + side + 2]):
-                yield Seen(name, time, fleet, np.abs(state[:, _AT_REST]).max(axis=1))
+                yield Seen(name, time, fleet, np.abs(state[:, AT_REST]).max(axis=1))
         for table in one.tables if one.holds else ():
-            restless = np.abs(table.state[:, :, _AT_REST]).max(axis=(1, 2))
+            restless = np.abs(table.state[:, :, AT_REST]).max(axis=(1, 2))
             yield Seen(name, one.start + table.start, table.owner, restless)
 
 

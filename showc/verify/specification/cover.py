@@ -354,7 +354,8 @@ def _leg(segment: Segment) -> dict[str, Any]:
     certificate = message.certificate
     single = certificate.single_drone_minimum
     witness, closest = certificate.witness, certificate.closest
-    flat = list(witness.multipliers)
+    flat, knots = list(witness.multipliers), list(witness.knots)
+    each = len(flat) // len(knots) if knots else 1
     beta = witness.beta
     return {
         "index": message.index,
@@ -372,8 +373,8 @@ def _leg(segment: Segment) -> dict[str, Any]:
                 "drone": witness.drone + 1,
                 "time": witness.time,
                 "beta": [beta.x, beta.y, beta.z],
-                "knots": list(witness.knots),
-                "multipliers": [flat[at : at + 3] for at in range(0, len(flat), 3)],
+                "knots": knots,
+                "multipliers": [flat[k * each :][:each] for k in range(len(knots))],
             }
             if certificate.HasField("witness")
             else None,
