@@ -110,10 +110,7 @@ def square_sum(coefficients: FloatArray) -> FloatArray:
 
 
 def product(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Coefficients of products, (pieces, m + n + 1); Farouki 2012, equation 44.
-
-    Takes shapes (pieces, m + 1) and (pieces, n + 1).
-    """
+    """Coefficients of products, (pieces, degrees + 1); Farouki 2012, equation 44."""
     m, n = one.shape[1] - 1, other.shape[1] - 1
     result = np.zeros((one.shape[0], m + n + 1))
     for i, weight in enumerate(binomials(m)):

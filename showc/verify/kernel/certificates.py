@@ -284,8 +284,7 @@ def refuted(
     cruise = float(relaxed.velocity_support(beta + slope) @ widths)
     shift, lengths = np.zeros((widths.size, 3)), np.linalg.norm(turns, axis=1)
     shift[:, : turns.shape[1]] = np.diff(turns, axis=0) / widths[:, None]
-    moves = np.abs(ends[:, AT_REST]).max(axis=1) > JOINT
-    if lengths[[0, -1]][moves].any():
+    if lengths[[0, -1]][np.abs(ends[:, AT_REST]).max(axis=1) > JOINT].any():
         return False
     turning = 0.5 * limits.jerk * float((lengths[:-1] + lengths[1:]) @ widths)
     middle = 0.5 * (multipliers[:-1, 2] + multipliers[1:, 2]) + shift[:, 2]

@@ -47,11 +47,8 @@ def joined_up(show: LoggedShow) -> list[Statement]:
         ("VRF335", JOINT, "SI", _inside),
         ("VRF336", MOMENT, "s", _gaps),
         ("VRF337", JOINT, "SI", _jumps),
-        *(
-            [("VRF334", JOINT, "N", _thrusts)]
-            if any(limits.jerk for limits in show.rules.limits)
-            else ()
-        ),
+        *[("VRF334", JOINT, "N", _thrusts)]
+        * any(one.jerk for one in show.rules.limits),
     )
     return [
         *(
@@ -126,19 +123,15 @@ def _inside(show: LoggedShow) -> Iterator[Seen]:
 def _thrusts(show: LoggedShow) -> Iterator[Seen]:
     """Jumps of the thrust where jerk is limited; at both ends the drone's weight."""
     weight = show.rules.vehicle.mass * show.rules.vehicle.gravity
-    before = np.full(show.drones, weight)
+    before, fleet = np.full(show.drones, weight), np.arange(show.drones)
     for one in show.segments:
-        limited = show.rules.limits[one.message.limits].jerk > 0.0
-        for table in one.tables if limited else ():
+        for table in one.tables:
             earlier = np.roll(table.control[:, -1, 0], 1)
             earlier[table.first[:-1]] = before[table.drones]
+            before[table.drones] = table.control[table.first[1:] - 1, -1, 0]
             jump = np.abs(table.control[:, 0, 0] - earlier)
             yield Seen(one.message.name, one.start + table.start, table.owner, jump)
-        for table in one.tables:
-            before[table.drones] = table.control[table.first[1:] - 1, -1, 0]
-        if limited and one is show.segments[-1]:
-            fleet = np.arange(show.drones)
-            yield Seen(one.message.name, one.end, fleet, np.abs(before - weight))
+    yield Seen("the end", show.duration, fleet, np.abs(before - weight))
 
 
 def _gaps(show: LoggedShow) -> Iterator[Seen]:

@@ -24,10 +24,9 @@ mean of the slope by at most 1 cm/s².
 T' / m, at right angles to it T |b'| / m. Roll and pitch turn b by sqrt(p² + q²) at
 most, yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held. As (a
 + s c)² <= (1 + s) (a² + s c²), the square of m |jerk| is at most the polynomial T'² +
-(1 + s) T² (p² + q² + s r²). Flown are this thrust, and rates within their radius R: the
-jerk flown is greater by (1 + s) T R / m at most. That thrust does not jump is VRF334.
-
-The distance to the fence is enclosed by :mod:`showc.verify.kernel.fence`.
+(1 + s) T² (p² + q² + s r²). Flown are this thrust, continuous by VRF334, and rates
+within their radius R: (1 + s) T R / m more jerk at most. The distance to the fence is
+enclosed by :mod:`showc.verify.kernel.fence`.
 """
 
 from __future__ import annotations
@@ -212,15 +211,12 @@ def _slope(table: PieceTable, curves: FloatArray) -> FloatArray:
 def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
     """Coefficients of a bound on the squared jerk; see above."""
     thrust, rates = table.control[:, :, :1], table.state[:, :, 9:]
-    lean = np.cos(
-        np.minimum(np.abs(table.state[:, :, 6:8]).max(axis=(0, 1)), np.pi / 2)
-    )
-    sine = 0.0 if rules.yaw_held else np.sqrt(1.0 - np.prod(lean) ** 2)
+    tilt = np.abs(table.state[:, :, 6:8]).max(axis=(0, 1)).clip(max=np.pi / 2.0)
+    sine = 0.0 if rules.yaw_held else np.sqrt(1.0 - np.prod(np.cos(tilt)) ** 2)
     weights = np.sqrt(1.0 + sine) * np.array([1.0, 1.0, np.sqrt(sine)])
     turning = product(square_sum(thrust), square_sum(weights * rates))
-    change = square_sum(_slope(table, thrust))[:, :, None]
-    push = elevate(change, turning.shape[1] - 1)[:, :, 0]
-    return np.asarray((push + turning) / rules.vehicle.mass**2)
+    push = elevate(square_sum(_slope(table, thrust))[:, :, None], turning.shape[1] - 1)
+    return np.asarray((push[:, :, 0] + turning) / rules.vehicle.mass**2)
 
 
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
