@@ -306,8 +306,7 @@ def refuted(
         # Each is convex, their least is not: it is taken after the trapezoids.
         heights = np.min([before + after for before, after in sides], axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
-        size += width * float(np.abs(multipliers[k : k + 2]).sum())
-        size += 2.0 * width * float(np.abs(shift[k]).sum())
+        size += width * float(np.sum(np.abs([*multipliers[k : k + 2], 2.0 * shift[k]])))
     gain, speeds = float(beta @ way), ends[:, 3:6]
     swing = float(multipliers[-1] @ speeds[1] - multipliers[0] @ speeds[0])
     # No thrust is greater than the greatest, no speed than that of the box's corner.

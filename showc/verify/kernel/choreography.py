@@ -123,7 +123,7 @@ def _inside(show: LoggedShow) -> Iterator[Seen]:
 def _thrusts(show: LoggedShow) -> Iterator[Seen]:
     """Jumps of the thrust where jerk is limited; at both ends the drone's weight."""
     weight = show.rules.vehicle.mass * show.rules.vehicle.gravity
-    before, fleet = np.full(show.drones, weight), np.arange(show.drones)
+    before = np.full(show.drones, weight)
     for one in show.segments:
         for table in one.tables:
             earlier = np.roll(table.control[:, -1, 0], 1)
@@ -131,7 +131,7 @@ def _thrusts(show: LoggedShow) -> Iterator[Seen]:
             before[table.drones] = table.control[table.first[1:] - 1, -1, 0]
             jump = np.abs(table.control[:, 0, 0] - earlier)
             yield Seen(one.message.name, one.start + table.start, table.owner, jump)
-    yield Seen("the end", show.duration, fleet, np.abs(before - weight))
+    yield Seen("the end", show.duration, np.arange(before.size), abs(before - weight))
 
 
 def _gaps(show: LoggedShow) -> Iterator[Seen]:
