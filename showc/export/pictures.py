@@ -21,7 +21,7 @@ from showc.export.tables import sampled, uniform
 from showc.foreign.lights import FRAME
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
+    from showc.arrays import ByteArray, FloatArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
     from showc.safety.case import SafetyCase
@@ -49,29 +49,6 @@ def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
     rounded = np.round(place, 3) + 0.0
     axes = np.stack([-rounded[..., 1], rounded[..., 2], rounded[..., 0]], axis=2)
     steps = np.round(np.diff(axes, axis=1), 3) + 0.0
-    performances = []
-    for drone in range(show.drones):
-        home = axes[drone, 0].tolist()
-        moves = [{"dx": 0.0, "dy": 0.0, "dz": 0.0}]
-        moves += [{"dx": x, "dy": y, "dz": z} for x, y, z in steps[drone].tolist()]
-        performances.append(
-            {
-                "id": drone + 1,
-                "agentDescription": {
-                    "homeX": home[0] + 0.0,
-                    "homeY": home[1] + 0.0,
-                    "homeZ": home[2] + 0.0,
-                    "agentTraversal": moves,
-                },
-                "payloadDescription": [
-                    {
-                        "id": 1,
-                        "type": "Light",
-                        "payloadActions": _actions(light[drone].tolist()),
-                    }
-                ],
-            }
-        )
     site = show.rules.site
     top = {
         "version": "1.0",
@@ -85,12 +62,34 @@ def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
         "defaultPositionRate": RATE,
         "defaultColorRate": RATE,
         "timeOffsetSecs": 0,
-        "performances": performances,
     }
+    # One drone after the other: a great fleet as one document would take a gigabyte.
+    performances = ",".join(
+        _compact(_performance(drone, axes[drone, 0], steps[drone], light[drone]))
+        for drone in range(show.drones)
+    )
     body = np.stack([rounded[:, :-1], rounded[:, 1:]], axis=2)
     error = error_of(tracks_of(show), uniform(times, body), lead)
-    text = json.dumps(top, ensure_ascii=False, separators=(",", ":"))
+    text = f'{_compact(top)[:-1]},"performances":[{performances}]}}'
     return text.encode(), error, float(times[-1])
+
+
+def _compact(value: dict[str, Any]) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+def _performance(
+    drone: int, home: FloatArray, steps: FloatArray, light: ByteArray
+) -> dict[str, Any]:
+    moves = [{"dx": 0.0, "dy": 0.0, "dz": 0.0}]
+    moves += [{"dx": x, "dy": y, "dz": z} for x, y, z in steps.tolist()]
+    lit = {"id": 1, "type": "Light", "payloadActions": _actions(light.tolist())}
+    places = dict(zip(("homeX", "homeY", "homeZ"), (home + 0.0).tolist(), strict=True))
+    return {
+        "id": drone + 1,
+        "agentDescription": {**places, "agentTraversal": moves},
+        "payloadDescription": [lit],
+    }
 
 
 def _actions(colours: list[list[int]]) -> list[dict[str, int]]:

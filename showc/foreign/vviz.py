@@ -6,7 +6,8 @@ X = -y, Y = z, Z = x.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from showc.foreign.show import Courses, ForeignShow, LightTrack, polyline
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from showc.arrays import BoolArray, FloatArray
     from showc.foreign.show import Course
 
 
@@ -26,10 +28,91 @@ MOST_DRONES, MOST_SAMPLES = 5000, 50_000
 """Performances that are read, and samples of one."""
 
 
+MOST_LOOSE = 200_000
+"""Objects beside gathered samples: those of two lists, and four of each drone."""
+
+MOST_LISTS = 2 * MOST_DRONES
+"""Lists of a kind: drones may carry more than one lamp."""
+
+_LISTS = {
+    "agentTraversal": ("dx", "dy", "dz", "dt"),
+    "payloadActions": ("r", "g", "b", "frames"),
+}
+"""Long lists of objects, and what each of those has."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Numbers of a list of objects."""
+
+    values: FloatArray
+    """Shape (objects, 4); zero where an object has none."""
+    given: BoolArray
+    """Whether it has, the same shape."""
+
+    @classmethod
+    def of(cls, listed: list[dict[str, Any]], keys: tuple[str, ...], what: str) -> Self:
+        """Gather numbers of objects.
+
+        Raises
+        ------
+        DamagedFileError
+            If what they have are no numbers.
+        """
+        values = [[one.get(key, 0.0) for key in keys] for one in listed]
+        given = [[key in one for key in keys] for one in listed]
+        return cls(array(values, (-1, len(keys)), what), np.array(given))
+
+
+class _Gatherer:
+    """Puts the numbers of an object's long lists into arrays, as they are read."""
+
+    def __init__(self) -> None:
+        self._loose = 0
+        self._lists = dict.fromkeys(_LISTS, 0)
+
+    def __call__(self, found: dict[str, Any]) -> dict[str, Any]:
+        """Take the next object.
+
+        Raises
+        ------
+        DamagedFileError
+            If there are more than a show has, or a list of something else.
+        """
+        self._loose += 1
+        if self._loose > MOST_LOOSE:
+            raise DamagedFileError(
+                f"has {MOST_LOOSE:,} objects that are no samples; no show has"
+            )
+        for name, keys in _LISTS.items():
+            listed = found.get(name)
+            if isinstance(listed, list) and 1 <= len(listed) <= MOST_SAMPLES:
+                if not all(isinstance(one, dict) for one in listed):
+                    raise DamagedFileError(f"an entry of {name} is no object")
+                found[name] = _Rows.of(listed, keys, name)
+                self._loose -= len(listed)
+                self._lists[name] += 1
+                if self._lists[name] > MOST_LISTS:
+                    raise DamagedFileError(
+                        f"has more than {MOST_LISTS:,} lists of {name}; wanted one for "
+                        f"each of {MOST_DRONES:,} performances"
+                    )
+        return found
+
+
 def _entry(value: Any, key: str, what: str, kind: type) -> Any:  # noqa: ANN401
     if not isinstance(value, dict) or not isinstance(value.get(key), kind):
         raise DamagedFileError(f"{what}: has no {key} that is a {kind.__name__}")
     return value[key]
+
+
+def _parsed(path: Path) -> Any:  # noqa: ANN401 - any JSON
+    try:
+        return parse_json(read_file(path, LARGEST_ENTRY), str(path), _Gatherer())
+    except DamagedFileError as error:
+        text = str(error)
+        name = "" if text.startswith(str(path)) else f"{path}: "
+        raise DamagedFileError(name + text) from None
 
 
 def read_vviz(path: Path) -> ForeignShow:
@@ -40,7 +123,7 @@ def read_vviz(path: Path) -> ForeignShow:
     DamagedFileError
         If it is not what the format wants.
     """
-    top = parse_json(read_file(path, LARGEST_ENTRY), str(path))
+    top = _parsed(path)
     performances = _entry(top, "performances", str(path), list)
     if not 1 <= len(performances) <= MOST_DRONES:
         raise DamagedFileError(
@@ -75,22 +158,14 @@ def _course(agent: dict[str, Any], rate: float, shift: float, what: str) -> Cour
     home = [
         number(agent.get(f"home{axis}", 0), f"{what}: home{axis}") for axis in "XYZ"
     ]
-    samples = _entry(agent, "agentTraversal", what, list)
-    if not 1 <= len(samples) <= MOST_SAMPLES:
+    samples = agent.get("agentTraversal")
+    if not isinstance(samples, _Rows):
         raise DamagedFileError(
-            f"{what}: has {len(samples)} samples; wanted 1 to {MOST_SAMPLES:,}"
+            f"{what}: has no agentTraversal of 1 to {MOST_SAMPLES:,} samples"
         )
-    if not all(isinstance(sample, dict) for sample in samples):
-        raise DamagedFileError(f"{what}: a sample is no object")
-    steps = array(
-        [[sample.get(key, 0.0) for key in ("dx", "dy", "dz")] for sample in samples],
-        (-1, 3),
-        f"{what}: steps",
-    )
-    gaps = array(
-        [sample.get("dt", 1.0 / rate) for sample in samples], (-1,), f"{what}: dt"
-    )
-    gaps[0] = samples[0].get("dt", 0.0) if "dt" in samples[0] else 0.0
+    steps = samples.values[:, :3]
+    gaps = np.where(samples.given[:, 3], samples.values[:, 3], 1.0 / rate)
+    gaps[0] = samples.values[0, 3]
     with np.errstate(invalid="ignore", over="ignore"):
         walked = np.array(home) + np.cumsum(steps, axis=0)
         times = shift + np.cumsum(gaps)
@@ -107,19 +182,12 @@ def _lights(
     for payload in payloads:
         if not isinstance(payload, dict) or payload.get("type") != "Light":
             continue
-        actions = _entry(payload, "payloadActions", what, list)[:MOST_SAMPLES]
-        if not actions or not all(isinstance(one, dict) for one in actions):
+        actions = payload.get("payloadActions")
+        if not isinstance(actions, _Rows):
             return None
-        colours = array(
-            [[one.get(key, 0) for key in "rgb"] for one in actions],
-            (-1, 3),
-            f"{what}: colours",
-        )
-        counts = array(
-            [one.get("frames", 1 if index else 0) for index, one in enumerate(actions)],
-            (-1,),
-            f"{what}: frames",
-        )
+        colours = actions.values[:, :3]
+        counts = np.where(actions.given[:, 3], actions.values[:, 3], 1.0)
+        counts[0] = actions.values[0, 3]
         if not (np.all(np.isfinite(colours)) and np.all(counts >= 0.0)):
             raise DamagedFileError(f"{what}: a colour or a number of frames is bad")
         times = shift + np.cumsum(counts) / frames

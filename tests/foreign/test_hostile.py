@@ -122,6 +122,8 @@ def long_tables(path):
 
 
 NOT_A_NUMBER = float("nan")
+ONE_LIST = '{"agentDescription":{"agentTraversal":[{}]}},'
+LOOSE = '{"comment": "an object that is no sample"},'
 HOSTILE = {
     "a crowd at one place.skyc": lambda path: zipped(
         path, show_json=skyc(*[up()] * 5000)
@@ -150,6 +152,12 @@ HOSTILE = {
         json.dumps(vviz(2, {"dt": -1.0}))
     ),
     "a crowd.vviz": lambda path: path.write_text(json.dumps(vviz(5001, {"dx": 1}))),
+    "lists of samples.vviz": lambda path: path.write_text(
+        f'{{"performances":[{ONE_LIST * 20_000}{{}}]}}'
+    ),
+    "loose objects.vviz": lambda path: path.write_text(
+        f'{{"performances":[{LOOSE * 400_000}{{}}]}}'
+    ),
     "a billion keys.gltf": lambda path: path.write_text(
         json.dumps(scene(1, 9, count=10**9))
     ),
