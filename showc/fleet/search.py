@@ -218,8 +218,8 @@ class Search:
             bent = _NONE if many else best.bent
             self.progress.note(
                 f"{self.leg.name}: found {best.duration:.3f} s, "
-                f"{100.0 * (best.duration / limiting.time - 1.0):.1f} % over the "
-                f"least; trying {middle:.3f} s"
+                f"{max(100.0 * (best.duration / limiting.time - 1.0), 0.0):.1f} % over "
+                f"the least; trying {middle:.3f} s"
             )
             repair = self.at(middle, bent)
             if repair.done:

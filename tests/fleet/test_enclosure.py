@@ -1,5 +1,7 @@
 """Flights within a concave fence: round its corners, with the margin, at all times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fleet.handmade import LIMITS, make_leg, make_options, make_show
@@ -8,8 +10,10 @@ from hypothesis import strategies as st
 
 from showc.errors import SolveError
 from showc.fleet import solve_leg
+from showc.fleet.deconfliction import repair
 from showc.fleet.deconfliction.enclosure import detour
 from showc.fleet.execution.pool import InProcess
+from showc.fleet.proof import flaw
 from showc.fleet.single_drone.single import Aircraft
 from showc.progress import Silent
 from showc.script.fence import Fence
@@ -108,3 +112,14 @@ def test_one_drone_that_must_goes_round_alone_and_its_least_time_knows_the_fence
     for row in range(3):
         places = flight.trajectories[row].state(np.linspace(0, flight.duration, 50))
         assert np.ptp(places[:, 1]) < 1e-6
+
+
+def test_where_no_flight_behind_walls_is_found_drones_stop_at_corners(monkeypatch):
+    """Straight ways of those that go round count for nothing, whatever the walls do."""
+    monkeypatch.setattr(repair, "stay_apart", lambda *_: (repair.OPTIMAL, None, ""))
+    start, goal = np.array([[-4.0, 36.0, 20.0]]), np.array([[36.0, -4.0, 20.0]])
+    leg = make_leg(start, goal, limits=GENTLE)
+    assert_encloses(solve(leg, L, 2.0), L, 2.0)
+    assert not flaw(solve(leg, L, 2.0), make_show(1, separation=Separation(1.5)))
+    with pytest.raises(SolveError, match="needs >="):
+        solve(replace(leg, duration=10.0), L, 2.0)

@@ -205,6 +205,8 @@ class Repair:
         # How often a drone was found outside the fence, and which were not.
         self._strayed: dict[int, int] = {}
         self._kept: set[int] = set()
+        # Drones without a flight of their own yet.
+        self._unfit: set[int] = set()
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -263,8 +265,10 @@ class Repair:
         )
         good = keeps_limits(aircraft.vehicle, aircraft.limits, flights)
         self.profile, self.reference = profile, profile.derivatives()[0]
-        # Drones that go round a corner are flown behind walls, not straight.
-        good[list(self.move.detours)] = True
+        # Drones that go round a corner are flown behind walls, not straight: until
+        # they are, what they would fly counts for nothing.
+        self._unfit = set(self.move.detours)
+        good[list(self._unfit)] = True
         self.flown = [flights.trajectory(row) for row in range(way.shape[0])]
         self.kind = [STRAIGHT] * way.shape[0]
         slow = np.nonzero(~good)[0]
@@ -274,7 +278,19 @@ class Repair:
             return True
         for row in self.move.detours:
             self._lead_round(row)
-        return self._bend([], {}, dict.fromkeys(self.move.detours, 0.0))
+        self._bend([], {}, dict.fromkeys(self.move.detours, 0.0))
+        for row in sorted(self._unfit):
+            halting = self.move.detours[row].halting(self.aircraft, self.duration)
+            if halting is not None:
+                self._unfit.discard(row)
+                self.flown[row] = halting
+        if self._unfit:
+            row = min(self._unfit)
+            self.trouble = (
+                f"drone {self.names[row] + 1} finds no flight round the fence's "
+                f"corners in {self.duration:.3f} s"
+            )
+        return not self._unfit
 
     def _swung(self) -> bool:
         """Each drone on its own between ends of which some are in motion."""
@@ -753,6 +769,7 @@ class Repair:
                 self._rigid.add(row)
                 continue
             changed = True
+            self._unfit.discard(row)
             self.flown[row] = trajectory
             self.kind[row] = kind
         return changed
