@@ -46,7 +46,8 @@ def command(
     One self-contained HTML file, made and played without the network: the fleet in its
     colours, scrubbing, speed, orbit, plots of a chosen drone, the tightest encounter,
     the transitions as chapters, cues, curves of the whole fleet against its limits, the
-    missions' predicted flights, and the verdict of showc verify, which is run first.
+    missions' predicted flights, the tubes that showc simulate found in wind, and the
+    verdict of showc verify, which is run first.
     Music plays in step: a file chosen in the page, or with --music the script's.
 
     Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
@@ -87,6 +88,7 @@ def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
 
 def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
     """Write the page of a log; return the verdict."""
+    from showc.cli.simulate import wind_of
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
@@ -107,5 +109,6 @@ def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
                 "again, or choose a file in the page"
             )
         recording = logged.attachments[name]
-    write_file(page, render_page(logged, verdict, soundtrack, recording).encode())
+    html = render_page(logged, verdict, soundtrack, recording, wind_of(log))
+    write_file(page, html.encode())
     return None if verdict is None else str(verdict["verdict"])

@@ -21,13 +21,14 @@ from showc.view.document import badge
 from showc.view.findings import findings_of
 from showc.view.fleet import bands_of, predicted_places
 from showc.view.overview import ground_of
-from showc.view.scene import Chapter, GroupMove, Meeting, Scene, Signal
+from showc.view.scene import Band, Chapter, GroupMove, Meeting, Scene, Signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.arrays import IntArray
     from showc.log.reader import LoggedShow
+    from showc.simulate.results import Campaign
     from showc.view.digest import Digest
     from showc.view.scene import Soundtrack
 
@@ -56,11 +57,13 @@ def render_page(
     verification: Mapping[str, Any] | None = None,
     soundtrack: Soundtrack | None = None,
     recording: bytes = b"",
+    wind: Campaign | None = None,
 ) -> str:
     """Return the page as HTML, with the verdict of ``showc verify --json``, or none.
 
     The cues of a ``soundtrack`` stand on its ruler; a ``recording`` (the bytes of a
-    sound file) becomes a part of it.
+    sound file) becomes a part of it. Tubes of simulated flights in ``wind`` are drawn
+    about the drones.
 
     The positions in it are within a 130,000th of the flight's extent of the logged
     ones (1 mm for 130 m), between frames along straight lines. The address of the page
@@ -68,7 +71,32 @@ def render_page(
     chosen drone, camera, without engineering).
     """
     scene = replace(scene_of(logged, soundtrack), findings=findings_of(verification))
+    if wind is not None:
+        scene = _with_tubes(scene, wind)
     return render_whole(scene, verification, recording)
+
+
+def _with_tubes(scene: Scene, wind: Campaign) -> Scene:
+    """Add how far drones strayed in simulated wind, leg by leg."""
+    legs = wind.tubes[:-1]
+    if [one.start for one in legs] != [round(one.start, 3) for one in scene.chapters]:
+        return scene
+    chapters = tuple(
+        replace(chapter, tube=leg.radius)
+        for chapter, leg in zip(scene.chapters, legs, strict=True)
+    )
+    starts = np.array([chapter.start for chapter in chapters])
+    ends = starts + [chapter.duration for chapter in chapters]
+    weather = f"{wind.weather.wind:g} m/s, {wind.weather.gusts} gusts"
+    band = Band(
+        f"Simulated tube, {100.0 * wind.whole.share:.1f} %, {weather}",
+        "m",
+        2,
+        np.stack([starts, ends], axis=1).ravel(),
+        np.repeat([leg.radius for leg in legs], 2),
+        np.full(2 * len(legs), np.nan),
+    )
+    return replace(scene, chapters=chapters, bands=(*scene.bands, band))
 
 
 def render_whole(

@@ -67,6 +67,8 @@ class Chapter:
     """``straight`` or ``solved`` where not all are solved yet."""
     moves: tuple[GroupMove, ...] = ()
     """Of groups that have times of their own."""
+    tube: float = 0.0
+    """Radius that held drones in simulated wind [m]; 0: none was simulated."""
 
 
 @dataclass(frozen=True, slots=True)

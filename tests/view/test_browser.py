@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from showc.simulate.results import Campaign, Tube, Weather
 from showc.view import render_leg, render_page, render_report
 from showc.view.digest import digest, tightest
 from showc.view.scene import Cue, Soundtrack
@@ -479,3 +480,46 @@ def test_a_frame_of_a_thousand_drones_makes_no_more_calls_than_one_of_sixteen(
     many = tab.evaluate(CALLS)
     assert few["draws"] > 0
     assert all(many[kind] <= few[kind] for kind in few)
+
+
+def test_tubes_of_simulated_wind_are_drawn_about_the_drones(tab, tmp_path, gliding_log):
+    legs = [(one.message.name, one.start) for one in gliding_log.segments]
+    numbers = (1.0, 0.999, 0.2, 1.6, 0.0)
+    tubes = [
+        Tube(name, start, 1.1, *numbers) for name, start in [*legs, ("whole", 0.0)]
+    ]
+    wind = Campaign(
+        Weather(8.0, "moderate", 3), tuple(tubes), "flatness", observer=True
+    )
+    path = tmp_path / "windy.html"
+    path.write_text(render_page(gliding_log, wind=wind), "utf-8")
+    tab.open(path, "t=17&play=0&drone=1")
+    plain = picture(tab)
+    key(tab, "w")
+    tab.evaluate(FRAME)
+    place = tab.evaluate(
+        "project(viewProjection(innerWidth, innerHeight), placeAt(0, player.time),"
+        " innerWidth, innerHeight)"
+    )
+    edge = tab.evaluate(
+        "(() => { const [x, y, z] = placeAt(0, player.time);"
+        "const m = viewProjection(innerWidth, innerHeight);"
+        "return project(m, [x, y, z + 0.95], innerWidth, innerHeight); })()"
+    )
+    changed = (picture(tab) != plain).any(axis=-1)
+    # Near the rim of a tube of 1 m, and not two metres away.
+    x, y = round(edge[0]), round(edge[1])
+    assert changed[y - 3 : y + 4, x - 3 : x + 4].any()
+    radius = abs(edge[1] - place[1]) / 0.95
+    rows, columns = np.nonzero(changed)
+    near = np.hypot(columns - place[0], rows - place[1]) < 1.15 * radius
+    assert near.sum() > 3.0 * radius
+    assert tab.evaluate("display.tubes")
+    # A page without simulated flights has no such switch.
+    bare = tmp_path / "bare.html"
+    bare.write_text(render_page(gliding_log), "utf-8")
+    tab.open(bare, "t=17&play=0")
+    key(tab, "w")
+    assert not tab.evaluate("display.tubes")
+    hidden = "document.querySelector('#menu [data-toggle=tubes]').hidden"
+    assert tab.evaluate(hidden)

@@ -5,7 +5,7 @@ const query = new URLSearchParams(location.search);
 const player = { time: 0, speed: 1, playing: false, chosen: -1, last: 0 };
 let stage, timeline, panel;
 // What is shown beside the fleet; the menu turns each on and off.
-const display = { names: true, numbers: false, fleet: false, missions: false, loop: false, client: false };
+const display = { names: true, numbers: false, fleet: false, missions: false, tubes: false, loop: false, client: false };
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 window.__frames = 0;
 
@@ -281,6 +281,7 @@ const KEYS = {
   "#": () => toggle("numbers"),
   g: () => toggle("fleet"),
   m: () => show.predictedFrames && toggle("missions"),
+  w: () => show.tubes && toggle("tubes"),
   p: () => toggle("client"),
   x: fullScreen,
   "?": () => ($("#help").hidden = !$("#help").hidden),
@@ -343,6 +344,8 @@ function describe() {
   const mesh = show.meshes.length > 1 ? " · mesh intervals of the solution" : "";
   $("#legend").textContent = `Chapters · light of the fleet · closest pair of each move (◆ tightest)${mesh} · time, cues and findings (▲)`;
   $("#menu [data-toggle=missions]").hidden = !show.predictedFrames;
+  show.tubes = show.segments.some((segment) => segment.tube);
+  $("#menu [data-toggle=tubes]").hidden = !show.tubes;
   $("#menu [data-toggle=fleet]").hidden = !show.bands.length;
   $("#tightest").classList.toggle("plain", Boolean(tightest) && tightest.distance >= show.separation);
 }

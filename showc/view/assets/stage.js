@@ -5,7 +5,7 @@ in vec3 before, after;
 in vec4 colourBefore, colourAfter;
 uniform mat4 camera;
 uniform vec3 origin, scale;
-uniform float share, pixels, mirror, ghost;
+uniform float share, pixels, mirror, ghost, tube;
 out vec3 colour;
 void main() {
   vec3 place = origin + scale * mix(before, after, share);
@@ -16,17 +16,22 @@ void main() {
   float light = max(colour.r, max(colour.g, colour.b));
   float size = (0.3 + 1.9 * light) * (ghost > 0.5 ? 0.45 : 1.0) * pixels / gl_Position.w;
   gl_PointSize = clamp(size, ghost > 0.5 ? 4.0 : mix(3.0, 9.0, light), 110.0);
+  if (tube > 0.0) gl_PointSize = clamp(2.0 * tube * pixels / gl_Position.w, 6.0, 250.0);
 }`;
 
 const DRONE_FRAGMENT = `#version 300 es
 precision mediump float;
 in vec3 colour;
-uniform float strength;
+uniform float strength, outline;
 out vec4 shown;
 void main() {
   vec2 place = gl_PointCoord * 2.0 - 1.0;
   float square = dot(place, place);
   if (square > 1.0) discard;
+  if (outline > 0.5) {
+    shown = vec4(vec3(0.25, 0.6, 1.0) * (0.12 + 0.5 * smoothstep(0.7, 0.95, square)), 1.0);
+    return;
+  }
   float rest = 1.0 - square;
   float halo = rest * rest * rest * 0.55;
   float core = max(0.0, 1.0 - square * 14.0);
@@ -263,6 +268,14 @@ class Stage {
     gl.uniform1f(uniforms.mirror, 1);
     gl.uniform1f(uniforms.strength, 1);
     gl.drawArrays(gl.POINTS, 0, show.drones);
+    const { tube } = show.segments[segmentAt(time)] ?? {};
+    if (display.tubes && tube && !display.client) {
+      gl.uniform1f(uniforms.tube, tube);
+      gl.uniform1f(uniforms.outline, 1);
+      gl.drawArrays(gl.POINTS, 0, show.drones);
+      gl.uniform1f(uniforms.tube, 0);
+      gl.uniform1f(uniforms.outline, 0);
+    }
     if (display.missions && show.predictedFrames) this.drawShadow(time, uniforms);
     gl.bindVertexArray(null);
     return matrix;

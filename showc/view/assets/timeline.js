@@ -48,6 +48,7 @@ class Timeline {
       : finding
         ? `${clockText(finding.time)} · ${finding.code}: ${finding.message}`
         : `${clockText(cue ? cue.time : time)} · ${cue ? cue.name : movingAt(segment, time)}`;
+    if (!near && !finding && display.tubes && segment.tube) this.tip.textContent += ` · tube ${segment.tube.toFixed(2)} m`;
     this.tip.hidden = false;
     const half = this.tip.offsetWidth / 2;
     const left = Math.min(Math.max(this.x(time) - half, 0), this.width - 2 * half);
