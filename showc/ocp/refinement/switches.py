@@ -36,6 +36,9 @@ _CONTROL_TOUCHES = 1e-3
 arc at its bound: a small control is no control at its bound."""
 _STATE_CLOSE = 1e-4
 """Fraction of a state's range within which it counts as at its bound."""
+_RESTS = 0.4
+"""Mean distance of a state to its bound over the greatest one that counts as close, up
+to which it rests on the bound or touches it."""
 _PATH_CLOSE = 2e-3
 """Fraction of a path constraint's range within which it counts as active."""
 _FOLLOWS = 0.5
@@ -285,7 +288,7 @@ def detect(
     for i in range(len(phase.state_names)):
         pair = state_bounds[0][i], state_bounds[1][i]
         values = _sampled(phase.states, grid, i)
-        runs = _runs_of(values, pair, _STATE_CLOSE, grid)
+        runs = _resting(_runs_of(values, pair, _STATE_CLOSE, grid))
         at_bound.append(runs)
         events += _border_times([r for r in runs if not idle(i, r)], grid, own)
     if path is not None:
@@ -317,6 +320,20 @@ def _runs_of(
     """Stretches of a state or path constraint at its bounds and off them."""
     kinds, fraction = _classify(values, *pair, close)
     return _merge_equal(_runs(kinds, grid, fraction))
+
+
+def _resting(runs: list[_Run]) -> list[_Run]:
+    """Take stretches on which a state only passes near its bound for none.
+
+    Its mean distance over the greatest one is nought where it rests on the bound, a
+    third where it touches it, a half where it comes or goes straight, more where it
+    stays near it.
+    """
+    for run in runs:
+        away = run.mean if run.kind < 0 else 1.0 - run.mean
+        if run.kind and away > _RESTS * _STATE_CLOSE:
+            run.kind = 0
+    return _merge_equal(runs)
 
 
 def _idle(

@@ -1,4 +1,4 @@
-"""A program under construction: rows with their meaning, blocks, scales."""
+"""A program under construction: numbers of unknowns, rows and their meaning."""
 
 from __future__ import annotations
 
@@ -10,20 +10,138 @@ import numpy as np
 from scipy import sparse
 
 from showc.ocp import scaling
-from showc.ocp.transcription.collocation.layout import Layout, lay_out
 from showc.ocp.transcription.collocation.nlp import Block, Kernel, assemble
-from showc.ocp.transcription.collocation.triplets import Triplets
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import FloatArray, IntArray
     from showc.ocp.coupling import Imposed
-    from showc.ocp.mesh import Mesh
+    from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.nodes import Scheme
+    from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
     from showc.ocp.quantity import Quantity
     from showc.ocp.transcription.collocation.nlp import Program
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseLayout:
+    """Numbers of the unknowns of one phase."""
+
+    start: int
+    """Unknown of the start time."""
+    durations: IntArray
+    """Unknowns of the arcs' durations, shape (arcs,)."""
+    states: tuple[IntArray, ...]
+    """For each interval: Bernstein coefficients, shape (N + 1, states)."""
+    controls: tuple[tuple[IntArray, ...], ...]
+    """For each interval and control: Bernstein coefficients, shape (degree + 1,)."""
+
+    def state_row(self, index: int) -> list[IntArray]:
+        """Coefficients of one state, interval by interval."""
+        return [table[:, index] for table in self.states]
+
+    def control_row(self, index: int) -> list[IntArray]:
+        """Coefficients of one control, interval by interval."""
+        return [tables[index] for tables in self.controls]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Numbers of all unknowns: phases, then statics, then integrals."""
+
+    phases: tuple[PhaseLayout, ...]
+    statics: IntArray
+    integrals: tuple[IntArray, ...]
+    """For each phase: unknowns of its integrals."""
+    size: int
+
+
+def _phase_layout(phase: Phase, mesh: PhaseMesh, first: int) -> tuple[PhaseLayout, int]:
+    following = first
+    count = len(phase.states)
+
+    def take(number: int) -> IntArray:
+        nonlocal following
+        following += number
+        return np.arange(following - number, following)
+
+    start = int(take(1)[0])
+    durations = take(mesh.arc_count)
+    border = take(count)
+    previous: dict[str, IntArray] = {}
+    states, controls = [], []
+    for k, points in enumerate(mesh.points):
+        inner = take(points * count).reshape(points, count)
+        states.append(np.vstack([border[None, :], inner]))
+        border = inner[-1]
+        tables = []
+        for name, control in phase.controls.items():
+            degree = control_degree(mesh, k, name, control.degree)
+            if control.continuous and degree > 0 and name in previous:
+                table = np.concatenate([previous[name][-1:], take(degree)])
+            else:
+                table = take(degree + 1)
+            previous[name] = table
+            tables.append(table)
+        controls.append(tuple(tables))
+    return PhaseLayout(start, durations, tuple(states), tuple(controls)), following
+
+
+def control_degree(
+    mesh: PhaseMesh, interval: int, name: str, degree: int | None
+) -> int:
+    """Degree of a control on one interval: the mesh's, the problem's, or N - 1."""
+    if name in mesh.control_degrees:
+        chosen = mesh.control_degrees[name][interval]
+        return mesh.points[interval] - 1 if chosen < 0 else chosen
+    return mesh.points[interval] - 1 if degree is None else degree
+
+
+def lay_out(problem: Problem, mesh: Mesh, *, integral_unknowns: bool) -> Layout:
+    """Give every unknown of ``problem`` on ``mesh`` its number."""
+    following = 0
+    phases = []
+    for phase, phase_mesh in zip(problem.phases, mesh.phases, strict=True):
+        layout, following = _phase_layout(phase, phase_mesh, following)
+        phases.append(layout)
+    statics = np.arange(following, following + len(problem.statics))
+    following += len(problem.statics)
+    integrals = []
+    for phase in problem.phases:
+        count = len(phase.integrals) if integral_unknowns else 0
+        integrals.append(np.arange(following, following + count))
+        following += count
+    return Layout(tuple(phases), statics, tuple(integrals), following)
+
+
+@dataclass(slots=True)
+class Triplets:
+    """Triplets of a sparse matrix under construction."""
+
+    rows: list[IntArray] = field(default_factory=list)
+    columns: list[IntArray] = field(default_factory=list)
+    values: list[FloatArray] = field(default_factory=list)
+
+    def add(self, rows: object, columns: object, values: object) -> None:
+        """Add entries; the three arguments are broadcast against each other."""
+        r, c, v = np.broadcast_arrays(rows, columns, values)  # type: ignore[arg-type]
+        self.rows.append(r.ravel().astype(np.int64))
+        self.columns.append(c.ravel().astype(np.int64))
+        self.values.append(v.ravel().astype(np.float64))
+
+    def csr(self, height: int, width: int) -> sparse.csr_matrix:
+        """Sum of all entries as a matrix of that shape."""
+        if not self.rows:
+            return sparse.csr_matrix((height, width))
+        return sparse.csr_matrix(
+            (
+                np.concatenate(self.values),
+                (np.concatenate(self.rows), np.concatenate(self.columns)),
+            ),
+            shape=(height, width),
+        )
 
 
 @dataclass(frozen=True, slots=True)

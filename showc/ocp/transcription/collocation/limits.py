@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
     from showc.ocp.quantity import Control, Quantity, State
-    from showc.ocp.transcription.collocation.builder import Discretisation
-    from showc.ocp.transcription.collocation.layout import PhaseLayout
+    from showc.ocp.transcription.collocation.builder import Discretisation, PhaseLayout
 
 
 SHORTEST = 1e-6

@@ -14,7 +14,6 @@ import numpy as np
 from showc.ocp.outcome import Result
 from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Multipliers, Solution
-from showc.ocp.transcription.collocation.discretisation import discretise
 from showc.ocp.transcription.collocation.limits import (
     Overrides,
     Statement,
@@ -22,6 +21,7 @@ from showc.ocp.transcription.collocation.limits import (
     parameter_vector,
 )
 from showc.ocp.transcription.collocation.readout import phase_solution, worst_violation
+from showc.ocp.transcription.collocation.rows import discretise
 from showc.ocp.transcription.collocation.start import starting_point
 from showc.ocp.transcription.collocation.warmstart import transfer
 from showc.ocp.transcription.solver import (

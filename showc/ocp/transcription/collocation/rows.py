@@ -1,4 +1,4 @@
-"""Rows of one phase: collocation, path constraints, half-spaces.
+"""A problem on a mesh as a program: rows of phases, their ends and links.
 
 Unknowns are Bernstein coefficients: of each state on each mesh interval (degree N
 for N collocation points, neighbours share the border), of each control on each
@@ -21,17 +21,24 @@ import casadi
 import numpy as np
 
 from showc.ocp.nodes import bernstein_derivative, bernstein_values, collocation
+from showc.ocp.transcription.collocation.builder import Builder, Triplets
 from showc.ocp.transcription.collocation.nlp import Kernel
-from showc.ocp.transcription.collocation.triplets import Triplets
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray
     from showc.ocp.coupling import Imposed
-    from showc.ocp.mesh import PhaseMesh
+    from showc.ocp.mesh import Mesh, PhaseMesh
+    from showc.ocp.nodes import Scheme
     from showc.ocp.phase import Phase
+    from showc.ocp.problem import Problem
     from showc.ocp.quantity import HalfSpaces
-    from showc.ocp.transcription.collocation.builder import Builder
-    from showc.ocp.transcription.collocation.layout import PhaseLayout
+    from showc.ocp.transcription.collocation.builder import (
+        Discretisation,
+        PhaseLayout,
+        Scales,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +51,34 @@ class _Part:
     place: PhaseLayout
 
 
-def add_phase(builder: Builder, index: int) -> None:
+def discretise(
+    problem: Problem,
+    mesh: Mesh,
+    scheme: Scheme,
+    scales: Scales,
+    couplings: Sequence[Imposed] = (),
+) -> Discretisation:
+    """Write ``problem`` on ``mesh`` as a program, with the ``couplings`` imposed.
+
+    Raises
+    ------
+    ValueError
+        If the problem is not completely stated or the mesh has other phases.
+    """
+    problem.check()
+    if len(mesh.phases) != len(problem.phases):
+        raise ValueError(
+            f"mesh for {len(mesh.phases)} phases, problem {problem.name!r} has "
+            f"{len(problem.phases)}"
+        )
+    builder = Builder(problem, mesh, scheme, scales, couplings)
+    for index in range(len(problem.phases)):
+        _add_phase(builder, index)
+    _add_boundary(builder)
+    return builder.finish()
+
+
+def _add_phase(builder: Builder, index: int) -> None:
     """Add all rows and blocks of one phase."""
     phase, mesh = builder.problem.phases[index], builder.mesh.phases[index]
     part = _Part(index, phase, mesh, builder.layout.phases[index])
@@ -235,3 +269,60 @@ def _add_half_space(builder: Builder, part: _Part, half_space: HalfSpaces) -> No
     )
     rows.add(row, np.arange(count * number), 1.0 / scale)
     builder.add_block(kernel, count, inputs=inputs, rows=rows, parameters=parameters)
+
+
+def _add_boundary(builder: Builder) -> None:
+    """Add the objective of end values, boundary constraints and links."""
+    symbols, sources = [], []
+    for phase, place in zip(builder.problem.phases, builder.layout.phases, strict=True):
+        symbols += [phase.initial_time, phase.duration]
+        sources += [[place.start], list(place.durations)]
+        for i, state in enumerate(phase.states.values()):
+            symbols += [state.initial, state.final]
+            sources += [[place.states[0][0, i]], [place.states[-1][-1, i]]]
+        for j, control in enumerate(phase.controls.values()):
+            symbols += [control.initial, control.final]
+            sources += [[place.controls[0][j][0]], [place.controls[-1][j][-1]]]
+    symbols += [static.symbol for static in builder.problem.statics]
+    sources += [[static] for static in builder.layout.statics]
+    objective = casadi.SX(builder.problem.objective)
+    integrals = builder.integral_symbols()
+    if builder.direct and integrals:
+        zero = [casadi.SX(0)] * len(integrals)
+        objective = casadi.substitute(
+            objective, casadi.vertcat(*integrals), casadi.vertcat(*zero)
+        )
+    elif integrals:
+        symbols += integrals
+        sources += [[u] for table in builder.layout.integrals for u in table]
+    constraints = builder.problem.boundary_constraints
+    y = casadi.vertcat(objective, *[c.symbol for c in constraints])
+    kernel, used = builder.kernel("boundary", casadi.vertcat(*symbols), y)
+    inputs, rows = Triplets(), Triplets()
+    for at, number in enumerate(used):
+        inputs.add(at, np.asarray(sources[number]), 1.0)
+    for c, constraint in enumerate(constraints):
+        scale = builder.row_scale(constraint)
+        row = builder.new_rows("boundary", constraint.name, 0, scale=scale)
+        rows.add(row, 1 + c, 1.0 / scale)
+    weight = np.zeros(y.numel())
+    weight[0] = builder.sign
+    builder.add_block(kernel, 1, inputs=inputs, rows=rows, objective=weight)
+    for before, after, names in builder.problem.links:
+        _link(builder, before, after, names)
+
+
+def _link(builder: Builder, before: int, after: int, names: tuple[str, ...]) -> None:
+    first, second = builder.layout.phases[before], builder.layout.phases[after]
+    scale = builder.scales.durations[before]
+    row = builder.new_rows("link", "time", after, scale=scale)
+    builder.linear.add(row, second.start, 1.0 / scale)
+    builder.linear.add(row, first.start, -1.0 / scale)
+    builder.linear.add(row, first.durations, -1.0 / scale)
+    for name in names:
+        i = list(builder.problem.phases[before].states).index(name)
+        j = list(builder.problem.phases[after].states).index(name)
+        scale = float(builder.scales.states[after][j])
+        row = builder.new_rows("link", name, after, scale=scale)
+        builder.linear.add(row, second.states[0][0, j], 1.0 / scale)
+        builder.linear.add(row, first.states[-1][-1, i], -1.0 / scale)
