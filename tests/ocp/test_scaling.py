@@ -7,6 +7,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from benchmarks.ocp_closed import CLOSED
 from benchmarks.ocp_further import orbit_raising, rayleigh, triple_integrator
 from benchmarks.ocp_hard import (
     bounce,
@@ -30,25 +31,53 @@ KNOWN = {
     "fuller": (fuller, fuller_optimum()),
     "lotka_fishing": (lotka_fishing, 1.34408120),
 }
+COUNTED_IN_ANOTHER_TIME = {"bd_micro", "bd_mega"}
+"""Already stated in another unit."""
 
 
 def in_other_time(problem: ocp.Problem, unit: float) -> ocp.Problem:
     """State the same problem with a time that counts ``unit`` to one before."""
-    integrals = []
     for phase in problem.phases:
         phase.duration_bounds = tuple(unit * b for b in phase.duration_bounds)
         phase.start = tuple(unit * b for b in phase.start)
+
+    def slower(expression):
+        for phase in problem.phases:
+            for time in (phase.time, phase.duration, phase.initial_time):
+                expression = ca.substitute(ca.SX(expression), time, time / unit)
+        return expression
+
+    for phase in problem.phases:
         for name, rate in phase.derivatives.items():
-            slower = ca.substitute(rate, phase.time, phase.time / unit)
-            phase.derivatives[name] = slower / unit
-        integrals += [symbol for symbol, _ in phase.integrals]
-        for k, constraint in enumerate(problem.boundary_constraints):
-            shorter = phase.duration / unit
-            symbol = ca.substitute(constraint.symbol, phase.duration, shorter)
-            problem.boundary_constraints[k] = replace(constraint, symbol=symbol)
-    for symbol in integrals:
-        problem.objective = ca.substitute(problem.objective, symbol, symbol / unit)
+            phase.derivatives[name] = slower(rate) / unit
+        phase.path_constraints[:] = [
+            replace(c, symbol=slower(c.symbol)) for c in phase.path_constraints
+        ]
+        phase.integrals[:] = [(s, slower(e) / unit) for s, e in phase.integrals]
+    problem.boundary_constraints[:] = [
+        replace(c, symbol=slower(c.symbol)) for c in problem.boundary_constraints
+    ]
+    problem.objective = slower(problem.objective)
     return problem
+
+
+def reached(problem: ocp.Problem, optimum: float) -> None:
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED, solution.message
+    assert solution.objective == pytest.approx(optimum, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("number", range(len(CLOSED)))
+def test_closed_forms_are_reached_whatever_the_units(number):
+    # One factor of the objective and one unit of time for each problem, in turn.
+    name, closed = list(CLOSED.items())[number]
+    factor = (1e-8, 1e4, 1e-4, 1e8)[number % 4]
+    problem = closed.build()
+    problem.objective = factor * ca.SX(problem.objective)
+    reached(problem, factor * closed.optimum)
+    if name not in COUNTED_IN_ANOTHER_TIME:
+        unit = (1e3, 1e-3, 1e6, 1e-6)[number % 4]
+        reached(in_other_time(closed.build(), unit), closed.optimum)
 
 
 @pytest.mark.parametrize("factor", FACTORS)
@@ -73,7 +102,7 @@ def test_solved_means_the_same_in_any_unit_of_time(name, unit):
 def test_least_times_are_right_in_any_unit(unit):
     solution = ocp.solve(in_other_time(triple_integrator(), unit))
     assert solution.result is ocp.Result.SOLVED, solution.message
-    least = unit * 32.0 ** (1.0 / 3.0)
+    least = 32.0 ** (1.0 / 3.0)
     assert solution.objective == pytest.approx(least, rel=1e-6)
 
 

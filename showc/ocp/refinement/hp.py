@@ -75,15 +75,16 @@ class Hp(Strategy):
             return self._unsymmetric(self._weighed(solution), guess)
         best = solution
         base = self.options.solver
-        for name, scale in self._other_durations(guess):
-            self.history.note(
-                solution, None, f"the solver failed; a duration of {scale:g} is tried"
-            )
-            self.attempts.scales[name] = scale
+        known = self.attempts.scales
+        for scales in self._other_durations(guess):
+            longest = max(scales.values())
+            words = f"the solver failed; a duration of {longest:g} is tried"
+            self.history.note(solution, None, words)
+            self.attempts.scales = known | scales
             solution = self.attempts.attempt(mesh, guess)
             if solution.result.usable:
                 return self._weighed(solution)
-            del self.attempts.scales[name]
+        self.attempts.scales = known
         free = partial(plain_mesh, self.auditors, degree=INNER_DEGREE)
         for other, strategy in (
             (mesh, {"mu_strategy": "monotone"}),
@@ -155,16 +156,23 @@ class Hp(Strategy):
 
     def _other_durations(
         self, guess: Guess | Solution | None
-    ) -> list[tuple[str, float]]:
-        """Orders of magnitude for a duration of which nothing is known."""
-        if guess is not None or len(self.problem.phases) > 1:
+    ) -> list[dict[str, float]]:
+        """Orders of magnitude for durations of which nothing is known."""
+        if guess is not None:
             return []
-        phase = self.problem.phases[0]
-        low, high = self.attempts.table["duration", phase.name]
-        name = f"{phase.name}.duration"
-        if name in self.attempts.scales or np.isfinite(high):
+        known, table = self.attempts.scales, self.attempts.table
+        bounds = {p.name: table["duration", p.name] for p in self.problem.phases}
+        least = {
+            f"{name}.duration": max(low, 1.0)
+            for name, (low, high) in bounds.items()
+            if not np.isfinite(high) and f"{name}.duration" not in known
+        }
+        if not least:
             return []
-        return [(name, max(low, 1.0) * factor) for factor in (1e2, 1e4, 1e-2, 1e6)]
+        return [
+            {name: low * factor for name, low in least.items()}
+            for factor in (1e2, 1e4, 1e-2, 1e6)
+        ]
 
     def start(self, solution: Solution) -> Judgement:
         """Judge the first solution."""
