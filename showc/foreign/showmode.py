@@ -122,9 +122,9 @@ def what_show_mode_makes(
             if known
             else (
                 (
-                    "no parameters that were tried follow this show: solve it with "
-                    "gentler limits (tilt 15 deg, thrust 0.8 to 1.2 of hover, speed "
-                    "5.5, 5.5, 3)"
+                    "no parameters that were tried follow this show: solve it for the "
+                    "autopilot (`vehicle: {envelope: autopilot}`, as is usual), or "
+                    "with gentler limits (tilt 15 deg, speed 5.5, 5.5, 3)"
                 ),
             ),
         )
