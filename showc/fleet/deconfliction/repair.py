@@ -819,8 +819,10 @@ class Repair:
 
     def _way(self, row: int) -> PiecewisePolynomial:
         """Return what a drone that leaves its line flies near to."""
-        if row in self._ways or self.move.shared is not None:
-            return self._ways.get(row, self.reference)
+        if row in self._ways:
+            return self._ways[row]
+        if self.move.shared is not None:
+            return self.reference
         breaks = np.linspace(0.0, self.duration, self.intervals + 1)
         inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
         way = np.einsum("ij,kja->kia", inverse, self._sampled(row))

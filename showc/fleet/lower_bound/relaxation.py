@@ -178,6 +178,8 @@ class Relaxation:
         pitch: Span,
         steps: int = 3,
         displacement: FloatArray | None = None,
+        *,
+        straight: bool = True,
     ) -> FloatArray:
         """Points of U, shape (k, m, 3) [m/s²], whose hull nearly fills U's.
 
@@ -189,11 +191,14 @@ class Relaxation:
             Angles of each kind that points are taken at without an envelope.
         displacement
             The move, shape (3,) [m]: with an envelope, points lie densest along it.
+        straight
+            Whether drones push along the move; else points lie all round.
         """
         if self.limits.limits_acceleration:
             way = self.turned(np.zeros(3) if displacement is None else displacement)
             toward = math.atan2(way[1], way[0])
-            return self._envelope_vertices(_greatest(roll), _greatest(pitch), toward)
+            bearing = toward + np.radians(_BEARINGS if straight else _ROUND)
+            return self._envelope_vertices(_greatest(roll), _greatest(pitch), bearing)
         least_thrust, most_thrust = self.specific_thrust
         if self.yaw == "free":
             cone = np.cos(_greatest(roll)) * np.cos(_greatest(pitch))
@@ -230,20 +235,19 @@ class Relaxation:
         )
 
     def _envelope_vertices(
-        self, roll: FloatArray, pitch: FloatArray, toward: float
+        self, roll: FloatArray, pitch: FloatArray, bearing: FloatArray
     ) -> FloatArray:
         """Points of U where accelerations are limited, shape (k, m, 3) [m/s²].
 
         Parameters
         ----------
-        toward
-            Bearing of the move, about which the points lie densest, in the frame of
-            the heading [rad].
+        bearing
+            Directions in which points are taken, shape (b,), in the frame of the
+            heading [rad].
         """
         least, most = self.specific_thrust
         low, high = (side[:, None, None] for side in self.vertical(roll, pitch))
         radius = min(self.limits.acceleration or most, most)
-        bearing = toward + np.radians(_BEARINGS)
         if self.yaw == "free":
             cone = np.arccos(np.cos(roll) * np.cos(pitch))[:, None]
             slope = np.broadcast_to(np.tan(cone), (roll.size, bearing.size))
@@ -282,6 +286,8 @@ _BEARINGS: FloatArray = np.array(
 )
 """Directions about that of the move in which points of U are taken [deg]. What is left
 out the multipliers suffer from, not the bound."""
+_ROUND: FloatArray = np.arange(0.0, 360.0, 15.0)
+"""The same where thrust turns on the way, as it does into and out of a motion [deg]."""
 _SHARES: FloatArray = np.array([0.0, 0.5, 1.0])
 """Parts of the greatest tilt at which points of U are taken."""
 

@@ -4,12 +4,14 @@ Unknowns are the share sigma of the way that the relaxed drone makes in a time, 
 velocities v_j on mesh intervals and the weights w_ik of corners of the thrust set at
 the knots between them:
 
-    sigma d = sum of v_j dt_j,
+    c + sigma (d - c) = sum of v_j dt_j,
     v_k - v_{k-1} = weight_k (sum of w_ik u_ik - g e_z),  sum of w_ik = 1,
 
 with the trapezoid rule's weights and the velocities of the ends before and after. The
-multipliers of the first equations are beta, those of the second lambda. Where jerk is
-at most j,
+way c is about that of stopping, and of gaining the velocity of the end: where any way
+can be made in a time, it can, so that sigma is 1 or more where the move can be made.
+The multipliers of the first equations are beta, those of the second lambda. Where jerk
+is at most j,
 
     |R (u_k - u_{k-1})| <= j dt_k, axis by axis, u = g e_z before and after a hover,
 
@@ -19,6 +21,7 @@ middles of the intervals, and at both ends.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import highspy
@@ -29,6 +32,10 @@ from showc.fleet.lower_bound.relaxation import hovering
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.lower_bound.relaxation import Relaxation
+
+
+_LEAST = 1e-6
+"""Stands for no acceleration [m/s²] and no way [m²]."""
 
 
 class RelaxedMove:
@@ -47,10 +54,16 @@ class RelaxedMove:
     def __init__(
         self, relaxation: Relaxation, displacement: FloatArray, ends: FloatArray
     ) -> None:
-        self._relaxation, self._displacement = relaxation, displacement
-        self._ends, self._jerk = ends, relaxation.limits.jerk
+        self._relaxation, self._ends = relaxation, ends
+        pull = relaxation.vehicle.gravity * math.tan(relaxation.limits.tilt)
+        pull = min(pull, relaxation.limits.acceleration or math.inf)
+        speeds = ends[:, 3:6]
+        size = np.linalg.norm(speeds, axis=1, keepdims=True)
+        self._offset = (speeds * size).sum(axis=0) / (2.0 * max(pull, _LEAST))
+        self._displacement = displacement - self._offset
+        self._jerk = relaxation.limits.jerk
         # Rows: the move's direction, and two across it.
-        self._frame = np.linalg.svd(displacement[None])[2]
+        self._frame = np.linalg.svd(self._displacement[None])[2]
         self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
         for option, value in (
             ("output_flag", False),
@@ -63,7 +76,7 @@ class RelaxedMove:
     def multipliers(
         self, time: float, knots: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Return beta (3,), knots, multipliers and the share of the way in ``time``.
+        """Return beta (3,), knots, multipliers and the share sigma made in ``time``.
 
         Parameters
         ----------
@@ -76,8 +89,9 @@ class RelaxedMove:
         -------
         tuple
             Multipliers (m, 3 or 6) at their knots (m,), as
-            :class:`showc.flight.DualWitness` has them, scaled so that ``beta . d`` is
-            1; where the program has no answer, beta along the way, no others, and 1.
+            :class:`showc.flight.DualWitness` has them, scaled so that ``beta . (d -
+            c)`` is 1; where the program has no answer, beta along the way, no others,
+            and 1.
         """
         lp = self._program(time, knots)
         basis = self._solver.getBasis() if self._columns == lp.num_col_ else None
@@ -113,7 +127,12 @@ class RelaxedMove:
         intervals, nodes = widths.size, knots.size
         instants = knots * time
         roll, pitch = relaxation.caps(instants, time - instants, self._ends)
-        corners = relaxation.vertices(roll, pitch, displacement=self._displacement)
+        corners = relaxation.vertices(
+            roll,
+            pitch,
+            displacement=self._displacement,
+            straight=not self._offset.any(),
+        )
         size = corners.shape[1]
         weight = np.zeros(nodes)
         weight[:-1] += 0.5 * widths
@@ -164,6 +183,7 @@ class RelaxedMove:
             turned = corners.reshape(-1, 3) @ self._frame.T
             thrust = np.column_stack([thrust, turned, -turned])
         right = np.zeros(lp.num_row_)
+        right[:3] = self._offset
         right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
         right[3:6] += self._ends[0, 3:6]
         right[3 * nodes : 3 + 3 * nodes] -= self._ends[1, 3:6]
@@ -198,7 +218,7 @@ class RelaxedMove:
     def _signed(
         self, beta: FloatArray, multipliers: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Turn both so that ``beta . d`` is 1, as the program's scaling makes it."""
+        """Turn both so that ``beta . (d - c)`` is 1, as the program's scaling does."""
         gain = float(beta @ self._displacement)
         if gain < 0.0:
             beta, multipliers, gain = -beta, -multipliers, -gain
@@ -208,7 +228,7 @@ class RelaxedMove:
 
     def _toward(self) -> FloatArray:
         way = self._displacement
-        return np.asarray(way / float(way @ way))
+        return np.asarray(way / max(float(way @ way), _LEAST))
 
 
 def _fill(matrix: Any, *parts: tuple[IntArray, FloatArray]) -> None:  # noqa: ANN401
