@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.single_drone.single import Aircraft, minimum_time
 from showc.log import showc_pb2 as pb
 from showc.vehicle import Limits, Quadrotor
+from showc.vehicle.flatness import state_in_motion
 from showc.verify.kernel.certificates import Relaxed, refuted
 
 HOVERS = np.zeros((2, 12))
@@ -170,6 +172,49 @@ def test_a_bound_by_jerk_needs_its_multipliers_and_its_limit():
     known.limits[0].jerk = 0.0
     assert not refuted(claim(witness), known, way, HOVERS)
     assert refuted(claim(plain), known, way, HOVERS)
+
+
+def turning(rng):
+    """State and thrust of a drone on a circle within the limits."""
+    radius, rate, phase = (
+        rng.uniform(2.0, 9.0),
+        rng.uniform(-0.4, 0.4),
+        rng.uniform(0, 6),
+    )
+    out = np.array([np.cos(phase), np.sin(phase), 0.0])
+    along = np.array([-out[1], out[0], 0.0])
+    place = radius * out + [0.0, 0.0, rng.uniform(10.0, 20.0)]
+    steps = rate * along, -(rate**2) * out, -(rate**3) * along
+    derivatives = np.stack([place, *(radius * step for step in steps)])[:, None]
+    return state_in_motion(VEHICLE, derivatives, 0.3)[0]
+
+
+@settings(deadline=None, max_examples=6)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["arrive", "leave", "between"]))
+def test_a_bound_in_motion_is_proved_and_near_a_flight_that_exists(seed, joint):
+    rng = np.random.default_rng(seed)
+    aircraft = Aircraft(VEHICLE, LIMITS, "held", 0.3)
+    still = aircraft.end(rng.uniform([-30, -30, 5], [30, 30, 30]))
+    moving, other = turning(rng), turning(rng)
+    other[:3] += still[:3]
+    start = still if joint == "arrive" else other
+    goal = still if joint == "leave" else moving
+    flown = minimum_time(aircraft, start, goal)
+    assert flown.solved, flown.message
+    ends = np.stack([start, goal])
+    state = flown.trajectory.state.coefficients
+    assert np.array_equal([state[0, 0], state[-1, -1]], ends[:, :12])
+    for thrust, end in zip(
+        flown.trajectory.control.coefficients[[0, -1], [0, -1], 0], ends, strict=True
+    ):
+        # As at a hover, any thrust will do where nothing moves.
+        assert not end[-1] or abs(thrust - end[-1]) < 1e-3 * VEHICLE.hover_thrust
+    way = (goal - start)[:3]
+    witness = lower_bound(
+        Relaxation(VEHICLE, LIMITS, "held", 0.3), 0, way, flown.duration, ends=ends
+    )
+    assert 0.9 * flown.duration < witness.time <= flown.duration
+    assert refuted(claim(witness), rules(), way, ends[:, :12])
 
 
 def test_a_claim_beyond_the_proof_falls_short():

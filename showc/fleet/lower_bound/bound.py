@@ -14,9 +14,9 @@ are then judged by an integral that is rounded upward, so the bound does not dep
 the program having been solved well. An impossible T makes every shorter time theta T
 impossible too, theta between 0 and 1: with lambda times theta on the same fractions of
 the time, the left side less the right one is at least beta . d + theta a - theta² b
-with constants a and b, b not below 0 since a drone may stand upright and hover. That is
-concave in theta and positive at 0 and 1 where beta . d is; so it is with mu times
-theta², whose part grows with theta³.
+with constants a and b, b the bound of the integral of h_U(lambda) - g lambda_z. Where
+that is not below 0 it is concave in theta, and positive at 0 and 1 where beta . d is;
+so it is with mu times theta², whose part grows with theta³.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     loss = cruise + thrust - weight + turning
     magnitude = abs(gain) + abs(swing) + abs(cruise) + abs(thrust) + abs(weight)
     left_over = gain + swing - loss - _MARGIN * (magnitude + turning)
-    # Without the first, shorter times would not be impossible as well.
-    return min(left_over, gain - _MARGIN * magnitude)
+    # Without the others, shorter times would not be impossible as well.
+    return min(left_over, gain - _MARGIN * magnitude, thrust - weight)
 
 
 def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples

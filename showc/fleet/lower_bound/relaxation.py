@@ -71,7 +71,7 @@ class Relaxation:
     ) -> tuple[Span, Span]:
         """Least and greatest roll and pitch [rad] so long after and before the ends.
 
-        They hold 0, and widen with both times.
+        They widen with both times.
 
         Parameters
         ----------
@@ -88,10 +88,8 @@ class Relaxation:
             for since, end, sign in ((after, ends[0], 1.0), (before, ends[1], -1.0)):
                 swing = np.minimum(rate[axis] * since, 0.5 * alpha[axis] * since**2)
                 angle, speed = end[6 + axis], sign * end[9 + axis]
-                high = np.minimum(
-                    high, max(angle, 0.0) + max(speed, 0.0) * since + swing
-                )
-                low = np.maximum(low, min(angle, 0.0) + min(speed, 0.0) * since - swing)
+                high = np.minimum(high, angle + max(speed, 0.0) * since + swing)
+                low = np.maximum(low, angle + min(speed, 0.0) * since - swing)
             found.append((low, high))
         return found[0], found[1]
 
@@ -139,7 +137,10 @@ class Relaxation:
             turned = np.stack([across, np.zeros_like(lz), lz], axis=-1)
             slopes = np.tan(cone), np.zeros_like(lz)
         else:
-            slopes = np.tan(most_pitch), np.tan(most_roll) / np.cos(most_pitch)
+            # On the side of the multiplier; upright is let be.
+            lean = np.maximum(np.where(ly > 0.0, -roll[0], roll[1]), 0.0)
+            tip = np.maximum(np.where(lx > 0.0, pitch[1], -pitch[0]), 0.0)
+            slopes = np.tan(tip), np.tan(lean) / np.cos(most_pitch)
         found.append(_cut_cone(turned, slopes, radius, (low, high)))
         return found
 
@@ -300,7 +301,8 @@ def _cut_cone(
 ) -> FloatArray:
     """Greatest ``multiplier . u`` over a cone within a cylinder, shape (...).
 
-    The set: low <= u_z <= high, |u_x| <= p u_z, |u_y| <= q u_z and u_x² + u_y² <= r².
+    The set: low <= u_z <= high, u_x <= p u_z, u_y <= q u_z and u_x² + u_y² <= r², x
+    and y pointing along the multiplier.
     At height z the greatest level part is that of a rectangle cut by a disc; as a
     function of z it is concave, linear where the corner (p z, q z) counts, constant
     where the disc's own point does, and an ellipse's arc between. So the greatest lies
@@ -373,6 +375,7 @@ def _greatest(span: Span) -> FloatArray:
 
 
 def _spread(span: Span, shares: FloatArray) -> FloatArray:
-    """Values at shares (m,) from -1, the least, by 0 to 1, the greatest, (k, m)."""
+    """Values at shares (m,) from -1, the least, to 1, the greatest, (k, m)."""
     low, high = span
-    return np.where(shares < 0.0, -low[:, None], high[:, None]) * shares
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    return np.asarray(middle[:, None] + half[:, None] * shares)

@@ -4,8 +4,8 @@
 the way of the witness's drone, from its state at the start to that at the end, in the
 witness's time or less.
 
-Proof. A time s after a roll f with the rate f', roll is at most ``max(f, 0) + max(f',
-0) s + c(s)``: with a the greatest angular acceleration and w the greatest rate, c(s) is
+Proof. A time s after a roll f with the rate f', roll is at most ``f + max(f', 0) s +
+c(s)``: with a the greatest angular acceleration and w the greatest rate, c(s) is
 a s² / 2 until a s = w, then w s - w² / (2 a). The least roll is alike, and so are
 pitch, and a time s before an end, with the rate turned round; the tilt limit holds
 besides. Thrust over mass times the body z axis is then, at t after the start and T - t
@@ -20,9 +20,9 @@ x' = v and v' = u - g e_z by parts gives
 h being the support functions and d the way. Where the left side is the greater, no
 flight takes that time T. Nor a shorter one, q T with 0 < q < 1: on the same fractions
 of it, take q lambda. U(q t) lies in U(t), for the caps widen with time, so the left
-side is greater by F(q) = beta . d + q a - q² b or more, a and b being constants and b
-the integral of h_U(lambda) - g lambda_z. As g e_z lies in U, b is not negative, and F
-is concave: it is positive between 0 and 1 as it is at both, beta . d being positive.
+side is greater by F(q) = beta . d + q a - q² b or more, a being constant and b a bound
+of the integral of h_U(lambda) - g lambda_z. Where b is not negative, F is concave: it
+is positive between 0 and 1 as it is at both, beta . d being positive.
 
 Where jerk is at most j, a = u - g e_z is continuous, and 0 at hovers: for any such mu,
 0 at other ends, the integral of mu' . a + mu . a' vanishes, and mu . a' <= j |mu|. Then
@@ -30,7 +30,8 @@ lambda + mu' stands for lambda beside u and g, and the integral of j |mu| is add
 the right: by convexity the trapezoid rule is not below it. It adds -q³ c to F, c >= 0.
 
 Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
-u_z, |u_y| <= q u_z, p and q by the caps, u_x² + u_y² <= r², low <= u_z <= high. At
+u_z, |u_y| <= q u_z, p and q on the side of lambda, by the caps with upright between
+them, u_x² + u_y² <= r², low <= u_z <= high, axes along lambda's parts. At
 height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
 concave function of z: x p z + y q z while the corner lies in the disc, r |(x, y)| while
 the disc's own point lies in the rectangle, else x p z + y sqrt(r² - p² z²) or the same
@@ -142,7 +143,7 @@ class Relaxed:
                     rate * since - 0.5 * rate * ramp,
                 )
                 for cap, side in zip(caps, (-1.0, 1.0), strict=True):
-                    angle = max(side * end[6 + axis], 0.0)
+                    angle = side * end[6 + axis]
                     speed = max(side * sign * end[9 + axis], 0.0)
                     cap[:] = np.minimum(cap, angle + speed * since + swing)
             found.append(caps * np.array([-1.0, 1.0]).reshape(2, *[1] * after.ndim))
@@ -162,7 +163,7 @@ class Relaxed:
     ) -> list[FloatArray]:
         """Greatest ``direction . u`` over each set that u lies in; (..., 3) to (...).
 
-        Roll and pitch lie between their caps (2, ...), below and above 0.
+        Roll and pitch lie between their caps (2, ...).
 
         With yaw held, u over its length is (cos phi sin theta, -sin phi, cos phi cos
         theta) in the frame of the heading: the best pitch first, then the best roll.
@@ -181,7 +182,9 @@ class Relaxed:
         if self.cylinder is not None:
             level, low, high = self.cylinder
             if self.held:
-                slopes = np.tan(most_pitch), np.tan(most_roll) / np.cos(most_pitch)
+                lean = np.maximum(np.where(left > 0.0, -roll[0], roll[1]), 0.0)
+                tip = np.maximum(np.where(ahead > 0.0, pitch[1], -pitch[0]), 0.0)
+                slopes = np.tan(tip), np.tan(lean) / np.cos(most_pitch)
             else:
                 ahead, left = np.hypot(x, y), 0.0 * x
                 slopes = np.tan(cone), 0.0 * cone
@@ -274,7 +277,6 @@ def refuted(
         and np.isfinite(time)
         and time > 0.0
         and relaxed.tilt < 0.5 * np.pi
-        and relaxed.least <= relaxed.gravity <= relaxed.most
     ):
         return False
     multipliers, turns = np.split(multipliers.reshape(-1, each), [3], axis=1)
@@ -317,7 +319,7 @@ def refuted(
     size += float(((np.abs(beta) + np.abs(slope)) @ fastest) @ widths)
     steps = (CELLS + knots.size + 200) * UNIT
     excess = min(gain, gain + swing - (cruise + thrust - weight + turning))
-    return bool(excess > steps / (1.0 - steps) * size)
+    return bool(thrust >= weight and excess > steps / (1.0 - steps) * size)
 
 
 def certified(
