@@ -30,9 +30,8 @@ lambda + mu' stands for lambda beside u and g, and the integral of j |mu| is add
 the right: by convexity the trapezoid rule is not below it. It adds -q³ c to F, c >= 0.
 
 Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
-u_z, |u_y| <= q u_z, p and q on the side of lambda, by the caps with upright between
-them, u_x² + u_y² <= r², low <= u_z <= high, axes along lambda's parts. At
-height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
+u_z, |u_y| <= q u_z, p and q by the caps on lambda's side, u_x² + u_y² <= r², low <=
+u_z <= high. At height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
 concave function of z: x p z + y q z while the corner lies in the disc, r |(x, y)| while
 the disc's own point lies in the rectangle, else x p z + y sqrt(r² - p² z²) or the same
 with axes changed. So the best z is an end, a change of form, or where the slope of a
@@ -127,10 +126,7 @@ class Relaxed:
     def caps(
         self, after: FloatArray, before: FloatArray, ends: FloatArray
     ) -> list[FloatArray]:
-        """Least and greatest roll, and pitch, each (2, ...) [rad].
-
-        So long ``after`` and ``before`` [s] the states ``ends`` (2, 12).
-        """
+        """Least and greatest roll, and pitch (2, ...), so long [s] from the ends."""
         found = []
         for axis in (0, 1):
             rate, acceleration = self.rate[axis], self.acceleration[axis]
