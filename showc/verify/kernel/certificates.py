@@ -31,11 +31,12 @@ the right: by convexity the trapezoid rule is not below it. It adds -q³ c to F,
 
 Where accelerations are limited, u also lies in a cone within a cylinder: |u_x| <= p
 u_z, |u_y| <= q u_z, p and q by the caps on lambda's side, u_x² + u_y² <= r², low <=
-u_z <= high. At height z the best level part is x a + y b with (a, b) in a rectangle cut by a disc, a
-concave function of z: x p z + y q z while the corner lies in the disc, r |(x, y)| while
-the disc's own point lies in the rectangle, else x p z + y sqrt(r² - p² z²) or the same
-with axes changed. So the best z is an end, a change of form, or where the slope of a
-form vanishes. The least of both support functions bounds ``lambda . u``.
+u_z <= high. At height z the best level part is x a + y b, (a, b) in a rectangle cut by
+a disc, a concave function of z: x p z + y q z while the corner lies in the disc,
+r |(x, y)| while the disc's own point lies in the rectangle, else x p z + y
+sqrt(r² - p² z²) or the same with axes changed. So the best z is an end, a change of
+form, or where the slope of a form vanishes. The least of both support functions bounds
+``lambda . u``.
 
 The integral is rounded upward: on each cell the caps are taken at their greatest, h_U
 is convex in lambda and lambda linear, so the trapezoid rule is not below the integral.
