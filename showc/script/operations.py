@@ -198,6 +198,14 @@ def _missions(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None or not show.mission.wanted:
         return
+    moving = next((one for one in show.transitions if one.motion), None)
+    if moving is not None:
+        yield _warning(
+            "SHW308",
+            f"missions cannot carry the motion of `{moving.to}`",
+            moving.mark,
+            "write `mission: {wanted: false}` and fly the log, or leave `motion` out",
+        )
     for members in chapters(show):
         together = [show.transitions[index] for index in members]
         if own_times(together):

@@ -56,6 +56,15 @@ def test_what_is_refused_for_a_limit_could_not_be_flown(motion):
     assert "times the greatest" in flown(result.draft).trouble()
 
 
+def test_that_missions_cannot_carry_a_motion_is_said_where_they_are_wanted():
+    def warned(top):
+        found = read("ring", "{rotate: 90}", music=top).diagnostics
+        return [one.message for one in found if one.code == "SHW308"]
+
+    assert warned("") == ["missions cannot carry the motion of `ring`"]
+    assert warned("mission: {wanted: false}\n") == []
+
+
 def test_jerk_is_a_limit_of_motions_too():
     def asked(limit):
         top = f"limits: {{jerk: {limit}}}\n"

@@ -74,11 +74,12 @@ CODES = (
     ),
     Code(
         "SHW308",
-        "groups that missions cannot carry",
-        "Groups move at times of their own. In missions all drones wait for the same "
-        "slot before each leg, so none are written.",
-        "Want no missions and fly the log (`showc stream`), or give groups that are "
-        "flown together the same times.",
+        "what missions cannot carry",
+        "Groups move at times of their own, or a formation moves while it is held. In "
+        "missions all drones wait for the same slot before each straight leg, so none "
+        "are written.",
+        "Want no missions and fly the log (`showc stream`), give groups that are flown "
+        "together the same times, or leave the motion out.",
         "groups: {a: 1, b: 2}\n"
         "formations: {row: {type: points, points: [[0, 0, 20]]}, "
         "top: {type: points, points: [[4, 0, 25]]}}\n"
