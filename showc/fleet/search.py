@@ -53,10 +53,12 @@ nearly parted, with fewer times what may be wrong, and of many drones that were 
 _MANY = 128
 """Drones from which on a try costs as much as all before it; up to these, flights that
 kept apart are followed at a quicker pace: that takes a solve for each of them."""
-_CLOSE, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.0015, 0.2, 0.8
+_CLOSE, _CLOSE_OF_FEW, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.0015, 0.05, 0.2, 0.8
 """Time between a failed and a flown one that is near enough: a share of the least time,
-and a share of what is flown beyond it; of many drones a greater one, over the
-effort."""
+and a share of what is flown beyond it, greater the more drones there are; of many it is
+over the effort."""
+_FEW = 32
+"""Drones up to which a try costs little."""
 _BOLD = 0.3
 """Where a flight in closed form is the best so far, share of the time between a failed
 one and it that is tried: that flight takes far longer than it needs."""
@@ -206,7 +208,9 @@ class Search:
     def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown."""
         many = self.leg.drones.size > _MANY
-        part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
+        few = self.leg.drones.size <= _FEW
+        part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
+        part = _CLOSE_OF_MANY / self.options.effort if many else part
         while not self.spent:
             beyond = best.duration - limiting.time
             near = max(_CLOSE * limiting.time, part * beyond)
