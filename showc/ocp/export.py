@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.ocp.solution import ROWS
+
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.ocp.solution import Solution
 
 
-ROWS = 201
-"""Instants of a phase by default."""
 _WIDTH, _HEIGHT = 640.0, 120.0
 """Size of one panel [px]."""
 _LEFT, _TOP, _GAP = 90.0, 24.0, 34.0

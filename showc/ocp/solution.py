@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.ocp.export import ROWS, Drawing, arrays, drawing, frame, table
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.arrays import FloatArray
+    from showc.ocp.export import Drawing
     from showc.ocp.history import MeshRecord
     from showc.ocp.mesh import Mesh, PhaseMesh
     from showc.ocp.nodes import Scheme
     from showc.ocp.outcome import ErrorEstimate, Result
     from showc.trajectory import PiecewisePolynomial
+
+
+ROWS = 201
+"""Instants of a phase by default."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,18 +157,26 @@ class Solution:
 
     def arrays(self, rows: int = ROWS) -> dict[str, dict[str, FloatArray]]:
         """Sample every phase: time, states and controls by name, each (rows,)."""
+        from showc.ocp.export import arrays  # noqa: PLC0415 - flights do without
+
         return arrays(self, rows)
 
     def to_csv(self, path: str | Path, rows: int = ROWS) -> None:
         """Write time, states and controls of all phases as a table."""
+        from showc.ocp.export import table  # noqa: PLC0415 - as above
+
         Path(path).write_text(table(self, rows), encoding="utf-8")
 
     def to_frame(self, rows: int = ROWS) -> Any:  # noqa: ANN401 - of pandas
         """Return the same table as a ``pandas.DataFrame``."""
+        from showc.ocp.export import frame  # noqa: PLC0415 - as above
+
         return frame(self, rows)
 
     def plot(self, *names: str) -> Drawing:
         """Draw states and controls over time, all or those named."""
+        from showc.ocp.export import drawing  # noqa: PLC0415 - as above
+
         return drawing(self, names)
 
     def phase(self, name: str) -> PhaseSolution:
