@@ -22,6 +22,7 @@ from showc.fleet.single_drone.single import (
 )
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import PRESETS
+from showc.vehicle.flatness import state_in_motion
 from showc.vehicle.motion import state_derivative
 
 PRESET = PRESETS["formation-625g"]
@@ -269,3 +270,28 @@ def test_replay_sees_a_control_that_does_not_fly_the_trajectory():
     missed = replay(HELD.vehicle, [result.trajectory, wrong]).position
     assert missed[0] < 1e-4
     assert missed[1] == pytest.approx(0.078, rel=0.05)
+
+
+@pytest.mark.parametrize("yaw", ["held", "free"])
+def test_a_motion_is_met_and_left_with_its_state_and_thrust(yaw):
+    """A circle of 8 m at 0.3 rad/s: 2.4 m/s, and 4 degrees of lean."""
+    radius, rate = np.array([-3.3, 7.3, 0.0]), np.array([0.0, 0.0, 0.3])
+    velocity = np.cross(rate, radius)
+    pull = np.cross(rate, velocity)
+    circle = np.stack([ABOVE + radius, velocity, pull, np.cross(rate, pull)])[:, None]
+    moving = state_in_motion(PRESET.vehicle, circle, 0.0)[0]
+    aircraft, still = replace(HELD, yaw=yaw), ABOVE - [15.0, 0.0, 4.0]
+    there = minimum_time(aircraft, still, moving)
+    back = follow(aircraft, moving, still, 1.2 * there.duration)
+    for found, at, ends in (
+        (there, -1, (aircraft.end(still), moving)),
+        (back, 0, (moving, aircraft.end(still))),
+    ):
+        assert found.solved, found.message
+        state, control = found.trajectory.state, found.trajectory.control
+        assert np.array_equal(state.coefficients[0, 0], ends[0][:12])
+        assert np.array_equal(state.coefficients[-1, -1], ends[1][:12])
+        jump = abs(control.coefficients[at, at, 0] - moving[-1])
+        assert jump <= 6e-4 * PRESET.vehicle.hover_thrust
+        assert greatest_excess(aircraft, found.trajectory).relative < 1e-9
+        assert independent_miss(PRESET.vehicle, found.trajectory) < 1e-3

@@ -69,9 +69,15 @@ def solve_on_graded_meshes(
     from showc.ocp.refinement.constraint_generation import solve  # noqa: PLC0415
     from showc.ocp.refinement.graded import linear_mesh  # noqa: PLC0415
     from showc.ocp.refinement.options import Grading, Options  # noqa: PLC0415
+    from showc.ocp.transcription.condensed.transcription import END  # noqa: PLC0415
 
     aircraft = programs.aircraft
     problem = single_problem(aircraft, minimum_time=True)
+    phase, room = problem.phases[0], END * aircraft.vehicle.hover_thrust
+    for (which, name), value in programs.thrusts.items():
+        symbol = phase.controls[name].quantity.symbol
+        there = phase.initial(symbol) if which == "start" else phase.final(symbol)
+        problem.constrain_boundary(there, value - room, value + room)
     widths = graded_widths(guessed, FIRST, END_GRADING)
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     solution = solve(
