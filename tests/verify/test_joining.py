@@ -20,10 +20,11 @@ drones: 4
 separation: 2
 launch: {altitude: 8, hold: 1}
 formations:
-  ring: {type: circle, radius: 6, centre: [0, 0, 18]}
+  ring: {type: circle, radius: 6, start: 200 deg, centre: [0, 0, 18]}
   row: {type: line, length: 15, centre: [0, -14, 12]}
 transitions:
   - to: ring
+    assignment: fixed
     hold: 6
     motion: [{rotate: {angle: 100 deg, ramp: 2}}]
     arrive: moving
@@ -72,6 +73,12 @@ def test_moves_between_motions_take_two_percent_more_than_their_bounds_at_most(l
         assert certificate.HasField("witness")
         assert certificate.dual_bound > 0.0
         assert segment.duration <= 1.02 * certificate.dual_bound
+
+
+def test_a_pair_that_would_meet_on_the_way_is_parted(logged):
+    done = logged.segments[MOVES[0]].message.certificate.statistics
+    assert done["first_conflicts"] == 1.0
+    assert done["repair_rounds"] >= 1.0
 
 
 def acceleration(show, segment, drone, *, end):
