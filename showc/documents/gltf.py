@@ -8,6 +8,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -128,10 +129,11 @@ class Document:
             except (ValueError, binascii.Error):
                 raise self.damage(f"buffers[{index}] is no base64") from None
         elif isinstance(uri, str):
-            name = PurePosixPath(uri)
+            beside = unquote(uri)
+            name = PurePosixPath(beside.replace("\\", "/"))
             if name.is_absolute() or ".." in name.parts or ":" in uri:
                 raise self.damage(f"buffers[{index}] leads to {uri[:60]!r}")
-            content = self._read(uri)
+            content = self._read(beside)
         else:
             raise self.damage(f"buffers[{index}] has no content")
         self._buffers[index] = content

@@ -128,16 +128,20 @@ class Scene:
         DamagedFileError
             If that is no curve by itself, or not what the format wants.
         """
-        found: set[int] = set()
+        found: dict[int, str] = {}
         moves, turned = self._moved()
         self._family()
         moving = {node for _, _, node in moves} | turned
         for animation, sampler, node in moves:
             if node in found:
-                raise self._damage(f"node {node} is moved by two channels")
+                clips = " and ".join({found[node]: 0, _clip(animation): 0})
+                raise self._damage(
+                    f"node {node} is moved by two channels, of {clips}; export one "
+                    "animation for the whole show"
+                )
             if len(found) >= MOST_DRONES:
                 raise self._damage(f"moves more than {MOST_DRONES} nodes")
-            found.add(node)
+            found[node] = _clip(animation)
             put = self._placed(node, moving)
             keys = self.document.keys(animation, sampler, "VEC3", f"node {node}")
             same = keys.output, put.tobytes()
@@ -148,7 +152,7 @@ class Scene:
                     "drone some of its own"
                 )
             yield node, _placed_keys(keys, put, f"{self.document.name}: node {node}")
-        self._none_forgotten(found, turned)
+        self._none_forgotten(set(found), turned)
 
     def name_of(self, node: int) -> str:
         """Return what a node is called."""
@@ -171,6 +175,11 @@ class Scene:
                         found.setdefault(carrier, material)
                     break
         return [found.get(node) for node in nodes]
+
+
+def _clip(animation: dict[str, Any]) -> str:
+    name = animation.get("name")
+    return f"animation {str(name)[:40]!r}" if name else "an animation without a name"
 
 
 def _placed_keys(keys: Keys, put: FloatArray, what: str) -> Keys:

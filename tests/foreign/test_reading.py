@@ -521,6 +521,29 @@ def test_tangents_are_turned_and_not_shifted(tmp_path):
     assert place_at(derivative(tracks), 0.0)[0] == pytest.approx([-1, 0, 0])
 
 
+def test_a_second_clip_for_a_drone_is_named_and_refused(tmp_path):
+    top = scene()
+    clip = top["animations"][0]
+    top["animations"] = [clip | {"name": "take one"}, clip | {"name": "take two"}]
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    (note,) = findings(path)["VRF501"].notes
+    assert "'take one' and animation 'take two'" in note
+
+
+def test_a_buffer_may_have_a_name_with_blanks(tmp_path):
+    top = scene()
+    data = base64.b64decode(top["buffers"][0]["uri"].partition(",")[2])
+    (tmp_path / "my show.bin").write_bytes(data)
+    top["buffers"][0]["uri"] = "my%20show.bin"
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert place_at(read_show(path).tracks, 1.5)[0] == pytest.approx([4.5, -6.5, 5.5])
+    top["buffers"][0]["uri"] = "%2E%2E/my%20show.bin"
+    path.write_text(json.dumps(top))
+    assert "leads to" in findings(path)["VRF501"].notes[0]
+
+
 def coloured(material, *channels):
     """Return a scene of one drone that shows a material, which channels may change.
 
