@@ -262,6 +262,9 @@ class _Assessment:
         worst, allowed = found.worst, show.battery.allowed
         needed = float(found.used[worst]) + found.abort
         if needed > allowed:
+            # From this second on an abort would take more than is allowed.
+            late = 1.0 - found.left[:, worst] + found.abort > allowed
+            second = float(found.times[int(late.argmax())])
             self.findings.append(
                 Finding(
                     "SAF131",
@@ -269,7 +272,7 @@ class _Assessment:
                     f"show and abort take {100.0 * needed:.0f} % of the battery, "
                     f"{100.0 * allowed:.0f} % may be taken (estimate)",
                     needed - allowed,
-                    Place(worst, float(found.times[-1])),
+                    Place(worst, second),
                 )
             )
         lowest = np.nan_to_num(found.voltage, nan=0.0)

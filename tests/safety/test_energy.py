@@ -107,6 +107,13 @@ def test_too_small_a_battery_is_found(logged):
     small = replace(show, battery=replace(show.battery, capacity=60.0 * 3.6))
     codes = {item.code for item in safety_case(logged, small).errors}
     assert {"SAF131"} <= codes
+    found = safety_case(logged, small)
+    empty = next(item for item in found.errors if item.code == "SAF131")
+    assert empty.place is not None
+    drone, row = empty.place.drone, round(empty.place.time) - 1
+    spent = 1.0 - found.energy.left[:, drone] + found.energy.abort
+    assert spent[row] > small.battery.allowed
+    assert row == 0 or spent[row - 1] <= small.battery.allowed
     weak = replace(show, battery=replace(show.battery, resistance=0.5))
     assert "SAF132" in {item.code for item in safety_case(logged, weak).errors}
     assert "SAF131" not in {item.code for item in safety_case(logged, show).findings}
