@@ -18,9 +18,8 @@ class SolveOptions:
 
     gap: float = 0.001
     """Time first allowed over the greatest single-drone minimum, as a fraction."""
-    gap_limit: float = 0.5
-    """Extra time, as a fraction, beyond which repair gives up for the shared
-    straight-line profile."""
+    gap_limit: float = 4.0
+    """Extra time, as a fraction, with which the search for a first flight gives up."""
     effort: int = 1
     """Work to spend where drones are crowded, from 1: a multiple of what ends the
     search for shorter times."""

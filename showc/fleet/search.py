@@ -21,7 +21,6 @@ from showc.errors import SolveError
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours
 from showc.fleet.deconfliction.repair import Move, Repair
-from showc.fleet.deconfliction.stretched import StretchedFlights, fly_ways_slowly
 from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,
@@ -74,7 +73,7 @@ _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 _NONE: Mapping[int, Trajectory] = MappingProxyType({})
 
-Found = Repair | StretchedFlights | WidenedFlights
+Found = Repair | WidenedFlights
 """Flights of all drones over one common time, and how they were found."""
 
 
@@ -189,8 +188,6 @@ class Search:
             failed = time
             if best is None:
                 best = self.surely()
-            if best is None and (self.spent or gap >= longest):
-                best = self._slowly()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
             gap = min(self._growth(repair) * gap, longest)
@@ -291,13 +288,7 @@ class Search:
         self._looked = True
         return self._known
 
-    def _slowly(self) -> StretchedFlights | None:
-        """Look for a flight that takes its time; it bounds the search from above."""
-        crossing = self._crossing()
-        found = None if crossing is None else fly_ways_slowly(crossing)
-        return found if found is not None and self._inside(found) else None
-
-    def _inside(self, found: StretchedFlights | WidenedFlights) -> bool:
+    def _inside(self, found: WidenedFlights) -> bool:
         """Whether flights stay within the fence."""
         fence = self.fence
         if fence is None:

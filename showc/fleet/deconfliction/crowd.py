@@ -171,6 +171,3 @@ class Crossing:
     profile: Profile
     """One on which all can fly straight."""
     fence: Fence | None = None
-    margin: float = 2e-3
-    """How much more than the separation samples keep, as a share of it: above what
-    most ways bend between two samples."""
