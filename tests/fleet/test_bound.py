@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from showc.fleet.lower_bound.bound import lower_bound, surplus
 from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.vertical import quickest_ascent
@@ -101,6 +102,12 @@ def test_the_bound_never_exceeds_a_flight_that_exists(way):
 def test_with_jerk_no_bound_exceeds_a_flight_that_exists_either(way, jerk):
     limits, way = replace(LIMITS, jerk=jerk), np.array(way)
     flown = shared_profile(VEHICLE, limits, 0.3, np.zeros((1, 3)), way[None])
+    straight = fly_straight(VEHICLE, 0.3, np.zeros((1, 3)), way[None], flown)
+    times = np.linspace(0.0, flown.duration, 4001)
+    speed = straight.trajectory(0).state.select([3, 4, 5])
+    push = speed.derivative()(times)
+    change = np.linalg.norm(np.diff(push, axis=0), axis=1) / (times[1] - times[0])
+    assert change.max() <= jerk * (1.0 + 1e-6)
     found = lower_bound(Relaxation(VEHICLE, limits, "held", 0.3), 0, way, 5.0)
     assert 0.5 * flown.duration < found.time < flown.duration
 

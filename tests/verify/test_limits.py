@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lies import Log
 from verified import loaded, proved_flight, script_of, with_table, written
 
 from showc.log import showc_pb2 as pb
 from showc.vehicle.motion import thrust_direction
+from showc.verify import verify_log
 from showc.verify.kernel.bernstein import (
     basis,
     elevate,
@@ -253,6 +255,23 @@ def test_a_jerk_beyond_the_limit_and_a_thrust_that_jumps_are_found(tmp_path):
         lie = stated(with_table(show, number, control=control))
         assert not lie["VRF334"].holds
         assert lie["VRF334"].value == pytest.approx(2e-6, rel=1e-3)
+
+
+def test_a_log_that_hides_its_scripts_limit_of_jerk_is_found(tmp_path):
+    jerky(300.0, tmp_path)
+    path = tmp_path / "jerky.mcap"
+    log = Log.read(path.read_bytes())
+    before = verify_log(path, missions=False)
+    assert not before.failures()
+    for claimed in (0.0, 400.0):
+
+        def change(rules, claimed=claimed):
+            for limits in rules.limits:
+                limits.jerk = claimed
+
+        log.edit("/show/rules", 0, pb.Rules, change)
+        path.write_bytes(log.bytes())
+        assert verify_log(path, missions=False).failures()
 
 
 def test_thrust_may_jump_where_jerk_is_not_limited(log_and_show):
