@@ -116,3 +116,31 @@ def test_drones_that_stay_where_they_are_arrive_on_time_too(more):
     (_, stayed) = moves("{to: row, at: 40, hold: 2}", same)
     assert stayed[2] == 60.0
     assert stayed[1] > 59.9
+
+
+def test_a_hold_is_not_lengthened_whose_motion_is_joined_at_its_rate():
+    """How fast a rotation turns, and so how it is met, depends on the hold."""
+    text = """\
+showc: 1
+drones: 4
+separation: 2
+formations:
+  ring: {type: circle, radius: 6, centre: [0, 0, 18]}
+  row: {type: line, length: 15, centre: [0, -14, 12]}
+transitions:
+  - {to: ring, hold: 6, motion: [{rotate: 100}], arrive: moving}
+  - {to: row, at: 60}
+"""
+
+    def planned(script):
+        itinerary = build_itinerary(read_show(script.encode(), path="s.yaml").show)
+        times = {leg.index: 5.0 for leg in itinerary.legs if leg.open}
+        return scheduled(itinerary, times)
+
+    with pytest.raises(SolveError, match="must know for how long: write 'hold: ") as no:
+        planned(text)
+    wanted = str(no.value).rsplit("'hold: ", 1)[1].rstrip("'")
+    held = planned(text.replace("hold: 6", f"hold: {wanted}"))
+    assert any(leg.kind == "motion" and leg.in_motion for leg in held.legs)
+    # At rest at both ends it may last as long as it likes.
+    assert planned(text.replace(", arrive: moving", ""))
