@@ -12,6 +12,7 @@ from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
+    from showc.view.scene import SecondFleet
 
 
 @click.command(name="view")
@@ -32,6 +33,13 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Put the recording that the script names into the page.",
 )
+@click.option(
+    "--flown",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    metavar="RECORD",
+    help="Draw what was flown beside it, as compare reads it; may be repeated.",
+)
 @foreign_options
 def command(
     log: Path,
@@ -39,6 +47,7 @@ def command(
     show: bool,
     no_verify: bool,
     music: bool,
+    flown: tuple[Path, ...],
     rules: Rules,
 ) -> int:
     """Make a page that plays the show in any browser.
@@ -48,6 +57,8 @@ def command(
     the transitions as chapters, cues, curves of the whole fleet against its limits, the
     missions' predicted flights, the tubes that showc simulate found in wind, and the
     verdict of showc verify, which is run first.
+    With --flown, the flown fleet stands beside the solved one instead of the predicted.
+    RECORD is what stream wrote, a .BIN, a .tlog, or a folder of such.
     Music plays in step: a file chosen in the page, or with --music the script's.
 
     Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
@@ -60,9 +71,10 @@ def command(
     """
     page = output or log.with_suffix(".html")
     if is_foreign(log):
-        verdict: str | None = _draw_foreign(log, page, no_verify or music, rules)
+        misplaced = no_verify or music or bool(flown)
+        verdict: str | None = _draw_foreign(log, page, misplaced, rules)
     else:
-        verdict = _draw(log, page, no_verify, music)
+        verdict = _draw(log, page, no_verify, music, flown)
     if verdict is not None:
         click.echo(verdict)
     click.echo(f"wrote {page}; open it in a browser")
@@ -79,14 +91,17 @@ def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
 
     if misplaced:
         raise UsageError(
-            f"{log}: --no-verify and --music are for showc's own logs; leave them out"
+            f"{log}: --no-verify, --music and --flown are for showc's own logs; "
+            "leave them out"
         )
     judged = judge_foreign(log, rules)
     write_file(page, render_foreign(judged).encode())
     return str(judged.verification["verdict"])
 
 
-def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
+def _draw(
+    log: Path, page: Path, no_verify: bool, music: bool, flown: tuple[Path, ...]
+) -> str | None:
     """Write the page of a log; return the verdict."""
     from showc.cli.simulate import wind_of
     from showc.errors import UsageError
@@ -97,6 +112,7 @@ def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
     from showc.view.scene import Soundtrack
 
     logged = read_log(log)
+    fleet = _flown_fleet(log, flown) if flown else None
     verdict = None if no_verify else verify_log(log, jobs=None).to_json()
     script = logged.read_script().show
     soundtrack = Soundtrack.of(None if script is None else script.music)
@@ -109,6 +125,29 @@ def _draw(log: Path, page: Path, no_verify: bool, music: bool) -> str | None:
                 "again, or choose a file in the page"
             )
         recording = logged.attachments[name]
-    html = render_page(logged, verdict, soundtrack, recording, wind_of(log))
+    html = render_page(
+        logged, verdict, soundtrack, recording, wind=wind_of(log), flown=fleet
+    )
     write_file(page, html.encode())
     return None if verdict is None else str(verdict["verdict"])
+
+
+def _flown_fleet(log: Path, flown: tuple[Path, ...]) -> SecondFleet:
+    """Read what was flown, in the time of the page."""
+    import numpy as np
+
+    from showc.errors import UsageError
+    from showc.vehicle_link.compare import load_flown
+    from showc.view.scene import SecondFleet
+    from showc.view.second_fleet import frame_times, mission_times
+
+    flight = load_flown(log, flown)
+    times = frame_times(flight.show)
+    missions = flight.course.kind == "missions"
+    places = flight.places(mission_times(flight.show, times) if missions else times)
+    if np.isnan(places).all():
+        raise UsageError(
+            f"{flown[0]}: holds no place from the show's 0 to its {times[-1]:.1f} s; "
+            "wanted the record of a flight of this compile"
+        )
+    return SecondFleet("As flown", times, places, shown=True)

@@ -177,6 +177,23 @@ class Flown:
         planned = self.course.at(drone, track.times)
         return np.asarray(np.linalg.norm(track.positions - planned, axis=1))
 
+    def places(self, times: FloatArray) -> FloatArray:
+        """Return where all drones of the show were, shape (k, drones, 3) [m].
+
+        Parameters
+        ----------
+        times
+            In the time of the course, shape (k,) [s]. A drone is not a number before
+            its record begins and after its end, and where it has none.
+        """
+        found = np.full((times.size, self.show.drones, 3), np.nan)
+        for drone, track in self.tracks.items():
+            for axis in range(3):
+                found[:, drone, axis] = np.interp(
+                    times, track.times, track.positions[:, axis], np.nan, np.nan
+                )
+        return found
+
 
 def load_flown(
     plan: Path, flown: Sequence[Path], *, against: Kind | None = None

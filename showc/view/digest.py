@@ -13,7 +13,7 @@ from showc.log import showc_pb2 as pb
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.log.reader import LoggedSegment, LoggedShow
 
 
@@ -158,3 +158,15 @@ def nearest_at(
     # Of two drones in one place, the tree may name either first.
     a, b = sorted({int(i) for i in index[nearest]} | {nearest})[:2]
     return Encounter(a, b, time, float(distance[nearest, 1]))
+
+
+def every(logged: LoggedShow, stride: int) -> IntArray:
+    """Return each ``stride``-th step of the log's grid, and the last step of all."""
+    steps = np.arange(0, logged.times.size, stride)
+    last = logged.times.size - 1
+    return steps if steps[-1] == last else np.append(steps, last)
+
+
+def stride_within(logged: LoggedShow, budget: int) -> int:
+    """Return the least stride that leaves at most ``budget`` samples of the log."""
+    return max(1, -(-logged.samples.size // budget))

@@ -1,4 +1,4 @@
-"""What the whole fleet does over the show, against its limits, and what missions make.
+"""What the whole fleet does over the show, against its limits.
 
 Extremes are those of the log's samples: curves to look at, no proof.
 """
@@ -6,7 +6,7 @@ Extremes are those of the log's samples: curves to look at, no proof.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -119,47 +119,3 @@ def _apart(
         apart[row] = min(apart[row], one.distance)
     limit = np.full(many, separation.distance)
     return Band("Nearest pair", "m", 2, times[chosen], apart, limit, least=True)
-
-
-def predicted_places(logged: LoggedShow, times: FloatArray) -> FloatArray | None:
-    """Where the missions' flights most likely are, shape (T, drones, 3) [m].
-
-    Missions wait between legs: each leg of theirs is shown from the moment on at which
-    the solved one begins.
-
-    Parameters
-    ----------
-    logged
-        The show.
-    times
-        Show times, shape (T,) [s].
-
-    Returns
-    -------
-    ndarray or None
-        None where the log has no prediction.
-    """
-    prediction = (logged.manifest.get("missions") or {}).get("prediction") or {}
-    if not logged.predicted_times.size or "legs" not in prediction:
-        return None
-    begins, slots = _slots(logged, prediction)
-    which = np.searchsorted(begins, times, side="right") - 1
-    clock = slots[which] + times - begins[which]
-    ends = np.append(slots[1:], logged.predicted_times[-1])
-    clock = np.minimum(clock, ends[which])
-    rows = np.searchsorted(logged.predicted_times, clock + 1e-9, side="right") - 1
-    found = logged.predicted[np.clip(rows, 0, None)]
-    return np.stack([found[name] for name in "xyz"], axis=-1).astype(float)
-
-
-def _slots(
-    logged: LoggedShow, prediction: dict[str, Any]
-) -> tuple[FloatArray, FloatArray]:
-    """Show times at which legs begin, and those of the missions, both from 0 [s]."""
-    pairs = [(0.0, 0.0)]
-    pairs += [(leg["optimal_start"], leg["slot"]) for leg in prediction["legs"]]
-    if "land_start" in prediction:
-        pairs.append((logged.segments[-1].start, prediction["land_start"]))
-    pairs.sort()
-    begins, slots = np.array(pairs).T
-    return begins, slots

@@ -16,12 +16,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.view.digest import digest, speeds, tightest, tilt_angles
+from showc.view.digest import (
+    digest,
+    every,
+    speeds,
+    stride_within,
+    tightest,
+    tilt_angles,
+)
 from showc.view.document import badge
 from showc.view.findings import findings_of
-from showc.view.fleet import bands_of, predicted_places
+from showc.view.fleet import bands_of
 from showc.view.overview import ground_of
 from showc.view.scene import Band, Chapter, GroupMove, Meeting, Scene, Signal
+from showc.view.second_fleet import predicted_fleet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +38,7 @@ if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
     from showc.simulate.results import Campaign
     from showc.view.digest import Digest
-    from showc.view.scene import Soundtrack
+    from showc.view.scene import SecondFleet, Soundtrack
 
 
 SCRIPTS = (
@@ -46,8 +54,6 @@ SCRIPTS = (
 """The page's code, in the order in which it is joined."""
 FRAME_BUDGET = 3_500_000
 """Greatest number of positions in a page (frames x drones)."""
-_PREDICTED = 4
-"""Frames of the solved fleet for each of the predicted one."""
 SIGNAL_BUDGET = 1_600_000
 """Greatest number of values of each plotted quantity (frames x drones)."""
 
@@ -57,13 +63,16 @@ def render_page(
     verification: Mapping[str, Any] | None = None,
     soundtrack: Soundtrack | None = None,
     recording: bytes = b"",
+    *,
     wind: Campaign | None = None,
+    flown: SecondFleet | None = None,
 ) -> str:
     """Return the page as HTML, with the verdict of ``showc verify --json``, or none.
 
     The cues of a ``soundtrack`` stand on its ruler; a ``recording`` (the bytes of a
     sound file) becomes a part of it. Tubes of simulated flights in ``wind`` are drawn
-    about the drones.
+    about the drones. Beside them stands the fleet as it was ``flown``; without it, as
+    the missions are predicted.
 
     The positions in it are within a 130,000th of the flight's extent of the logged
     ones (1 mm for 130 m), between frames along straight lines. The address of the page
@@ -71,6 +80,7 @@ def render_page(
     chosen drone, camera, without engineering).
     """
     scene = replace(scene_of(logged, soundtrack), findings=findings_of(verification))
+    scene = replace(scene, second=flown or predicted_fleet(logged))
     if wind is not None:
         scene = _with_tubes(scene, wind)
     return render_whole(scene, verification, recording)
@@ -164,15 +174,13 @@ def scene_of(logged: LoggedShow, soundtrack: Soundtrack | None = None) -> Scene:
     """Return what a page draws of a log."""
     digests = digest(logged)
     rate = logged.rules.log_rate
-    stride = _stride(logged, FRAME_BUDGET)
-    signal_stride = _stride(logged, SIGNAL_BUDGET)
+    stride = stride_within(logged, FRAME_BUDGET)
+    signal_stride = stride_within(logged, SIGNAL_BUDGET)
     signal_stride = max(stride, signal_stride - signal_stride % stride)
-    frames = _steps(logged, stride)
+    frames = every(logged, stride)
     meshes, mesh_index = _meshes(logged)
     samples = logged.samples[frames]
     encounters = _encounters(digests)
-    sparse = _PREDICTED * stride
-    ghost = predicted_places(logged, logged.times[_steps(logged, sparse)])
     return Scene(
         name=logged.rules.name,
         duration=logged.duration,
@@ -182,27 +190,13 @@ def scene_of(logged: LoggedShow, soundtrack: Soundtrack | None = None) -> Scene:
         chapters=tuple(_chapter(one) for one in digests),
         ground=ground_of(logged),
         encounters=encounters,
-        signals=_signals(logged, _steps(logged, signal_stride)),
+        signals=_signals(logged, every(logged, signal_stride)),
         signal_step=signal_stride / rate,
         meshes=meshes,
         mesh_index=mesh_index,
         bands=bands_of(logged, encounters),
         soundtrack=soundtrack,
-        predicted=ghost,
-        predicted_step=sparse / rate,
     )
-
-
-def _stride(logged: LoggedShow, budget: int) -> int:
-    """Take every so-manyth step of the log, so that no more than ``budget`` remain."""
-    return max(1, -(-logged.samples.size // budget))
-
-
-def _steps(logged: LoggedShow, stride: int) -> IntArray:
-    """Every ``stride``-th step of the log's grid, and the last step of all."""
-    steps = np.arange(0, logged.times.size, stride)
-    last = logged.times.size - 1
-    return steps if steps[-1] == last else np.append(steps, last)
 
 
 def _signals(logged: LoggedShow, frames: IntArray) -> tuple[Signal, ...]:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 STEPS = 65_000
 """Steps over the bounding box along each axis; fits 16 bits."""
 
+NOWHERE = -32_768
+"""The step that says that a place is not known: the least of 16 bits."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
@@ -165,6 +168,32 @@ class Soundtrack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SecondFleet:
+    """The same drones as they fly elsewhere, drawn hollow beside the solved ones."""
+
+    name: str
+    """For people."""
+    times: FloatArray
+    """Show times, even but for the last, shape (T,) [s]."""
+    positions: FloatArray
+    """Shape (T, drones, 3), show frame [m]; not a number where it is not known."""
+    shown: bool = False
+    """Whether a page begins with it."""
+
+    def header(self) -> dict[str, Any]:
+        """Return what is not numbers of each drone."""
+        low, scale = _box(self.positions)
+        return {
+            "name": self.name,
+            "shown": self.shown,
+            "frames": self.times.size,
+            "frameStep": float(self.times[1] - self.times[0]),
+            "origin": (low + scale * (STEPS // 2)).tolist(),
+            "scale": scale.tolist(),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything a page draws."""
 
@@ -190,10 +219,7 @@ class Scene:
     bands: tuple[Band, ...] = ()
     """Of the whole fleet."""
     soundtrack: Soundtrack | None = None
-    predicted: FloatArray | None = None
-    """Where the missions' flights are, every ``predicted_step``, as ``positions``."""
-    predicted_step: float = 0.0
-    """[s]."""
+    second: SecondFleet | None = None
     findings: tuple[Finding, ...] = ()
     """What verification says, listed and marked."""
     unknown: tuple[str, ...] = ()
@@ -203,7 +229,7 @@ class Scene:
 
     def header(self) -> dict[str, Any]:
         """Return what is not numbers of each drone."""
-        low, scale = self._box()
+        low, scale = _box(self.positions)
         high = self.positions.max(axis=(0, 1))
         count = self.signals[0].values.shape[0] if self.signals else 0
         return {
@@ -231,8 +257,7 @@ class Scene:
             "metric": self.ground.metric.tolist(),
             "bands": [_drawn(one) for one in self.bands],
             "soundtrack": None if self.soundtrack is None else asdict(self.soundtrack),
-            "predictedFrames": 0 if self.predicted is None else len(self.predicted),
-            "predictedStep": self.predicted_step,
+            "second": None if self.second is None else self.second.header(),
             "findings": [asdict(one) for one in self.findings],
             "unknown": list(self.unknown),
             "names": list(self.names),
@@ -247,30 +272,29 @@ class Scene:
 
     def payload(self) -> bytes:
         """Return the numbers of each drone, as the page's ``data.js`` reads them."""
-        low, scale = self._box()
         index = self.mesh_index
         if not index.size:
             index = np.zeros((len(self.chapters), self.positions.shape[1]), np.int64)
         return b"".join(
             [
-                _packed_positions((self.positions - low) / scale),
+                _packed_positions(self.positions),
                 _packed_colours(self.colours),
                 *(_packed_signal(one) for one in self.signals),
                 index.astype("<u2").tobytes(),
                 *(
-                    [_packed_positions((self.predicted - low) / scale)]
-                    if self.predicted is not None
-                    else []
+                    []
+                    if self.second is None
+                    else [_packed_positions(self.second.positions)]
                 ),
             ]
         )
 
-    def _box(self) -> tuple[FloatArray, FloatArray]:
-        """Lower corner of the bounding box, and a step along each axis, (3,) [m]."""
-        shown = [self.positions, *([] if self.predicted is None else [self.predicted])]
-        low = np.min([one.min(axis=(0, 1)) for one in shown], axis=0)
-        high = np.max([one.max(axis=(0, 1)) for one in shown], axis=0)
-        return low, np.maximum((high - low) / STEPS, 1e-4)
+
+def _box(positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower corner of the bounding box, and a step along each axis, (3,) [m]."""
+    low = np.nanmin(positions, axis=(0, 1))
+    high = np.nanmax(positions, axis=(0, 1))
+    return low, np.maximum((high - low) / STEPS, 1e-4)
 
 
 def _described(signal: Signal) -> dict[str, Any]:
@@ -307,9 +331,11 @@ def _packed_signal(signal: Signal) -> bytes:
     return np.diff(steps, axis=0, prepend=np.uint8(0)).tobytes()
 
 
-def _packed_positions(steps: FloatArray) -> bytes:
+def _packed_positions(positions: FloatArray) -> bytes:
     """Second differences in time of positions (frames, drones, 3), axis by axis."""
-    whole = np.rint(steps).astype(np.int32) - STEPS // 2
+    low, scale = _box(positions)
+    steps = np.rint((positions - low) / scale) - STEPS // 2
+    whole = np.where(np.isnan(steps), NOWHERE, steps).astype(np.int32)
     whole = np.moveaxis(whole, -1, 0)
     first = np.diff(whole, axis=1, prepend=0)
     second = np.diff(first, axis=1, prepend=0)

@@ -14,7 +14,8 @@ from PIL import Image
 from showc.simulate.results import Campaign, Tube, Weather
 from showc.view import render_leg, render_page, render_report
 from showc.view.digest import digest, tightest
-from showc.view.scene import Cue, Soundtrack
+from showc.view.scene import Cue, SecondFleet, Soundtrack
+from showc.view.second_fleet import frame_times
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -523,3 +524,56 @@ def test_tubes_of_simulated_wind_are_drawn_about_the_drones(tab, tmp_path, glidi
     assert not tab.evaluate("display.tubes")
     hidden = "document.querySelector('#menu [data-toggle=tubes]').hidden"
     assert tab.evaluate(hidden)
+
+
+def test_a_second_fleet_stands_hollow_beside_the_solved_one(tab, tmp_path, gliding_log):
+    offsets = np.zeros((16, 3))
+    offsets[:, 2] = 0.2
+    offsets[3] = [0.0, 0.0, 2.5]
+    offsets[6] = [0.0, 0.0, 1.5]
+    places = gliding_log.positions + offsets
+    places[:, 9] = np.nan
+    path = tmp_path / "flown.html"
+    fleet = SecondFleet("As flown", frame_times(gliding_log), places)
+    path.write_text(render_page(gliding_log, flown=fleet), "utf-8")
+    time, camera = 17.0, (0.0, 5.0, 70.0, [0.0, 0.0, 20.0])
+    tab.errors.clear()
+    tab.open(path, f"t={time}&play=0&az=0&el=5&dist=70&target=0,0,20")
+    hidden = "document.querySelector('#farthest').hidden"
+    assert tab.evaluate(hidden)
+    plain = picture(tab)
+    key(tab, "m")
+    tab.evaluate(FRAME)
+    assert not tab.evaluate(hidden)
+    chip = "document.querySelector('#farthest').textContent"
+    assert tab.evaluate(chip) == "◯ As flown: at most 2.50 m, drone 4"
+    changed = (picture(tab) - plain).max(axis=-1) > 40
+    state = np.stack([gliding_log.trajectory(k).state(time)[:3] for k in range(16)])
+    for drone in (3, 6):
+        x, y = projected(state[[drone]] + offsets[drone], *camera)[0]
+        rows, columns = np.indices(changed.shape)
+        away = np.hypot(columns + 0.5 - x, rows + 0.5 - y)
+        # A ring, dark inside.
+        assert changed[(away > 4.5) & (away < 7.0)].sum() > 20
+        assert not changed[away < 3.0].any()
+    # The drone without a record has no ring.
+    x, y = projected(state[[9]], *camera)[0]
+    assert not changed[int(y) - 7 : int(y) + 8, int(x) - 7 : int(x) + 8].any()
+    label = "document.querySelector('#second-label')"
+    assert tab.evaluate(f"{label}.hidden")
+    x, y = projected(state[[6]], *camera)[0]
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    tab.evaluate(FRAME)
+    assert tab.evaluate(f"{label}.textContent") == "7: 1.50 m"
+    line = "['x1','y1','x2','y2'].map(n => +document.querySelector('#second-line')"
+    ends = np.reshape(tab.evaluate(f"{line}.getAttribute(n))"), (2, 2))
+    wanted = projected(state[[6, 6]] + [[0.0] * 3, offsets[6]], *camera)
+    assert np.abs(ends - wanted).max() < 1.5
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=5, y=300)
+    tab.evaluate("document.querySelector('#farthest').click()")
+    tab.evaluate(FRAME)
+    assert tab.evaluate(f"{label}.textContent") == "4: 2.50 m"
+    key(tab, "p")
+    tab.evaluate(FRAME)
+    assert tab.evaluate(f"{label}.hidden")
+    assert tab.errors == []

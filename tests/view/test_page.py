@@ -11,11 +11,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic import gliding_flight
+from vehicle_link.test_compare import fly_missions, with_missions
 
+from showc.log.reader import read_log
 from showc.log.sample import PLACE
+from showc.vehicle_link.course import course_of
+from showc.vehicle_link.flown import FlownLog
 from showc.view import render_page
 from showc.view.digest import digest, tightest
-from showc.view.fleet import predicted_places
+from showc.view.scene import SecondFleet
+from showc.view.second_fleet import frame_times, mission_times, predicted_fleet
 
 
 def header_of(page: str) -> dict:
@@ -27,6 +32,16 @@ def payload_of(page: str) -> np.ndarray:
     found = re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL)
     raw = zlib.decompress(base64.b64decode(found.group(1)))
     return np.frombuffer(raw, dtype=np.uint8)
+
+
+def second_of(page: str) -> tuple[np.ndarray, np.ndarray]:
+    """Bytes before those of the second fleet, and its steps (frames, drones, 3)."""
+    header, data = header_of(page), payload_of(page)
+    shape = (3, header["second"]["frames"], header["drones"])
+    count = int(np.prod(shape))
+    pairs = data[-2 * count :].reshape(2, count).T.copy().view("<u2").reshape(shape)
+    steps = pairs.cumsum(axis=1, dtype=np.uint16).cumsum(axis=1, dtype=np.uint16)
+    return data[: -2 * count], np.moveaxis(steps.view(np.int16), 0, -1).astype(float)
 
 
 @pytest.fixture(scope="module")
@@ -127,11 +142,80 @@ def test_the_missions_fleet_starts_each_leg_with_the_solved_one(gliding_log):
         },
     )
     asked = np.array([moves[0].start - 1.0, moves[0].start + 0.5, moves[1].start + 1.0])
-    found = predicted_places(logged, asked)[:, 3, 0]
     wanted = [asked[0], slots[0] + 0.5, slots[1] + 1.0]
-    assert np.allclose(found, wanted, atol=0.051)
-    assert predicted_places(gliding_log, asked) is None
-    assert header_of(render_page(logged))["predictedFrames"] > 100
+    assert np.allclose(mission_times(logged, asked), wanted)
+    second = predicted_fleet(logged)
+    clock = mission_times(logged, second.times)
+    assert np.allclose(second.positions[:, 3, 0], clock, atol=1e-3)
+    assert header_of(render_page(logged))["second"]["name"] == "Missions, as predicted"
+    assert predicted_fleet(gliding_log) is None
+    assert header_of(render_page(gliding_log))["second"] is None
+
+
+def test_a_second_fleet_survives_and_changes_nothing_of_the_first(gliding_log, page):
+    places = gliding_log.positions + np.array([3.0, -400.0, 0.25])
+    places[:, 5] = np.nan
+    places[:40, 2] = np.nan
+    fleet = SecondFleet("As flown", frame_times(gliding_log), places)
+    shown = render_page(gliding_log, flown=fleet)
+    second = header_of(shown)["second"]
+    assert header_of(shown) == header_of(page) | {"second": second}
+    alone, steps = second_of(shown)
+    assert np.array_equal(alone, payload_of(page))
+    assert second["frameStep"] == pytest.approx(0.05)
+    scale = np.array(second["scale"])
+    unknown = (steps == -32768.0).any(axis=-1)
+    assert np.array_equal(unknown, np.isnan(places).any(axis=-1))
+    found = second["origin"] + scale * steps
+    off = np.abs(found - places)[~unknown]
+    assert (off <= 0.5 * scale + 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", ["missions", "trajectories"])
+def test_what_was_flown_is_drawn_in_the_time_of_the_show(tmp_path, run_showc, kind):
+    log, page = with_missions(tmp_path / "output.mcap"), tmp_path / "flown.html"
+    fly_missions(tmp_path / "logs", log, beside=0.6, kind=kind)
+    (tmp_path / "logs" / "02.BIN").unlink()
+    options = ("--no-verify", "-o", page)
+    run = run_showc("view", log, "--flown", tmp_path / "logs", *options)
+    assert run.code == 0, run.err
+    shown = page.read_text("utf-8")
+    second = header_of(shown)["second"]
+    assert second["shown"] and second["name"] == "As flown"
+    _, steps = second_of(shown)
+    assert (steps[:, 2] == -32768).all()
+    logged = read_log(log)
+    times = frame_times(logged)
+    course = course_of(logged, kind)
+    clock = mission_times(logged, times) if kind == "missions" else times
+    for drone in range(2):
+        known = (steps[:, drone] != -32768).all(axis=-1)
+        assert known.sum() > 0.5 * times.size
+        found = second["origin"] + second["scale"] * steps[known, drone]
+        off = found - course.at(drone, clock[known])
+        # The cards have ten places a second, and straight lines between them.
+        assert np.abs(off - [0.0, 0.6, 0.0]).max() < 0.1
+
+
+def test_records_that_compare_refuses_view_refuses_alike(tmp_path, run_showc):
+    log = with_missions(tmp_path / "output.mcap")
+    missing = tmp_path / "missing.BIN"
+    run = run_showc("view", log, "--flown", missing)
+    assert run.code == 2
+    assert run.err == run_showc("compare", log, missing).err
+    assert not log.with_suffix(".html").exists()
+    with FlownLog(tmp_path / "late.mcap", (0,), 0) as record:
+        record.add(0, 1000.0, np.zeros(3), np.zeros(3))
+    run = run_showc("view", log, "--flown", tmp_path / "late.mcap")
+    assert run.code == 2 and "holds no place from the show's 0" in run.err
+
+
+def test_the_second_of_a_great_fleet_has_fewer_frames(gliding_log, monkeypatch):
+    monkeypatch.setattr("showc.view.second_fleet.BUDGET", 16 * 200)
+    times = frame_times(gliding_log)
+    assert times.size <= 202
+    assert np.diff(times)[:-1] == pytest.approx(times[1] - times[0])
+    assert times[-1] == gliding_log.times[-1]
 
 
 def test_encounters_and_chapters(gliding_log, page):

@@ -54,7 +54,7 @@ function readNumbers(raw) {
   const meshes = take(2 * segments.length * drones);
   show.meshIndex = new Uint16Array(meshes.slice().buffer);
 
-  show.predicted = readPlaces(take, show.predictedFrames);
+  if (show.second) show.second.places = readPlaces(take, show.second.frames);
 }
 
 // Positions: second differences in time, low bytes first, then high bytes.
@@ -78,24 +78,37 @@ function readPlaces(take, frames) {
   return places;
 }
 
-// Frame before a time and how far it is to the next one.
-function frameAt(time) {
-  const position = Math.min(Math.max(time, 0) / show.frameStep, show.frames - 1);
-  const frame = Math.min(Math.floor(position), Math.max(show.frames - 2, 0));
-  const begin = frame * show.frameStep;
-  const length = Math.min(show.frameStep, show.duration - begin);
+// Frame of a fleet before a time and how far it is to the next one.
+function frameAt(time, { frameStep, frames } = show) {
+  const position = Math.min(Math.max(time, 0) / frameStep, frames - 1);
+  const frame = Math.min(Math.floor(position), Math.max(frames - 2, 0));
+  const begin = frame * frameStep;
+  const length = Math.min(frameStep, show.duration - begin);
   return [frame, length > 0 ? Math.min(Math.max((time - begin) / length, 0), 1) : 0];
 }
 
-function placeAt(drone, time, into = [0, 0, 0]) {
-  const [frame, share] = frameAt(time);
-  const next = Math.min(frame + 1, show.frames - 1);
+// The step that says that a place is not known.
+const NOWHERE = -32768;
+
+// Where a drone of a fleet is; null where that is not known.
+function placeAt(drone, time, fleet = show) {
+  const [frame, share] = frameAt(time, fleet);
+  const next = Math.min(frame + 1, fleet.frames - 1);
+  const place = [0, 0, 0];
   for (let axis = 0; axis < 3; axis++) {
-    const a = show.places[(frame * show.drones + drone) * 3 + axis];
-    const b = show.places[(next * show.drones + drone) * 3 + axis];
-    into[axis] = show.origin[axis] + show.scale[axis] * (a + (b - a) * share);
+    const a = fleet.places[(frame * show.drones + drone) * 3 + axis];
+    const b = fleet.places[(next * show.drones + drone) * 3 + axis];
+    if (a === NOWHERE || b === NOWHERE) return null;
+    place[axis] = fleet.origin[axis] + fleet.scale[axis] * (a + (b - a) * share);
   }
-  return into;
+  return place;
+}
+
+// How far a drone of the second fleet is from the solved one [m]; -1: not known.
+function strayed(drone, time) {
+  const other = placeAt(drone, time, show.second);
+  const own = placeAt(drone, time);
+  return other ? Math.hypot(...other.map((value, axis) => value - own[axis])) : -1;
 }
 
 function colourAt(drone, time) {

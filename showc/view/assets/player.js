@@ -2,10 +2,10 @@
 
 const $ = (selector) => document.querySelector(selector);
 const query = new URLSearchParams(location.search);
-const player = { time: 0, speed: 1, playing: false, chosen: -1, last: 0 };
+const player = { time: 0, speed: 1, playing: false, chosen: -1, pointed: -1, farthest: -1, last: 0 };
 let stage, timeline, panel;
 // What is shown beside the fleet; the menu turns each on and off.
-const display = { names: true, numbers: false, fleet: false, missions: false, tubes: false, loop: false, client: false };
+const display = { names: true, numbers: false, fleet: false, second: false, tubes: false, loop: false, client: false };
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 window.__frames = 0;
 
@@ -130,12 +130,43 @@ function drawMarks(matrix) {
     for (const [name, value] of Object.entries({ id: "", cx: x, cy: y, r: 11, class: kind })) circle.setAttribute(name, value);
     return circle;
   }));
+  const apart = drawStrayed(onPage);
   // An empty layer over the whole page would still cost software renderers its area.
-  $("#marks").style.display = ring || shown || found.length ? "" : "none";
+  $("#marks").style.display = ring || shown || apart || found.length ? "" : "none";
   moveTag($("#pair-label"), shown && [(ends[0][0] + ends[1][0]) / 2 + 12, (ends[0][1] + ends[1][1]) / 2 + 12],
     shown ? `${near.distance.toFixed(2)} m · ${near.a + 1} and ${near.b + 1}` : "");
   const tip = display.client || show.heading === null ? null : onPage(northArrow()[0]);
   moveTag($("#north"), tip && tip[1] < height - 160 && [tip[0] - 10, tip[1] - 20]);
+}
+
+function secondShown() {
+  return Boolean(show.second) && display.second && !display.client;
+}
+
+// Line from the drone under the pointer, else the chosen one, to where it is in the
+// second fleet, and how far it is; of the whole fleet the greatest distance.
+function drawStrayed(onPage) {
+  $("#farthest").hidden = !secondShown();
+  const drone = player.pointed >= 0 ? player.pointed : player.chosen;
+  const apart = secondShown() && drone >= 0 ? strayed(drone, player.time) : -1;
+  const ends = apart < 0 ? [] : [placeAt(drone, player.time), placeAt(drone, player.time, show.second)].map(onPage);
+  const shown = ends.length === 2 && ends.every(Boolean);
+  $("#second-line").style.display = shown ? "" : "none";
+  if (shown) {
+    const [a, b] = ends;
+    for (const [name, value] of Object.entries({ x1: a[0], y1: a[1], x2: b[0], y2: b[1] })) $("#second-line").setAttribute(name, value);
+  }
+  moveTag($("#second-label"), shown && [ends[0][0] + 17, ends[0][1] - 24], shown ? `${drone + 1}: ${apart.toFixed(2)} m` : "");
+  if (shown && drone === player.chosen) $("#ring-label").hidden = true;
+  if (!secondShown()) return false;
+  let most = -1;
+  for (let k = 0; k < show.drones; k++) {
+    const away = strayed(k, player.time);
+    if (away > most) [player.farthest, most] = [k, away];
+  }
+  $("#farthest").textContent = `◯ ${show.second.name}: ` + (most < 0 ? "not known now" : `at most ${most.toFixed(2)} m, drone ${player.farthest + 1}`);
+  $("#farthest").disabled = most < 0;
+  return shown;
 }
 
 function follow() {
@@ -195,7 +226,7 @@ function listenToMouse(canvas) {
   });
   canvas.addEventListener("pointermove", (event) => {
     const before = pointers.get(event.pointerId);
-    if (!before) return;
+    if (!before) return point(event.clientX, event.clientY);
     const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
     moved += Math.abs(dx) + Math.abs(dy);
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
@@ -216,12 +247,13 @@ function listenToMouse(canvas) {
     wake();
   });
   const release = (event) => {
-    if (pointers.has(event.pointerId) && moved < 5 && event.type === "pointerup") pick(event.clientX, event.clientY);
+    if (pointers.has(event.pointerId) && moved < 5 && event.type === "pointerup") choose(droneAt(event.clientX, event.clientY));
     pointers.delete(event.pointerId);
     canvas.classList.remove("grabbing");
   };
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);
+  canvas.addEventListener("pointerleave", () => { player.pointed = -1; wake(); });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
@@ -230,7 +262,8 @@ function listenToMouse(canvas) {
   }, { passive: false });
 }
 
-function pick(x, y) {
+// The drone that is drawn at a point of the page, or -1.
+function droneAt(x, y) {
   const matrix = viewProjection(innerWidth, innerHeight);
   let [best, least] = [-1, 18];
   for (let drone = 0; drone < show.drones; drone++) {
@@ -238,7 +271,14 @@ function pick(x, y) {
     const away = Math.hypot(px - x, py - y);
     if (depth > 0 && away < least) [best, least] = [drone, away];
   }
-  choose(best);
+  return best;
+}
+
+function point(x, y) {
+  const found = secondShown() ? droneAt(x, y) : -1;
+  if (found === player.pointed) return;
+  player.pointed = found;
+  wake();
 }
 
 function setSpeed(step) {
@@ -280,7 +320,7 @@ const KEYS = {
   l: () => toggle("loop"),
   "#": () => toggle("numbers"),
   g: () => toggle("fleet"),
-  m: () => show.predictedFrames && toggle("missions"),
+  m: () => show.second && toggle("second"),
   w: () => show.tubes && toggle("tubes"),
   p: () => toggle("client"),
   x: fullScreen,
@@ -310,6 +350,7 @@ function listen() {
   $("#next").onclick = () => chapterStep(1);
   $("#speed").onchange = () => setSpeed(0);
   $("#tightest").onclick = toTightest;
+  $("#farthest").onclick = () => choose(player.farthest);
   $("#menu").onclick = (event) => {
     const name = event.target.closest("[data-toggle]")?.dataset.toggle;
     if (name) toggle(name);
@@ -343,7 +384,13 @@ function describe() {
   }
   const mesh = show.meshes.length > 1 ? " · mesh intervals of the solution" : "";
   $("#legend").textContent = `Chapters · light of the fleet · closest pair of each move (◆ tightest)${mesh} · time, cues and findings (▲)`;
-  $("#menu [data-toggle=missions]").hidden = !show.predictedFrames;
+  $("#menu [data-toggle=second]").hidden = !show.second;
+  if (show.second) {
+    const { name, frameStep } = show.second;
+    // Of great fleets a page has fewer frames.
+    const sparse = frameStep > 1.5 * show.frameStep ? `, every ${frameStep.toFixed(2)} s` : "";
+    $("#menu [data-toggle=second] span").textContent = name + sparse;
+  }
   show.tubes = show.segments.some((segment) => segment.tube);
   $("#menu [data-toggle=tubes]").hidden = !show.tubes;
   $("#menu [data-toggle=fleet]").hidden = !show.bands.length;
@@ -362,6 +409,7 @@ function obeyAddress() {
     $("#speed").value = query.get("speed");
     setSpeed(0);
   }
+  if (show.second?.shown) toggle("second", true);
   if (query.has("drone")) choose(Math.min(Math.max(Number(query.get("drone")) - 1, -1), show.drones - 1));
   for (const name of Object.keys(display)) if (query.has(name)) toggle(name, query.get(name) !== "0");
   seek(Number(query.get("t") ?? 0));

@@ -5,31 +5,33 @@ in vec3 before, after;
 in vec4 colourBefore, colourAfter;
 uniform mat4 camera;
 uniform vec3 origin, scale;
-uniform float share, pixels, mirror, ghost, tube;
+uniform float share, pixels, mirror, radius, least;
 out vec3 colour;
 void main() {
   vec3 place = origin + scale * mix(before, after, share);
   place.z *= mirror;
   gl_Position = camera * vec4(place, 1.0);
+  // A place that is not known is left out.
+  if (min(before.x, after.x) < ${NOWHERE + 1}.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   colour = mix(colourBefore.rgb, colourAfter.rgb, share);
-  if (ghost > 0.5) colour = vec3(0.35, 0.95, 0.75);
   float light = max(colour.r, max(colour.g, colour.b));
-  float size = (0.3 + 1.9 * light) * (ghost > 0.5 ? 0.45 : 1.0) * pixels / gl_Position.w;
-  gl_PointSize = clamp(size, ghost > 0.5 ? 4.0 : mix(3.0, 9.0, light), 110.0);
-  if (tube > 0.0) gl_PointSize = clamp(2.0 * tube * pixels / gl_Position.w, 6.0, 250.0);
+  float size = (0.3 + 1.9 * light) * pixels / gl_Position.w;
+  gl_PointSize = clamp(size, mix(3.0, 9.0, light), 110.0);
+  if (radius > 0.0) gl_PointSize = clamp(2.0 * radius * pixels / gl_Position.w, least, 250.0);
 }`;
 
 const DRONE_FRAGMENT = `#version 300 es
 precision mediump float;
 in vec3 colour;
-uniform float strength, outline;
+uniform float strength;
+uniform vec4 outline;
 out vec4 shown;
 void main() {
   vec2 place = gl_PointCoord * 2.0 - 1.0;
   float square = dot(place, place);
   if (square > 1.0) discard;
-  if (outline > 0.5) {
-    shown = vec4(vec3(0.25, 0.6, 1.0) * (0.12 + 0.5 * smoothstep(0.7, 0.95, square)), 1.0);
+  if (outline.b > 0.0) {
+    shown = vec4(outline.rgb * mix(outline.a, 1.0, smoothstep(0.6, 0.9, square)), 1.0);
     return;
   }
   float rest = 1.0 - square;
@@ -88,6 +90,11 @@ function drawnInSoftware() {
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
+
+// Outlines: colour, and the share of it inside; radius [m], and least size [px].
+const TUBE = { tint: [0.155, 0.372, 0.62, 0.19], least: 6 };
+const HOLLOW = { tint: [0.35, 0.95, 0.75, 0], radius: 0.3, least: 13 };
+const FILLED = { tint: [0, 0, 0, 0], radius: 0, least: 0 };
 
 class Stage {
   constructor(canvas) {
@@ -154,12 +161,12 @@ class Stage {
       this.attribute(program, place, this.buffers[k].place, 3, gl.SHORT, false);
       this.attribute(program, colour, this.buffers[k].colour, 4, gl.UNSIGNED_BYTE, true);
     }
-    // The missions' fleet: places of its own, no colours.
-    this.shadow = gl.createVertexArray();
-    gl.bindVertexArray(this.shadow);
-    this.shadows = [gl.createBuffer(), gl.createBuffer()];
-    this.attribute(program, "before", this.shadows[0], 3, gl.SHORT, false);
-    this.attribute(program, "after", this.shadows[1], 3, gl.SHORT, false);
+    // The second fleet: places of its own, no colours.
+    this.second = gl.createVertexArray();
+    gl.bindVertexArray(this.second);
+    this.seconds = [gl.createBuffer(), gl.createBuffer()];
+    this.attribute(program, "before", this.seconds[0], 3, gl.SHORT, false);
+    this.attribute(program, "after", this.seconds[1], 3, gl.SHORT, false);
     gl.bindVertexArray(null);
   }
 
@@ -207,20 +214,27 @@ class Stage {
     });
   }
 
-  drawShadow(time, uniforms) {
+  drawSecond(time, uniforms) {
     const gl = this.gl;
-    const last = show.predictedFrames - 1;
-    const position = Math.min(Math.max(time / show.predictedStep, 0), last);
-    const frame = Math.min(Math.floor(position), Math.max(last - 1, 0));
-    [frame, Math.min(frame + 1, last)].forEach((wanted, k) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.shadows[k]);
-      gl.bufferData(gl.ARRAY_BUFFER, show.predicted.subarray(wanted * show.drones * 3, (wanted + 1) * show.drones * 3), gl.DYNAMIC_DRAW);
+    const { drones, second } = show;
+    const [frame, share] = frameAt(time, second);
+    [frame, Math.min(frame + 1, second.frames - 1)].forEach((wanted, k) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.seconds[k]);
+      gl.bufferData(gl.ARRAY_BUFFER, second.places.subarray(wanted * drones * 3, (wanted + 1) * drones * 3), gl.DYNAMIC_DRAW);
     });
-    gl.bindVertexArray(this.shadow);
-    gl.uniform1f(uniforms.share, position - frame);
-    gl.uniform1f(uniforms.ghost, 1);
-    gl.drawArrays(gl.POINTS, 0, show.drones);
-    gl.uniform1f(uniforms.ghost, 0);
+    gl.bindVertexArray(this.second);
+    gl.uniform3fv(uniforms.origin, second.origin);
+    gl.uniform3fv(uniforms.scale, second.scale);
+    gl.uniform1f(uniforms.share, share);
+    this.outline(uniforms, HOLLOW);
+    gl.drawArrays(gl.POINTS, 0, drones);
+    this.outline(uniforms, FILLED);
+  }
+
+  outline(uniforms, { tint, radius, least }) {
+    this.gl.uniform4fv(uniforms.outline, tint);
+    this.gl.uniform1f(uniforms.radius, radius);
+    this.gl.uniform1f(uniforms.least, least);
   }
 
   drawLines(set, matrix) {
@@ -270,13 +284,11 @@ class Stage {
     gl.drawArrays(gl.POINTS, 0, show.drones);
     const { tube } = show.segments[segmentAt(time)] ?? {};
     if (display.tubes && tube && !display.client) {
-      gl.uniform1f(uniforms.tube, tube);
-      gl.uniform1f(uniforms.outline, 1);
+      this.outline(uniforms, { ...TUBE, radius: tube });
       gl.drawArrays(gl.POINTS, 0, show.drones);
-      gl.uniform1f(uniforms.tube, 0);
-      gl.uniform1f(uniforms.outline, 0);
+      this.outline(uniforms, FILLED);
     }
-    if (display.missions && show.predictedFrames) this.drawShadow(time, uniforms);
+    if (secondShown()) this.drawSecond(time, uniforms);
     gl.bindVertexArray(null);
     return matrix;
   }
