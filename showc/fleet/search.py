@@ -61,10 +61,11 @@ _FEW = 32
 _BOLD = 0.3
 """Where a flight in closed form is the best so far, share of the time between a failed
 one and it that is tried: that flight takes far longer than it needs."""
-_WORK, _WORK_EACH = 300.0, 1.5
-"""Work after which no shorter time is tried, and how much more for each drone. The
-unit is a flight behind half-spaces that is solved, about 0.07 s on one core."""
-_AT_ONCE, _LEAST_WORK = 0.3, 100.0
+_WORK, _WORK_EACH, _WORK_EACH_MORE = 300.0, 4.0, 1.0
+"""Work after which no shorter time is tried, and how much more for each drone, and for
+each of those beyond ``_MANY``. The unit is a flight behind half-spaces that is solved,
+about 0.07 s on one core."""
+_AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
 _TOGETHER = 0.9
 """Share of the time with which a fleet that goes round corners begins, below which none
@@ -237,7 +238,9 @@ class Search:
     @property
     def left(self) -> float:
         """Work that may still be done for shorter times."""
-        allowed = _WORK + _WORK_EACH * self.leg.drones.size
+        drones = self.leg.drones.size
+        allowed = _WORK + _WORK_EACH * min(drones, _MANY)
+        allowed += _WORK_EACH_MORE * max(drones - _MANY, 0)
         return self.options.effort * allowed - self.work
 
     def at(
