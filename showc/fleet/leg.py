@@ -60,8 +60,8 @@ def fleet_of(show: Show, leg: Leg) -> Fleet:
 
 
 def airframe_of(show: Show, leg: Leg) -> Aircraft | None:
-    """Return the aircraft without its autopilot; None where the same limits hold."""
-    own = show.airframe_limits
+    """Return the aircraft alone, without autopilot or limit of jerk; None if it is."""
+    own = show.airframe_limits or (leg.limits if leg.limits.jerk else None)
     if own is None:
         return None
     limits = replace(
@@ -70,6 +70,7 @@ def airframe_of(show: Show, leg: Leg) -> Aircraft | None:
         acceleration=own.acceleration,
         acceleration_up=own.acceleration_up,
         acceleration_down=own.acceleration_down,
+        jerk=0.0,
     )
     return Aircraft(show.vehicle, limits, show.yaw, show.heading)
 

@@ -252,8 +252,8 @@ def _envelope_cost(digests: tuple[Digest, ...]) -> str:
     return (
         f'<p class="note">These moves take {flown:.1f} s within what the autopilot '
         f"follows; the airframe alone needs at least {least:.1f} s (proved for the "
-        "slowest drone of each). The autopilot's envelope costs at most "
-        f"{100.0 * (flown / least - 1.0):.0f} %.</p>"
+        "slowest drone of each). The autopilot's envelope and any limit of jerk cost "
+        f"at most {100.0 * (flown / least - 1.0):.0f} %.</p>"
     )
 
 

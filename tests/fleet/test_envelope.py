@@ -230,3 +230,13 @@ def test_a_leg_says_what_the_airframe_alone_would_need():
     alone = flight.certificate.statistics["airframe_bound"]
     free = minimum_time(Aircraft(VEHICLE, LIMITS), start[0], leg.goal[0])
     assert 0.98 * free.duration < alone <= free.duration < flight.duration
+
+
+def test_a_leg_says_what_its_limit_of_jerk_may_cost():
+    limits = replace(LIMITS, jerk=10.0).upright(3.0)
+    flight = solve(make_leg(PADS, PADS + [0.0, 0.0, 9.0], kind="launch", limits=limits))
+    alone = flight.certificate.statistics["airframe_bound"]
+    free = quickest_ascent(
+        Aircraft(VEHICLE, replace(limits, jerk=0.0)), np.array([9.0])
+    ).duration
+    assert 0.99 * free < alone <= free < flight.certificate.dual_bound
