@@ -113,8 +113,9 @@ def test_every_kind_of_flight_keeps_the_envelope_and_none_beats_the_bound(limits
         assert_within(spline.flight.trajectory(0), limits)
 
 
-def test_a_yaw_that_is_free_keeps_the_envelope_too():
-    limits = TIGHT["the preset's"]
+@pytest.mark.parametrize("jerk", [0.0, 15.0])
+def test_a_yaw_that_is_free_keeps_the_envelope_too(jerk):
+    limits = replace(TIGHT["the preset's"], jerk=jerk)
     aircraft = Aircraft(VEHICLE, limits, "free")
     start, goal = np.array([0.0, 0.0, 50.0]), np.array([6.0, 8.0, 53.0])
     least = minimum_time(aircraft, start, goal)

@@ -1,6 +1,7 @@
 """From script to show: defaults, units, fleets, groups, limits, what is refused."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -313,6 +314,24 @@ def test_the_least_time_of_a_vertical_move_is_exact():
         least_times(np.array([0.0, 0.0, 20.0]), preset.limits, preset.vehicle)
     )
     assert least == pytest.approx(wanted)
+
+
+def test_a_short_move_takes_as_long_as_its_jerk_asks():
+    """Rest to rest of the acceleration too: (32 d / j)^(1/3)."""
+    preset = PRESETS["formation-625g"]
+    limits = replace(preset.limits, jerk=4.0)
+    least = float(least_times(np.array([0.3, 0.0, 0.4]), limits, preset.vehicle))
+    assert least == pytest.approx((32.0 * 0.5 / 4.0) ** (1.0 / 3.0))
+
+
+def test_jerk_is_a_limit_in_metres_a_second_cubed(show, read):
+    lines = TEN_LINES + "limits: {jerk: WRITTEN}\n"
+    assert show(TEN_LINES).limits.jerk == 0.0
+    for text in ("15", "15 m/s^3", "15 m/s³"):
+        made = show(lines.replace("WRITTEN", text))
+        assert made.limits.jerk == made.limits.upright(1.0).jerk == 15.0
+    for text in ("15 m/s²", "0", "-3", "1e6"):
+        assert read(lines.replace("WRITTEN", text)).errors
 
 
 def test_polygons():
