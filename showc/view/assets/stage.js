@@ -93,7 +93,8 @@ function drawnInSoftware() {
 
 // Outlines: colour, and the share of it inside; radius [m], and least size [px].
 const TUBE = { tint: [0.155, 0.372, 0.62, 0.19], least: 6 };
-const HOLLOW = { tint: [0.35, 0.95, 0.75, 0], radius: 0.3, least: 13 };
+// Rings of a great fleet are smaller, or they would hide it.
+const HOLLOW = { tint: [0.35, 0.95, 0.75, 0], radius: 0.3, least: show.drones > 200 ? 9 : 13 };
 const FILLED = { tint: [0, 0, 0, 0], radius: 0, least: 0 };
 
 class Stage {
