@@ -1,7 +1,7 @@
 """The timetable: holds and durations, so that arrivals fall where the script asks.
 
 A move that is to arrive at a time takes its duration where the script gives one. Else
-it takes what it prefers: as short as can be, so many times its quickest straight
+it takes what it prefers: as short as can be, a multiple of its quickest straight
 flight's time, or the time that costs the least energy, and never more than there is.
 The hold before it takes up what is left. Moves without a time of their own are
 flown as short as can be, so their times must be known first.

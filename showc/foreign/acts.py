@@ -172,7 +172,7 @@ def strays(tracks: Tracks, begin: float, end: float) -> float:
 
 
 def frames_of(tracks: Tracks, act: Act) -> Frames | None:
-    """Return the frames of a moving picture; None: it is too long for so many drones.
+    """Return the frames of a moving picture; None: it is too long for its drones.
 
     A script draws the B-spline of degree five whose control points the frames are. So
     they lie as far outside of the file as that curve goes inside of them, and are its

@@ -442,8 +442,8 @@ SHOW = Section(
             "prefer",
             PREFER,
             "What moves do with time that they do not need. With `at` alone: `time` "
-            "flies as fast as can be, and late; a number takes so many times the time "
-            "of the quickest straight flight, if there is so much, and more is calmer; "
+            "flies as fast as can be, and late; a number, 2 say, takes twice the time "
+            "of the quickest straight flight, if there is as much, and more is calmer; "
             "`energy` takes the time that costs the fleet the least. With `duration` "
             "too, `energy` takes the profile that costs the least.",
             default=1.5,

@@ -143,7 +143,7 @@ class Site:
 
 
 Preference = Literal["time", "energy"] | float
-"""To be there soon, to take little energy, or so many times the time of the quickest
+"""To be there soon, to take little energy, or a multiple of the time of the quickest
 straight flight."""
 EffectKind = Literal["pulse", "sweep", "rainbow", "strobe", "twinkle", "run"]
 """What a colour effect does."""

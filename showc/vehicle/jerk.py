@@ -12,7 +12,7 @@ sin(lean) |r| to |b'|, lean being the angle of b to the vertical, and (a + s c)�
     (m |jerk|)² <= T'² + (1 + s) T² (p² + q² + s r²).
 
 The right side, a polynomial in what is flown, is what is limited. It leaves out cos²
-roll: at 20 degrees that asks for at most 3 % less jerk than allowed. Where thrust jumps
+roll: at 20 degrees that asks for at most 6 % less jerk than allowed. Where thrust jumps
 no bound holds, so it must be continuous besides.
 """
 

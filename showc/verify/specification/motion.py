@@ -322,7 +322,7 @@ def astray(segment: Segment, parts: Sequence[Held]) -> Iterator[str]:
     the error's polynomial of degree 8 through nine instants close by. Attitude and
     body rates follow from these, and pass the joints without a jump, by the kernel.
     """
-    worst, slip, who = 0.0, 0.0, [0, 0]
+    worst, slip, worse = 0.0, 0.0, [0, 0]
     for one in parts:
         asked = _restless(one, segment.duration) if one.motions else 0.0
         tables = (table.parts(1) for table in segment.tables)
@@ -345,22 +345,22 @@ def astray(segment: Segment, parts: Sequence[Held]) -> Iterator[str]:
             far = float(np.sqrt((off**2).sum(axis=1)).max()) + rest
             far = far if count <= _MOST else np.inf
             if not far <= worst:
-                worst, who[0] = far, int(alone.drones[0])
+                worst, worse[0] = far, int(alone.drones[0])
             for found in (off[:9], off[-9:]):
                 series = chebyshev.chebfit(1.0 - 2.0 * ends / close, found, 8)
                 for order, allowed in enumerate(JOINED, start=1):
                     slope = chebyshev.chebval(1.0, chebyshev.chebder(series, order))
                     size = float(np.abs(slope).max()) * (2.0 / close) ** order
                     if not size <= slip * allowed:
-                        slip, who[1] = size / allowed, int(alone.drones[0])
+                        slip, worse[1] = size / allowed, int(alone.drones[0])
     if not worst <= FOLLOWED:
         yield (
-            f"drone {who[0] + 1} may be {worst:.6f} m from where the motion wants it, "
+            f"drone {worse[0] + 1} may be {worst:.6f} m from where the motion has it, "
             f"{FOLLOWED:g} m is allowed"
         )
     elif not slip <= 1.0:
         yield (
-            f"drone {who[1] + 1} begins or ends in another state than the motion's: "
+            f"drone {worse[1] + 1} begins or ends in another state than the motion's: "
             f"{slip:.3g} times what is allowed"
         )
 
