@@ -15,7 +15,7 @@ MANY = {
     "fleet/single_drone/avoiding.py": {"avoid"},
     "fleet/single_drone/following.py": {"follow"},
     "fleet/single_drone/staying.py": {"stay_apart"},
-    "ocp/refinement/adaptive/judgement.py": {"judge"},
+    "ocp/refinement/judgement.py": {"judge"},
 }
 """Functions with more parameters than that, by module."""
 

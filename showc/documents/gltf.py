@@ -37,6 +37,7 @@ _TYPES = {FLOAT: ("<f4", 1.0), 5121: ("<u1", 255.0), 5123: ("<u2", 65_535.0)}
 _INDICES = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 """Types of the numbers of entries that a sparse accessor replaces."""
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
+"""Kinds of chunks of a binary glTF: "JSON" and "BIN" in ASCII, read as numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ from showc.fleet.deconfliction.walls import reversed_order
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
-from showc.fleet.search import Found, Search, whole_milliseconds
+from showc.fleet.search import Found, Room, Search, whole_milliseconds
 from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
 from showc.fleet.single_drone.single import Aircraft, hover
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
@@ -136,8 +136,7 @@ class _Solver:
             leg,
             self.where,
             self.aircraft,
-            self.separation,
-            self.fence,
+            Room(self.separation, self.fence),
             self.options,
             self.workers,
             self.progress,

@@ -11,7 +11,7 @@ Work is counted, not timed: the same leg takes the same tries on every machine.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -83,6 +83,16 @@ def whole_milliseconds(time: float) -> float:
     return math.ceil(time * 1000.0 - 1e-6) / 1000.0
 
 
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Where drones may be."""
+
+    separation: Separation
+    """How far from each other."""
+    fence: Fence | None
+    """Inside what, if there is one."""
+
+
 class Search:
     """Looks for flights of a leg's drones over one common time.
 
@@ -97,14 +107,13 @@ class Search:
         leg: Leg,
         where: str,
         aircraft: Aircraft,
-        separation: Separation,
-        fence: Fence | None,
+        room: Room,
         options: SolveOptions,
         workers: Workers,
         progress: Progress,
     ) -> None:
         self.leg, self.where, self.aircraft = leg, where, aircraft
-        self.separation, self.fence, self.options = separation, fence, options
+        self.separation, self.fence, self.options = room.separation, room.fence, options
         self.workers, self.progress = workers, progress
         self.counts: dict[str, float] = {}
         self.shortest: dict[int, Trajectory] = {}

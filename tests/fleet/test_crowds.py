@@ -17,7 +17,7 @@ from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.leg import aircraft_of
 from showc.fleet.proof import flaw
-from showc.fleet.search import Search
+from showc.fleet.search import Room, Search
 from showc.vehicle import PRESETS
 
 WIDE = replace(
@@ -72,8 +72,7 @@ def search(leg, options=None):
         leg,
         "here",
         aircraft_of(show, leg),
-        show.separation,
-        None,
+        Room(show.separation, None),
         options or make_options(),
         InProcess(),
         Listening(),

@@ -82,7 +82,6 @@ def assert_certified(flight):
         np.array(witness.beta),
         np.array(witness.knots),
         np.array(witness.multipliers),
-        64,
     )
     assert proof > 0.0
 

@@ -56,7 +56,6 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
     beta: FloatArray,
     knots: FloatArray,
     multipliers: FloatArray,
-    subdivisions: int = _SUBDIVISIONS,
     ends: FloatArray = HOVERS,
 ) -> float:
     """Left minus an upper bound of the right side: above 0 proves ``time`` wrong.
@@ -88,7 +87,7 @@ def surplus(  # noqa: PLR0917 - the names of the inequality
         turning = relaxation.limits.jerk * float(0.5 * (size[:-1] + size[1:]) @ widths)
     slopes = np.diff(multipliers, axis=0) / widths[:, None]
     cruise = float(relaxation.velocity_support(beta + slopes) @ widths)
-    part = np.arange(subdivisions + 1) / subdivisions
+    part = np.arange(_SUBDIVISIONS + 1) / _SUBDIVISIONS
     at = instants[:-1, None] + widths[:, None] * part
     value = (multipliers[:-1] + shift)[:, None] + (
         np.diff(multipliers, axis=0)[:, None] * part[:, None]
