@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -16,7 +15,7 @@ from showc.verify.decode import check_schemas, read_show
 from showc.verify.kernel.certificates import certified
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
-from showc.verify.kernel.limits import Extreme, extremes, kept
+from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.mcap import open_log
 from showc.verify.missions import Missions
@@ -30,10 +29,7 @@ from showc.verify.specification.demands import hold_against
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from showc.arrays import FloatArray
-    from showc.log.showc_pb2 import Rules
-    from showc.verify.kernel.separation import Encounter
-    from showc.verify.kernel.show import LoggedShow, Segment, Statement
+    from showc.verify.kernel.show import LoggedShow, Statement
     from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
@@ -111,13 +107,14 @@ def _proved(
     # The longest parts first, so that no process works alone at the end.
     work: dict[str, Sequence[Callable[[], Any]]] = {
         "missions": [] if beside is None else beside.parts(),
-        "segments": [partial(_examined, one, show.rules) for one in show.segments],
+        "physics": [partial(radius, one, show.rules.vehicle) for one in show.segments],
+        "limits": [partial(extremes, one, show.rules) for one in show.segments],
         "separation": encounter_parts(show),
         "choreography": [partial(joined_up, show)],
         "samples": samples.parts(),
     }
     found = _done(work, jobs, watch)
-    checks += flight_checks(show, found["segments"], found["separation"])
+    checks += _flight_checks(show, found)
     checks += [_check(one) for one in found["choreography"][0]]
     checks += join_samples(found["samples"])
     checks += [check for part in found["missions"] for check in part]
@@ -185,34 +182,13 @@ def _integrity(log: LogFile) -> list[Check]:
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class Examined:
-    """What is proved about one segment by itself."""
-
-    radius: FloatArray
-    extremes: list[Extreme]
-
-
-def _examined(segment: Segment, rules: Rules) -> Examined:
-    return Examined(radius(segment, rules.vehicle), extremes(segment, rules))
-
-
-def flight_checks(
-    show: LoggedShow, examined: Sequence[Examined], encounters: Sequence[Encounter]
-) -> list[Check]:
+def _flight_checks(show: LoggedShow, found: dict[str, list[Any]]) -> list[Check]:
     """Join what the parts found, in the order of the segments."""
-    radii = [one.radius for one in examined]
-    limits = kept(show, radii, [one.extremes for one in examined])
+    radii, encounters = found["physics"], found["separation"]
+    limits = kept(show, radii, found["limits"])
     apart = separated(show, radii, closest_of(encounters))
-    return [
-        _check(one)
-        for one in (
-            *ties(show, radii),
-            *limits,
-            apart,
-            *certified(show, encounters),
-        )
-    ]
+    stated = [*ties(show, radii), *limits, apart, *certified(show, encounters)]
+    return [_check(one) for one in stated]
 
 
 def _check(statement: Statement) -> Check:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.distance import pdist
 from verified import proved_flight, show_of, table_of, written
 
 from showc.log import showc_pb2 as pb
@@ -121,6 +122,20 @@ def test_drones_that_stand_are_measured_too(seed, drones, shape):
     exact = distance(place[first] - place[second], shape).min()
     assert found.lower <= exact <= found.upper + found.error
     assert found.upper - exact <= RESOLUTION + found.error
+
+
+def test_of_a_thousand_that_stand_in_four_strands_the_closest_are_found():
+    """Neighbours by height are 50 m apart, and half of all pairs are as near."""
+    turn = np.repeat(np.linspace(0.0, 6.0 * np.pi, 250), 4)
+    turn += np.tile(np.arange(4) * np.pi / 2.0, 250)
+    height = np.repeat(np.linspace(15.0, 85.0, 250), 4)
+    places = np.stack([26.0 * np.cos(turn), 26.0 * np.sin(turn), height], axis=1)
+    paths = list(places[:, None, None])
+    found = closest_encounter(show_of([table_of(paths, [np.array([0.0, 1.0])] * 1000)]))
+    exact = pdist(places).min()
+    assert found.error < 1e-6
+    assert exact - RESOLUTION - found.error <= found.lower <= exact
+    assert exact <= found.upper + found.error
 
 
 def crossing(gap, speed=5.0):

@@ -37,6 +37,7 @@ from showc.verify.kernel.slices import (
     Tracks,
     edges,
     measures,
+    near_pairs,
     take,
 )
 
@@ -194,19 +195,38 @@ class _Search:
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
-        # Neighbours at the first instant: a start that makes pruning work.
-        place = positions.position[positions.first[:-1], 0]
-        order = np.lexsort(place.T)
-        distance = self.measure(np.diff(place[order], axis=0))
-        row = int(np.argmin(distance))
-        self.best, self.time = float(distance[row]), positions.begin
-        self.pair = int(order[row : row + 2].min()), int(order[row : row + 2].max())
+        self._start(positions.position[positions.first[:-1], 0], positions.begin)
         for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break
         lower = max(self.best - RESOLUTION - self.error, 0.0)
         return Encounter(lower, self.best, self.pair, self.time, during, self.error)
+
+    def _start(self, place: FloatArray, time: float) -> None:
+        """Take the closest pair of one instant: a start that makes pruning work.
+
+        Neighbours along one axis may be far apart, and too many pairs as near as they.
+        Where a lattice has more than the crowd, some are nearer than 0.8 of its edge:
+        no more than 150 a drone are within reach of each other else.
+        """
+        order = np.lexsort(place.T)
+        self._take(place, np.stack([order[:-1], order[1:]], axis=1), time)
+        reach = self.best
+        for _ in range(5 * _HALVINGS):
+            pairs = near_pairs(place, reach, _CROWD * len(place))
+            if pairs is not None:
+                self._take(place, pairs, time)
+                break
+            reach *= 0.8
+
+    def _take(self, place: FloatArray, pairs: IntArray, time: float) -> None:
+        """Take the closest of pairs (n, 2), if it is closer than the best."""
+        distance = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
+        row = int(np.argmin(distance)) if distance.size else 0
+        if distance.size and distance[row] < self.best:
+            self.best, self.time = float(distance[row]), time
+            self.pair = int(pairs[row].min()), int(pairs[row].max())
 
     def _slice(self, positions: Tracks, low: float, high: float, halvings: int) -> None:
         """Search a slice of time, in halves where drones stand in heaps."""

@@ -193,7 +193,9 @@ def _metadata(
 ) -> Iterator[str]:
     if len(log.metadata) != 1:
         yield f"there are {len(log.metadata)} metadata records, not one"
-    epoch = _epoch(anchor, show)
+    epoch = show.epoch
+    if anchor.show is not None:
+        epoch = round(Fraction(anchor.show.epoch.timestamp()) * 1_000_000_000)
     if show.epoch != epoch:
         yield f"the log begins at {show.epoch} ns, the script at {epoch} ns"
     script = found.get("script", "")
@@ -234,13 +236,6 @@ def _says(found: str, wanted: str | float) -> bool:
         return found == repr(float(found)) and same(float(found), wanted)
     except ValueError:
         return False
-
-
-def _epoch(anchor: Anchor, show: LoggedShow) -> int:
-    """Time stamp of show time zero that the script asks for [ns]."""
-    if anchor.show is None:
-        return show.epoch
-    return round(Fraction(anchor.show.epoch.timestamp()) * 1_000_000_000)
 
 
 def _attachments(
