@@ -12,7 +12,7 @@ import numpy as np
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
 from showc.verify.decode import check_schemas, read_show
-from showc.verify.kernel.certificates import certified
+from showc.verify.kernel.certificates import certified, excess
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
@@ -110,6 +110,7 @@ def _proved(
         "physics": [partial(radius, one, show.rules.vehicle) for one in show.segments],
         "limits": [partial(extremes, one, show.rules) for one in show.segments],
         "separation": encounter_parts(show),
+        "bounds": [partial(excess, show, one) for one in show.segments],
         "choreography": [partial(joined_up, show)],
         "samples": samples.parts(),
     }
@@ -187,7 +188,8 @@ def _flight_checks(show: LoggedShow, found: dict[str, list[Any]]) -> list[Check]
     radii, encounters = found["physics"], found["separation"]
     limits = kept(show, radii, found["limits"])
     apart = separated(show, radii, closest_of(encounters))
-    stated = [*ties(show, radii), *limits, apart, *certified(show, encounters)]
+    claims = certified(show, found["bounds"], encounters)
+    stated = [*ties(show, radii), *limits, apart, *claims]
     return [_check(one) for one in stated]
 
 

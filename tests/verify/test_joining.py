@@ -9,7 +9,7 @@ from verified import loaded
 from showc.pipeline.compile import CompileOptions, compile_script
 from showc.script import load_show, read_show
 from showc.verify import verify_log
-from showc.verify.kernel.certificates import certified
+from showc.verify.kernel.certificates import certified, excess
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.specification.demands import hold_against
 
@@ -171,7 +171,8 @@ def test_a_bound_for_hovers_is_none_for_a_drone_that_arrives_in_motion(logged):
     """The witness holds with the states at the ends, and not without them."""
 
     def bounds(flown):
-        found = certified(flown, [None] * len(flown.segments))
+        beyond = [excess(flown, one) for one in flown.segments]
+        found = certified(flown, beyond, [None] * len(flown.segments))
         return next(one.holds for one in found if one.code == "VRF341")
 
     assert bounds(logged)

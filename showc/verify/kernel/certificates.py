@@ -320,21 +320,18 @@ def refuted(
 
 
 def certified(
-    show: LoggedShow, encounters: Sequence[Encounter | None]
+    show: LoggedShow, beyond: Sequence[float], encounters: Sequence[Encounter | None]
 ) -> list[Statement]:
-    """State what bounds on time and claimed encounters of all segments are worth.
-
-    ``encounters`` are the closest ones, one for each segment.
-    """
+    """State what claims are worth; :func:`excess` and closest encounters are given."""
     bounds, order, closest = [], [], []
-    for one, near in zip(show.segments, encounters, strict=True):
+    for one, late, near in zip(show.segments, beyond, encounters, strict=True):
         said = one.message.certificate
         if said.dual_bound or said.HasField("witness"):
-            bounds.append(_seen(one, said.witness.drone, _excess(show, one)))
+            bounds.append(_seen(one, said.witness.drone, late))
         # Bound <= greatest single-drone minimum <= time flown.
         single = said.single_drone_minimum or one.duration
-        late = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
-        order.append(_seen(one, 0, late))
+        over = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
+        order.append(_seen(one, 0, over))
         if near is not None and (said.HasField("closest") or not one.holds):
             closest.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
     return [
@@ -352,7 +349,7 @@ def _seen(segment: Segment, drone: int, value: float) -> Seen:
     return Seen(name, segment.start, np.array([drone]), values)
 
 
-def _excess(show: LoggedShow, segment: Segment) -> float:
+def excess(show: LoggedShow, segment: Segment) -> float:
     """By how much a claimed bound is beyond what its witness proves [s]."""
     certificate, proved = segment.message.certificate, False
     witness = certificate.witness
