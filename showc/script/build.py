@@ -443,6 +443,8 @@ class Builder:
 
 
 def _preference(settings: Settings) -> Preference:
+    if "prefer" not in settings:
+        return 1.0  # what is wrong with it has been said
     wanted = settings.number_or_text("prefer")
     if isinstance(wanted, str):
         return "energy" if wanted == "energy" else "time"

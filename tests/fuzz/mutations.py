@@ -5,7 +5,7 @@ import re
 import struct
 
 import yaml
-from fuzz.seeds import FILES, SCRIPT
+from fuzz.seeds import FILES, SCRIPTS
 
 from showc.script.fields import SHOW
 from showc.script.formation_fields import resolve
@@ -162,7 +162,7 @@ def _at(node, path):
 
 def tree(chance):
     """The script with one to six of its nodes changed."""
-    script = yaml.load(SCRIPT, yaml.BaseLoader)  # noqa: S506 - texts only
+    script = yaml.load(chance.choice(SCRIPTS), yaml.BaseLoader)  # noqa: S506 - texts
     for _ in range(chance.randint(1, 6)):
         places = list(_places(script))
         if not places:
@@ -202,7 +202,8 @@ _SIGNS = [
 
 def script(chance):
     """A script, changed as a tree, as a text, or both."""
-    content = (SCRIPT if chance.random() < 0.2 else tree(chance)).encode(
+    whole = chance.random() < 0.2
+    content = (chance.choice(SCRIPTS) if whole else tree(chance)).encode(
         errors="replace"
     )
     if chance.random() < 0.4:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fuzz.seeds import FILES, SCRIPT, show_with
+from fuzz.seeds import FILES, SCRIPTS, show_with
 from fuzz.subjects import SUBJECTS, tried
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -49,7 +49,8 @@ def warm():
         for name, make in FILES.items():
             (Path(place) / name).write_bytes(make())
             read_show(show_with(name), folder=Path(place))
-            read_show(SCRIPT.encode(), folder=Path(place))
+            for script in SCRIPTS:
+                read_show(script.encode(), folder=Path(place))
 
 
 def campaign(name, cases, seed):

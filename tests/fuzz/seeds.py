@@ -166,8 +166,50 @@ def font():
     return (folder / "Vera.ttf").read_bytes()
 
 
+def dance():
+    """Three places at six moments."""
+    rows = [
+        f"{0.5 * frame},{place + 1},{6 * place + 0.1 * frame},{0.2 * frame},18"
+        for frame in range(6)
+        for place in range(3)
+    ]
+    return "\n".join(["time,place,x,y,z", *rows]).encode()
+
+
+def animated():
+    """A scene with one node that moves."""
+    body = struct.pack("<4f", *range(4)) + struct.pack("<12f", *range(12))
+    content = base64.b64encode(body).decode()
+    scene = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"name": "one"}],
+        "buffers": [
+            {"byteLength": 64, "uri": f"data:application/octet-stream;base64,{content}"}
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 16},
+            {"buffer": 0, "byteOffset": 16, "byteLength": 48},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
+        ],
+        "animations": [
+            {
+                "samplers": [{"input": 0, "output": 1}],
+                "channels": [
+                    {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+                ],
+            }
+        ],
+    }
+    return json.dumps(scene).encode()
+
+
 FILES = {
     "places.csv": csv,
+    "dance.csv": dance,
+    "dance.gltf": animated,
     "drawing.svg": svg,
     "ball.obj": obj,
     "ball.off": off,
@@ -237,36 +279,6 @@ def vviz():
     return json.dumps(top).encode()
 
 
-def animated():
-    """A scene with one node that moves."""
-    body = struct.pack("<4f", *range(4)) + struct.pack("<12f", *range(12))
-    content = base64.b64encode(body).decode()
-    scene = {
-        "asset": {"version": "2.0"},
-        "nodes": [{"name": "one"}],
-        "buffers": [
-            {"byteLength": 64, "uri": f"data:application/octet-stream;base64,{content}"}
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": 16},
-            {"buffer": 0, "byteOffset": 16, "byteLength": 48},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "SCALAR"},
-            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
-        ],
-        "animations": [
-            {
-                "samplers": [{"input": 0, "output": 1}],
-                "channels": [
-                    {"sampler": 0, "target": {"node": 0, "path": "translation"}}
-                ],
-            }
-        ],
-    }
-    return json.dumps(scene).encode()
-
-
 def table():
     """One drone's places and colours."""
     rows = [f"{n * 200},{n % 3},{n},{min(n, 9 - n)},255,{n},0" for n in range(10)]
@@ -297,6 +309,12 @@ KINDS |= dict.fromkeys((".png", ".jpg", ".gif", ".bmp", ".webp"), "image")
 
 def show_with(name):
     """A script whose only formation is drawn from a file."""
+    if name.startswith("dance"):
+        return (
+            "showc: 1\nseparation: 0.1\nformations:\n"
+            f"  it: {{type: frames, file: {name}}}\n"
+            f"transitions: [{{to: it, motion: [{{follow: {name}}}]}}]\n"
+        ).encode()
     kind = KINDS[name[name.rindex(".") :]]
     keys = f"text: Az9, font: {name}" if kind == "text" else f"file: {name}"
     return (
@@ -355,3 +373,38 @@ mission: {light_servos: [9, 10, 11], light_pwm: [1000, 2000], slack: 4, board: c
 log_rate: 30
 seed: 3
 """
+
+MOVING = """
+showc: 1
+name: Lanes and motions
+drones: 6
+site:
+  audience: [{name: stands, line: [[-30, -60], [30, -60]]}]
+  buildings: [{name: hall, area: [[90, 0], [99, 0], [99, 40]], height: 12}]
+  wind: 3
+  ceiling: 90
+limits: {jerk: 40, level_speed: 5, acceleration: 4, acceleration_up: 3}
+separation: {distance: 1.5, tracking: 5 cm}
+music: {bpm: 120, offset: 1, beats_per_bar: 4, cues: {drop: 44, end: 01:20}}
+prefer: energy
+groups: {left: 1-3, right: 4-6}
+formations:
+  ring: {type: circle, radius: 8, plane: front, centre: [0, 0, 20]}
+  west: {type: circle, radius: 4, count: 3, centre: [-14, 0, 18]}
+  east: {type: frames, file: dance.csv, transform: [{shift: [12, 0, 0]}]}
+  sign: {type: text, text: HI, height: 16, spread: true, centre: [0, 0, 24]}
+transitions:
+  - {to: ring, at: bar 12, arrive: moving, leave: moving, hold: 8, prefer: time,
+     motion: [{rotate: {angle: 90, axis: y}}, {wave: {amplitude: 1, wavelength: 30}}],
+     lights: [{after: 1, colour: red}, {at: bar 14, colour: gold, fade: end}]}
+  - {to: west, group: left, start: 34, at: "@drop"}
+  - {to: east, group: right, start: bar 19, duration: 12, hold: 2}
+  - {to: ring, at: beat 150, motion: [{breathe: 1.2}, {orbit: {radius: 0.6}}]}
+  - {to: sign, motion: [{travel: [[4, 0, 0], [0, 0, 0]]}, {morph: [ring]}], hold: 20}
+  - {to: ring, assignment: keep, prefer: 2, effect: {kind: run, beats: 2,
+     colours: [red, white]}}
+exports: [skyc, {to: kml}]
+mission: {wanted: false}
+"""
+SCRIPTS = (SCRIPT, MOVING)
+"""Scripts with every kind of thing that a show can have, between them."""
