@@ -399,7 +399,7 @@ transitions:
      lights: [{after: 1, colour: red}, {at: bar 14, colour: gold, fade: end}]}
   - {to: west, group: left, start: 34, at: "@drop"}
   - {to: east, group: right, start: bar 19, duration: 12, hold: 2}
-  - {to: ring, at: beat 150, motion: [{breathe: 1.2}, {orbit: {radius: 0.6}}]}
+  - {to: ring, at: beat 150, motion: [{breathe: 1.2}, {orbit: {radius: 0.5}}]}
   - {to: sign, motion: [{travel: [[4, 0, 0], [0, 0, 0]]}, {morph: [ring]}], hold: 20}
   - {to: ring, assignment: keep, prefer: 2, effect: {kind: run, beats: 2,
      colours: [red, white]}}

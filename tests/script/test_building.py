@@ -397,3 +397,9 @@ def test_the_place_furthest_from_all_others_is_found(count, others, seed):
     nearest = times(goals[None] - places[:, None]).min(axis=1)
     assert _furthest(places, goals, times, 10**6) == nearest.max()
     assert _furthest(places, goals, times, 1) <= nearest.max()
+
+
+def test_a_preference_that_is_none_ends_in_one_message(read):
+    text = "prefer: calm\nformations: {a: {type: circle, count: 4, radius: 6}}\n"
+    (found,) = read(text + "transitions: [a]\n").errors
+    assert found.code == "SHW103" and "`calm`" in found.message

@@ -15,7 +15,8 @@ from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
 from showc.fleet.single_drone.symmetry import images, kinds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.execution.pool import Workers
@@ -132,20 +133,14 @@ def limiting_time(
     if not solve:
         length = float(np.linalg.norm(displacement[chosen[0]]))
         return Limiting(best.time, chosen[0], length, best, 0, len(witnesses), {})
-    progress.stage(f"{name}: minimum times", len(chosen))
-    results: list[Result] = workers.run(
-        minimum_time,
-        [(aircraft, start[row], goal[row]) for row in chosen],
-        progress.advance,
+    flights = _flown(
+        {row: (aircraft, start[row], goal[row]) for row in chosen},
+        workers,
+        progress,
+        name,
     )
-    flights = {
-        row: result
-        for row, result in zip(chosen, results, strict=True)
-        if result.solved
-    }
     if flights:
-        slowest = max(flights, key=lambda row: (flights[row].duration, -row))
-        time = flights[slowest].duration
+        slowest, time = _slowest(flights)
     else:
         # The straight flight is always there; the gap is then measured against it.
         times = least_times(
@@ -209,18 +204,12 @@ def limiting_in_motion(
     flights: dict[int, Result] = {}
     if solve:
         chosen = candidates[order[:_SOLVED_AT_MOST]].tolist()
-        progress.stage(f"{name}: minimum times", len(chosen))
-        results: list[Result] = workers.run(
-            minimum_time, [(aircraft, *ends[row]) for row in chosen], progress.advance
+        flights = _flown(
+            {row: (aircraft, *ends[row]) for row in chosen}, workers, progress, name
         )
-        flights = {
-            row: result
-            for row, result in zip(chosen, results, strict=True)
-            if result.solved
-        }
         if flights:
-            slowest = max(flights, key=lambda row: (flights[row].duration, -row))
-            time = max(time, flights[slowest].duration)
+            slowest, longest = _slowest(flights)
+            time = max(time, longest)
     return Limiting(
         time,
         slowest,
@@ -230,6 +219,28 @@ def limiting_in_motion(
         len(witnesses),
         flights,
     )
+
+
+def _flown(
+    moves: Mapping[int, tuple[Any, ...]],
+    workers: Workers,
+    progress: Progress,
+    name: str,
+) -> dict[int, Result]:
+    """Solve the minimum times of some moves, by drone; leave out those without one."""
+    progress.stage(f"{name}: minimum times", len(moves))
+    results: list[Result] = workers.run(
+        minimum_time, list(moves.values()), progress.advance
+    )
+    return {
+        row: result for row, result in zip(moves, results, strict=True) if result.solved
+    }
+
+
+def _slowest(flights: Mapping[int, Result]) -> tuple[int, float]:
+    """Return the drone with the longest flight, the first of several, and its time."""
+    slowest = max(flights, key=lambda row: (flights[row].duration, -row))
+    return slowest, flights[slowest].duration
 
 
 def _straight(aircraft: Aircraft, displacement: FloatArray) -> FloatArray:

@@ -208,12 +208,12 @@ class _Search:
 
         Neighbours along one axis may be far apart, and too many pairs as near as they.
         Where a lattice has more than the crowd, some are nearer than 0.8 of its edge:
-        no more than 150 a drone are within reach of each other else.
+        no more than 150 a drone are within reach else. The 100th is 2e-10 as wide.
         """
         order = np.lexsort(place.T)
         self._take(place, np.stack([order[:-1], order[1:]], axis=1), time)
         reach = self.best
-        for _ in range(5 * _HALVINGS):
+        for _ in range(100):
             pairs = near_pairs(place, reach, _CROWD * len(place))
             if pairs is not None:
                 self._take(place, pairs, time)
