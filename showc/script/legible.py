@@ -13,6 +13,7 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity, Spot
 from showc.script.formations.shape import PLANES
+from showc.script.gallery import MAX_PLACES
 from showc.script.placing import transform
 from showc.script.settings import Settings
 from showc.script.wording import number_text
@@ -81,7 +82,10 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
             continue
         # Along strokes the number grows with the length, over areas with its square.
         power = 2.0 if own.text("draw") == "inside" else 1.0
-        needed = int(np.ceil(len(points) * (STEM * apart / stem) ** power))
+        # Places in a level row have letters without height.
+        share = (STEM * apart / max(stem, 1e-3)) ** power
+        needed = int(np.ceil(len(points) * share))
+        enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
         yield Diagnostic(
             "SHW216",
             Severity.WARNING,
@@ -90,7 +94,7 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
             f"{number_text(round(apart, 1))} m apart",
             own.mark_of("text"),
             notes=(f"{len(points)} drones write it",),
-            help=f"use about {needed} drones, or write less",
+            help=f"use {enough}, or write less",
             spot=Spot(name, ()),
         )
 

@@ -75,3 +75,12 @@ def test_a_picture_like_a_mirrored_one_may_be_turned_back():
 def test_pictures_that_look_the_same_from_both_sides_are_no_finding():
     assert found(BACK, text="AHA") == []
     assert found(BACK, text="AHAB") != []
+
+
+def test_letters_without_height_are_answered():
+    text = "showc: 1\ndrones: 2\ntransitions: [eight]\nformations:\n"
+    text += "  eight: {type: text, text: '8', height: 6, centre: [3, 3, 26]}\n"
+    (word,) = [
+        one for one in read_show(text.encode()).diagnostics if one.code == "SHW216"
+    ]
+    assert "letters are 0 m high" in word.message and word.help.startswith("use more")
