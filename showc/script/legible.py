@@ -83,7 +83,7 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
         # Along strokes the number grows with the length, over areas with its square.
         power = 2.0 if own.text("draw") == "inside" else 1.0
         # Places in a level row have letters without height.
-        share = (STEM * apart / max(stem, 1e-3)) ** power
+        share = (STEM * apart / max(stem, 1e-6)) ** power
         needed = int(np.ceil(len(points) * share))
         enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
         yield Diagnostic(
