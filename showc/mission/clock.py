@@ -7,9 +7,7 @@ from datetime import UTC, datetime, timedelta
 from math import floor
 
 from showc.errors import ExportError, UsageError
-
-HOUR = 3600.0
-"""After this the same minute and second come round [s]."""
+from showc.script.missions import HOUR
 
 ANY = -1.0
 """An hour that is left open."""

@@ -22,6 +22,7 @@ from showc.mission.items import (
     SpeedKind,
     without_position,
 )
+from showc.script.missions import pulse_widths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -316,13 +317,6 @@ def leg_colours(show: Show, leg: Leg) -> FloatArray:
     placed = leg.places >= 0
     chosen = colours[np.where(placed, leg.places, 0)]
     return np.asarray(np.where(placed[:, None], chosen, 0.0))
-
-
-def pulse_widths(options: MissionOptions, colours: FloatArray) -> IntArray:
-    """Pulse widths (n, 3) [us] of linear ``colours`` (n, 3), 0 to 1."""
-    dark, full = options.light_pwm
-    part = np.clip(colours, 0.0, 1.0)
-    return np.rint(dark + part * (full - dark)).astype(np.int64)
 
 
 def change_moment(show: Show, leg: Leg) -> Moment:

@@ -14,22 +14,21 @@ import numpy as np
 
 from showc.autopilot.parameters import parameters_for
 from showc.autopilot.stage import StageBuilder
-from showc.autopilot.timing import Timing, tube
+from showc.autopilot.timing import Timing
 from showc.errors import ExportError
 from showc.geodesy import SiteFrame
-from showc.mission.clock import MissionClock
-from showc.mission.encode import lights_left_out
-from showc.mission.items import item_budget
+from showc.mission.encode import leg_colours, lights_left_out
 from showc.schedule.encodings import choose_encoding
 from showc.schedule.surroundings import Surroundings
-from showc.schedule.timeline import refuse_motions
+from showc.script.missions import (
+    ALWAYS,
+    UNMOVED,
+    pulse_widths,
+    refusals,
+)
 
 if TYPE_CHECKING:
-    from showc.plan.itinerary import Itinerary, Leg
-    from showc.script.show import Show
-
-LEAST_ITEMS = 4
-"""Items of a leg: speed, slot, its fraction, waypoint."""
+    from showc.plan.itinerary import Itinerary
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,35 +52,31 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     show = itinerary.show
     if not show.mission.wanted:
         return MissionOutlook(("the script wants none",), ())
+    found = [one.message for one in refusals(show, _most_items(itinerary))]
     notes = list(lights_left_out(show))
     if show.mission.autopilot == "px4":
-        return MissionOutlook(
-            (), (*notes, "how PX4 flies missions is not known: nothing is proved")
-        )
-    refused = _of_show(show, itinerary.legs)
-    if not refused:
+        return MissionOutlook((), (*notes, *found))
+    if not found:
         notes += _of_legs(itinerary)
-    return MissionOutlook(tuple(refused), tuple(notes))
+    return MissionOutlook(tuple(found), tuple(notes))
 
 
-def _of_show(show: Show, legs: tuple[Leg, ...]) -> list[str]:
-    """Return what forbids missions of this show altogether."""
-    found = []
-    try:
-        refuse_motions(legs)
-        tube(show.site.wind)
-        budget = item_budget("ardupilot", show.mission.board)
-        moves = sum(leg.kind not in {"hold", "launch", "land"} for leg in legs)
-        if LEAST_ITEMS * moves > budget:
-            found.append(
-                f"missions of {moves} legs have at least {LEAST_ITEMS * moves} items, "
-                f"board {show.mission.board!r} holds {budget}"
-            )
-        holds = sum(leg.duration or 0.0 for leg in legs if leg.kind == "hold")
-        MissionClock(None, show.mission.start_minute).check_span(holds)
-    except ExportError as error:
-        found.append(str(error))
-    return found
+def _most_items(itinerary: Itinerary) -> int:
+    """Items at least of the drone that has most of them, by its places and colours."""
+    show = itinerary.show
+    options, autopilot = show.mission, show.mission.autopilot
+    servos = 0 if options.light_servos is None else len(options.light_servos)
+    count = np.full(show.drones, ALWAYS[autopilot] + servos)
+    shown = pulse_widths(options, np.zeros((show.drones, 3)))
+    for leg in itinerary.legs:
+        if leg.kind not in {"transition", "approach"}:
+            continue
+        after = pulse_widths(options, leg_colours(show, leg))
+        changed = np.sum(after != shown, axis=1) if servos else 0
+        moved = np.any(np.abs(leg.goal - leg.start) > UNMOVED, axis=1)
+        count += (moved | (np.asarray(changed) > 0)) + moved.astype(int) + changed
+        shown = after
+    return int(count.max())
 
 
 def _of_legs(itinerary: Itinerary) -> list[str]:

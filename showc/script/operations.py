@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
 from showc.script.fence import fence_distance, inside_polygon
-from showc.script.lanes import chapters, own_times
+from showc.script.missions import mission_findings
 from showc.script.spacing import closest
 from showc.script.timing import least_mean_time
 from showc.script.wording import number_text
@@ -47,7 +47,7 @@ def operation_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _fleet(sketch)
     yield from _battery(sketch)
     yield from _fence_margin(sketch)
-    yield from _missions(sketch)
+    yield from mission_findings(sketch)
 
 
 def _warning(
@@ -191,33 +191,6 @@ def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
             sketch.settings.mark_of("transitions"),
             "shorten the holds, or split the show",
         )
-
-
-def _missions(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Find what missions cannot carry, where they are wanted (SHW308)."""
-    show = sketch.show
-    if show is None or not show.mission.wanted:
-        return
-    moving = next((one for one in show.transitions if one.motion), None)
-    if moving is not None:
-        yield _warning(
-            "SHW308",
-            f"missions cannot carry the motion of `{moving.to}`",
-            moving.mark,
-            "write `mission: {wanted: false}` and fly the log, or leave `motion` out",
-        )
-    for members in chapters(show):
-        together = [show.transitions[index] for index in members]
-        if own_times(together):
-            names = " and ".join(f"`{one.name}`" for one in together[:2])
-            yield _warning(
-                "SHW308",
-                f"missions cannot carry {names}: their groups have times of their own",
-                together[0].mark,
-                "write `mission: {wanted: false}` and fly the log, or give the groups "
-                "the same times",
-            )
-            return
 
 
 def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:

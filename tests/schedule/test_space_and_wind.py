@@ -12,9 +12,9 @@ from showc.errors import ExportError
 from showc.flight import Flight
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
-from showc.mission.items import ARDUPILOT_ITEMS
 from showc.plan.itinerary import Itinerary
 from showc.script.fields import BOARDS
+from showc.script.missions import ARDUPILOT_ITEMS
 from showc.verify.missions import law
 
 

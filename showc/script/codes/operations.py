@@ -75,11 +75,14 @@ CODES = (
     Code(
         "SHW308",
         "what missions cannot carry",
-        "Groups move at times of their own, or a formation moves while it is held. In "
-        "missions all drones wait for the same slot before each straight leg, so none "
-        "are written.",
+        "Groups move at times of their own, or a formation moves while it is held: in "
+        "missions all drones wait for the same slot before each straight leg. Or a "
+        "mission has more items than its board holds, or its slots of minute and "
+        "second come round again before it lands. Then none are written. Missions for "
+        "PX4 are written, but nothing of them is proved.",
         "Want no missions and fly the log (`showc stream`), give groups that are flown "
-        "together the same times, or leave the motion out.",
+        "together the same times, leave the motion out, choose a larger board, or name "
+        "the hour with --start.",
         "groups: {a: 1, b: 2}\n"
         "formations: {row: {type: points, points: [[0, 0, 20]]}, "
         "top: {type: points, points: [[4, 0, 25]]}}\n"
