@@ -14,7 +14,7 @@ import numpy as np
 
 from showc.autopilot.parameters import parameters_for
 from showc.autopilot.stage import StageBuilder
-from showc.autopilot.timing import Timing
+from showc.autopilot.timing import Timing, tube
 from showc.errors import ExportError
 from showc.geodesy import SiteFrame
 from showc.mission.encode import leg_colours, lights_left_out
@@ -56,6 +56,10 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     notes = list(lights_left_out(show))
     if show.mission.autopilot == "px4":
         return MissionOutlook((), (*notes, *found))
+    try:
+        tube(show.site.wind)
+    except ExportError as error:
+        found.append(str(error))
     if not found:
         notes += _of_legs(itinerary)
     return MissionOutlook(tuple(found), tuple(notes))
