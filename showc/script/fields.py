@@ -272,11 +272,22 @@ MUSIC = Section(
     ),
 )
 
-BOARDS = (
-    *("4k", "8k", "15k", "16k", "32k"),
-    *("f4", "f405", "pixhawk", "cube", "fmuv3", "sitl", "h743"),
-)
-"""Autopilot boards whose room for missions is known."""
+BOARDS = {
+    "4k": 161,
+    "8k": 303,
+    "15k": 303,
+    "16k": 650,
+    "32k": 1306,
+    "f4": 303,
+    "f405": 303,
+    "pixhawk": 650,
+    "cube": 650,
+    "fmuv3": 650,
+    "sitl": 650,
+    "h743": 1306,
+}
+"""Autopilot boards, and the items with home that fit: ArduPilot keeps 15 bytes of each,
+less 4 bytes."""
 
 MISSION = Section(
     "mission",
@@ -324,7 +335,7 @@ MISSION = Section(
         ),
         Field(
             "board",
-            Choice(BOARDS),
+            Choice(tuple(BOARDS)),
             "Autopilot board, for the number of items it can hold.",
             default="pixhawk",
         ),

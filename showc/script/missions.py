@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.fields import BOARDS
 from showc.script.lanes import arrival, chapters, own_times, rest
 from showc.script.wording import number_text
 
@@ -19,22 +20,6 @@ if TYPE_CHECKING:
     from showc.script.build import Sketch
     from showc.script.show import Mark, MissionOptions, Show, Transition
 
-
-ARDUPILOT_ITEMS = {
-    "4k": 161,
-    "f405": 303,
-    "f4": 303,
-    "8k": 303,
-    "15k": 303,
-    "16k": 650,
-    "pixhawk": 650,
-    "cube": 650,
-    "fmuv3": 650,
-    "sitl": 650,
-    "32k": 1306,
-    "h743": 1306,
-}
-"""Items including home, of which ArduPilot keeps 15 bytes each, less 4 bytes."""
 
 PX4_ITEMS = 500
 """Items on PX4's usual boards."""
@@ -79,7 +64,7 @@ class Refusal:
 
 def item_budget(autopilot: str, board: str) -> int:
     """Return the greatest number of items a mission may have."""
-    return PX4_ITEMS if autopilot == "px4" else ARDUPILOT_ITEMS[board]
+    return PX4_ITEMS if autopilot == "px4" else BOARDS[board]
 
 
 def mission_findings(sketch: Sketch) -> Iterator[Diagnostic]:

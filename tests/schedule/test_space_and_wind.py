@@ -13,8 +13,6 @@ from showc.flight import Flight
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
 from showc.plan.itinerary import Itinerary
-from showc.script.fields import BOARDS
-from showc.script.missions import ARDUPILOT_ITEMS
 from showc.verify.missions import law
 
 
@@ -83,10 +81,6 @@ def test_the_checker_has_the_same_measurements():
         np.testing.assert_allclose(spread, timing.spread(speeds))
         np.testing.assert_allclose(late, timing.late(speeds))
         assert np.all(late <= tube(wind).late_fast)
-
-
-def test_scripts_name_the_boards_whose_room_is_known():
-    assert set(BOARDS) == set(ARDUPILOT_ITEMS)
 
 
 def test_what_missions_cannot_carry_is_known_before_the_solve():
