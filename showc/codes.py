@@ -5,11 +5,14 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
-from textwrap import fill
+from textwrap import fill, indent
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
+
+_WIDTH = 80
+"""Columns of an explanation in the terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +27,12 @@ class Code:
     """What exactly is compared, and why it fails."""
     repair: str
     """What to do when it fails."""
+    severity: str = "error"
+    """``error`` or ``warning``."""
+    example: str = ""
+    """Part of a script, or a situation, that causes it."""
+    instead: str = ""
+    """Part of a script that says the same without the finding."""
 
 
 def read_codes(package: str, name: str) -> dict[str, Code]:
@@ -37,19 +46,11 @@ def explained(code: str, known: Mapping[str, Code]) -> str | None:
     found = known.get(code.strip().upper())
     if found is None:
         return None
-    return (
-        f"{found.code}: {found.title}\n\n{fill(found.cause, 80)}\n\n"
-        f"{fill(f'What to do: {found.repair}', 80)}\n"
-    )
-
-
-def entries(codes: Iterable[Code], level: int) -> list[str]:
-    """Return the lines of codes in a Markdown chapter, headings of that level."""
-    return [
-        line
-        for one in codes
-        for line in (
-            *("", f"{'#' * level} {one.code}: {one.title}"),
-            *("", one.cause, "", one.repair),
-        )
-    ]
+    warning = " (warning)" if found.severity == "warning" else ""
+    parts = [f"{found.code}{warning}: {found.title}", fill(found.cause, _WIDTH)]
+    if found.example:
+        parts.append("Example:\n\n" + indent(found.example, "    "))
+    parts.append(fill(f"What to do: {found.repair}", _WIDTH))
+    if found.instead:
+        parts.append("Use instead:\n\n" + indent(found.instead, "    "))
+    return "\n\n".join(parts) + "\n"

@@ -7,37 +7,18 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
+import findings_reference  # noqa: E402
 import gallery  # noqa: E402
 import ocp_reference  # noqa: E402
+import script_reference  # noqa: E402
 import tutorial  # noqa: E402
 
-from showc.codes import entries  # noqa: E402
-from showc.safety.codes import codes_reference as safety_reference  # noqa: E402
-from showc.script.codes import codes_reference  # noqa: E402
-from showc.script.reference import script_reference  # noqa: E402
 from showc.script.schema import schema_text  # noqa: E402
-from showc.verify.codes import ROOMS, codes  # noqa: E402
-
-
-def checks_reference():
-    """The chapter of all codes of checks, Markdown."""
-    lines = [
-        "# Checks of verify",
-        "",
-        "Every check of `showc verify` has a code that never changes its meaning.",
-    ]
-    for hundred, heading in enumerate(ROOMS.values(), 1):
-        own = [one for one in codes().values() if one.code[3] == str(hundred)]
-        lines += ["", f"## {heading}", *entries(own, 3)]
-    return "\n".join(lines) + "\n"
-
 
 GENERATED = {
     ROOT / "schemas" / "show.schema.json": schema_text,
-    ROOT / "showc" / "docs" / "script.md": script_reference,
-    ROOT / "showc" / "docs" / "codes.md": lambda: (
-        f"{codes_reference()}\n{checks_reference()}\n{safety_reference()}"
-    ),
+    ROOT / "showc" / "docs" / "script.md": script_reference.page,
+    ROOT / "showc" / "docs" / "codes.md": findings_reference.page,
     ROOT / "showc" / "docs" / "gallery.md": gallery.page,
     **{
         ROOT / "showc" / "docs" / ocp_reference.FOLDER / f"{name}.md": (

@@ -27,8 +27,11 @@ TEXT = {
 
 
 def prose_of(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines of prose with their numbers: all of a document, text tokens of code."""
+    """Lines of prose with their numbers: of code, text tokens alone."""
     text = path.read_text(encoding="utf-8")
+    if path.suffix == ".toml":
+        yield from enumerate(text.splitlines(), 1)
+        return
     if path.suffix == ".md":
         blank = CODE_BLOCK.sub(lambda block: "\n" * block[0].count("\n"), text)
         yield from enumerate(blank.splitlines(), 1)
@@ -41,6 +44,7 @@ def prose_of(path: Path) -> Iterator[tuple[int, str]]:
 def main() -> int:
     """Print the findings as file:line; return 1 if there are any."""
     documents = [*ROOT.glob("*.md"), *(ROOT / "showc" / "docs").glob("*.md")]
+    tables = (ROOT / "showc").rglob("*.toml")
     code = [
         path
         for path in (ROOT / "showc").rglob("*.py")
@@ -48,7 +52,7 @@ def main() -> int:
     ]
     found = [
         f"{path.relative_to(ROOT)}:{number}: “{match[0]}” in: {line.strip()}"
-        for path in sorted([*documents, *code])
+        for path in sorted([*documents, *tables, *code])
         for number, line in prose_of(path)
         if (match := PATTERN.search(line))
     ]

@@ -22,7 +22,7 @@ MAY_IMPORT = {
     "trajectory": set(),
     "documents": {"errors", "files"},
     "vehicle": FOUNDATION,
-    "script": FOUNDATION | {"vehicle", "documents"},
+    "script": FOUNDATION | {"codes", "vehicle", "documents"},
     "plan": FOUNDATION | {"vehicle", "script"},
     "flight": FOUNDATION | {"vehicle", "script", "plan"},
     "ocp": FOUNDATION,

@@ -17,22 +17,20 @@ def command(code: str | None) -> int:
       showc explain VRF321
     """
     from showc.codes import explained
-    from showc.safety import codes as safety_codes
-    from showc.script.codes import CODES, explain
-    from showc.verify import codes
+    from showc.safety import codes as safety
+    from showc.script import codes as script
+    from showc.verify import codes as verify
 
-    tables = {**codes.codes(), **safety_codes.codes()}
-    titles = {name: entry.title for name, entry in CODES.items()}
-    titles |= {name: entry.title for name, entry in tables.items()}
+    known = {**script.codes(), **verify.codes(), **safety.codes()}
     if code is None:
-        for name, title in sorted(titles.items()):
-            click.echo(f"{name}  {title}")
+        for name in sorted(known):
+            click.echo(f"{name}  {known[name].title}")
         return 0
-    text = explain(code) or explained(code, tables)
+    text = explained(code, known)
     if text is None:
         from difflib import get_close_matches
 
-        near = get_close_matches(code.upper(), titles, n=3, cutoff=0.5)
+        near = get_close_matches(code.upper(), known, n=3, cutoff=0.5)
         hint = f"; near it: {', '.join(near)}" if near else ""
         raise click.UsageError(
             f"there is no code {code!r}{hint} (showc explain lists them all)"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from showc.script.codes import Code
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.render import render
 from showc.script.show import Mark
@@ -45,11 +44,7 @@ def render_findings(verification: Verification, form: str) -> str:
         for check in verification.checks
         if check.verdict in {*FAULTS, "warning"}
     ]
-    rules = {
-        code: Code(code, known.title, known.cause, known.repair)
-        for code, known in codes().items()
-    }
-    return render(found, {path: ""}, form, rules=rules)
+    return render(found, {path: ""}, form, rules=codes())
 
 
 def _finding(check: Check, path: str) -> Diagnostic:

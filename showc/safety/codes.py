@@ -6,7 +6,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.codes import entries, read_codes
+from showc.codes import read_codes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,11 +18,3 @@ if TYPE_CHECKING:
 def codes() -> Mapping[str, Code]:
     """Return every code, ``SAF`` and three digits, in order."""
     return MappingProxyType(read_codes(__package__, "codes.toml"))
-
-
-def codes_reference() -> str:
-    """Return the chapter of all codes, Markdown."""
-    return (
-        "\n".join(["# Findings of the safety case", *entries(codes().values(), 2)])
-        + "\n"
-    )

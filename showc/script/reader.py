@@ -28,6 +28,7 @@ from showc.script.kinds import (
     Kind,
     Paint,
     Plain,
+    Quantity,
     Section,
     Table,
 )
@@ -293,6 +294,7 @@ class Reader:
             self._empty(node, span, key, kind)
         match kind:
             case Either():
+                self._misspelt(kind, node, key)
                 return self.value(self._choose(kind, node), node, span, key)
             case Section():
                 return self.section(kind, node, span)
@@ -338,6 +340,30 @@ class Reader:
                 node.mark if node.text or fix else span,
                 help_text=advice,
                 fix=fix,
+            )
+
+    def _misspelt(self, kind: Either, node: Node, key: str) -> None:
+        """Refuse a word that is none of a choice, where a number would do as well."""
+        known = [
+            word
+            for option in kind.options
+            if isinstance(option, Choice)
+            for word in option.options
+        ]
+        numbers = all(
+            isinstance(one, Choice | Quantity | Items) for one in kind.options
+        )
+        if not known or not numbers or not isinstance(node, Scalar):
+            return
+        if node.text[:1].isalpha() and node.text not in known:
+            near = suggestion(node.text, known)
+            raise self._bad(
+                "SHW106",
+                f"`{key}` cannot be `{node.text}`",
+                node.mark,
+                help_text=(f"did you mean `{near}`? " if near else "")
+                + f"give {wanted_text(kind)}",
+                fix=certain(node.text, known),
             )
 
     def _choose(self, kind: Either, node: Node) -> Kind:

@@ -75,7 +75,7 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
     faults: list[Diagnostic] = []
     if "showc:" not in text or "ignore" not in text:
         return requests, faults
-    from showc.script.codes import CODES  # noqa: PLC0415 - start-up counts
+    from showc.script.codes import codes as known_codes  # noqa: PLC0415 - start-up counts
 
     for number, line in enumerate(text.split("\n"), start=1):
         match = _COMMENT.search(line)
@@ -99,7 +99,7 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
             faults.append(_faulty("the comment gives no reason", mark))
         else:
             for code in codes:
-                if code in CODES:
+                if code in known_codes():
                     requests.append(_Request(code, target, mark, reason))
                 else:
                     faults.append(_faulty(f"there is no code `{code}`", mark))

@@ -115,7 +115,13 @@ def wanted_text(kind: Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
         case Table():
             text = f"a mapping from the name of each {kind.what}"
         case Either():
-            text = words(wanted_text(option) for option in kind.options)
+            each = [
+                [f"`{word}`" for word in option.options]
+                if isinstance(option, Choice)
+                else [wanted_text(option)]
+                for option in kind.options
+            ]
+            text = words(part for parts in each for part in parts)
         case _:
             text = "something else"
     return text

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from showc.codes import explained
 from showc.script import Severity, load_show
-from showc.script.codes import CODES, explain
+from showc.script.codes import codes
 from showc.script.render import render
 
+CODES = codes()
 FOLDER = Path(__file__).parent / "broken"
 SCRIPTS = sorted(FOLDER.glob("*.yaml"))
 # Found before there is a file, and by later stages.
@@ -32,7 +34,7 @@ def test_the_code_the_script_is_for(path, monkeypatch):
     result = findings(path, monkeypatch)
     own = [item for item in result.diagnostics if item.code == path.stem]
     assert own
-    assert all(item.severity is CODES[path.stem].severity for item in own)
+    assert all(item.severity == CODES[path.stem].severity for item in own)
     assert (result.show is None) == bool(result.errors)
     assert result.unreadable == (path.stem in {
         "SHW001", "SHW002", "SHW003", "SHW008", "SHW011"
@@ -61,15 +63,16 @@ def test_every_code_has_a_script():
 
 @pytest.mark.parametrize("code", CODES)
 def test_every_code_is_explained(code):
-    text = explain(code.lower())
-    assert text.startswith(f"{code} (")
+    text = explained(code.lower(), CODES)
+    warning = " (warning)" * (CODES[code].severity == "warning")
+    assert text.startswith(f"{code}{warning}: {CODES[code].title}\n")
     assert "Example:" in text
     assert "What to do: " in text
     assert re.fullmatch(r"SHW\d{3}", code)
 
 
 def test_no_other_code_is_explained():
-    assert explain("SHW999") is None
+    assert explained("SHW999", CODES) is None
 
 
 def test_a_file_that_is_not_there(tmp_path):

@@ -402,4 +402,5 @@ def test_the_place_furthest_from_all_others_is_found(count, others, seed):
 def test_a_preference_that_is_none_ends_in_one_message(read):
     text = "prefer: calm\nformations: {a: {type: circle, count: 4, radius: 6}}\n"
     (found,) = read(text + "transitions: [a]\n").errors
-    assert found.code == "SHW103" and "`calm`" in found.message
+    assert found.code == "SHW106" and "`calm`" in found.message
+    assert {"`time`", "`energy`"} <= set(found.help.replace(",", "").split())

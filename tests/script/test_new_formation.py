@@ -45,19 +45,20 @@ transitions:
 PROGRAM = """
 import json, sys
 from showc.script.load import load_show
-from showc.script.reference import script_reference
+from script_reference import page
 from showc.script.schema import schema_text
 show = load_show("show.yaml").show
 print(json.dumps({
     "points": show.formations["x"].points.tolist(),
     "schema": '"cross"' in schema_text(),
-    "page": "Places along two lines that cross." in script_reference(),
+    "page": "Places along two lines that cross." in page(),
 }))
 """
 
 
 def test_a_module_in_the_folder_is_a_type_of_formation(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "showc", ignore=shutil.ignore_patterns("docs"))
+    shutil.copy(PACKAGE.parent / "tests" / "script_reference.py", tmp_path)
     cross = tmp_path / "showc" / "script" / "formations" / "cross.py"
     cross.write_text(MODULE, encoding="utf-8")
     (tmp_path / "show.yaml").write_text(SCRIPT, encoding="utf-8")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from showc.script.codes import Code
+    from showc.codes import Code
     from showc.script.diagnostic import Diagnostic
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
@@ -54,10 +54,10 @@ def render(
 
             return render_json(found, sources)
         case "sarif":
-            from showc.script.codes import CODES  # noqa: PLC0415
+            from showc.script.codes import codes  # noqa: PLC0415
             from showc.script.render.sarif import render_sarif  # noqa: PLC0415
 
-            return render_sarif(found, sources, CODES if rules is None else rules)
+            return render_sarif(found, sources, codes() if rules is None else rules)
         case "github":
             from showc.script.render.github import render_github  # noqa: PLC0415
 

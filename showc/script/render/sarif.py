@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from showc._version import __version__
-from showc.script.codes import CODES, Code
+from showc.codes import Code
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ Plain = dict[str, object]
 def render_sarif(
     diagnostics: Iterable[Diagnostic],
     sources: Mapping[str, str],
-    rules: Mapping[str, Code] = CODES,
+    rules: Mapping[str, Code],
 ) -> str:
     """Return findings as one SARIF log with one run.
 
@@ -85,7 +85,7 @@ def _rule(known: Code) -> Plain:
         "shortDescription": {"text": known.title},
         "fullDescription": {"text": known.cause or known.title},
         "help": {"text": text},
-        "defaultConfiguration": {"level": str(known.severity)},
+        "defaultConfiguration": {"level": known.severity},
     }
 
 

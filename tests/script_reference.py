@@ -50,7 +50,7 @@ _ORDER = (
 )  # fmt: skip
 
 
-def script_reference() -> str:
+def page() -> str:
     """Return the reference page."""
     lines = [_HEAD.rstrip("\n"), ""]
     kinds: dict[str, list[str]] = {}
