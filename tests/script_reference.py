@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from showc.script.fields import FORMAT_VERSION, SHOW
-from showc.script.formation_fields import FORMATION
+from showc.script.fields import FORMAT_VERSION, SECTIONS
 from showc.script.kinds import Either, Field, Items, Kind, Section, Table
 from showc.script.quantity import UNITS
 from showc.script.wording import wanted_text
@@ -14,6 +13,7 @@ from showc.script.wording import wanted_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+SHOW, FORMATION = SECTIONS["show"], SECTIONS["formation"]
 _HEAD = f"""# Show scripts
 
 <!-- Made from the program's own table; `make docs` writes it anew. -->

@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.colours import linear_light
-from showc.script.formation_fields import COLOUR
 from showc.script.formations.shape import FormationError
 from showc.script.instants import InstantError, music_time
-from showc.script.kinds import (
-    Choice,
-    Either,
-    Field,
-    File,
-    Items,
-    Quantity,
-    Section,
-    Time,
-)
 from showc.script.placing import paint
 from showc.script.settings import Settings
 from showc.script.show import LightKey
@@ -31,35 +20,6 @@ if TYPE_CHECKING:
     from showc.script.reader import Reader
     from showc.script.show import Formation, Music
 
-LIGHT = Section(
-    "light",
-    "Colours at one moment of a hold. Between moments they change evenly in light.",
-    (
-        Field(
-            "after",
-            Quantity("s", minimum=0.0, maximum=3600.0),
-            "Time since the formation stands.",
-        ),
-        Field(
-            "at",
-            Time(),
-            "Time of the show or of the music; what lies before the hold has happened "
-            "when it begins.",
-            examples=("bar 13", "@drop"),
-        ),
-        Field("colour", COLOUR, "Colours of the places from there on.", required=True),
-        Field(
-            "fade",
-            Choice(("linear", "end")),
-            "`linear` changes evenly since the moment before, `end` at the moment "
-            "itself.",
-            default="linear",
-        ),
-    ),
-    one_of=("after", "at"),
-)
-LIGHTS = Either((File((".csv", ".tsv", ".txt")), Items(LIGHT, 1, 1000)))
-"""A table with the columns time, place, red, green, blue; or moments."""
 _HELP = (
     "times are seconds since the formation stands, places count from 1, colours go "
     "from 0 to 255"

@@ -17,7 +17,7 @@ from showc.script.document import (
     Scalar,
     parse_document,
 )
-from showc.script.fields import FORMAT_VERSION, SHOW
+from showc.script.fields import FORMAT_VERSION, SECTIONS
 from showc.script.files import InputFiles
 from showc.script.reader import Reader
 from showc.script.show import Mark, Source
@@ -242,7 +242,7 @@ def _build(
                 help_text="use the showc that belongs to the script",
             )
             return None, reader.found
-    settings = reader.section(SHOW, root, start)
+    settings = reader.section(SECTIONS["show"], root, start)
     # Building imports numpy; a script that cannot be read need not wait for it.
     from showc.script.build import Builder  # noqa: PLC0415
     from showc.script.holds import motion_findings  # noqa: PLC0415

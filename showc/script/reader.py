@@ -19,7 +19,7 @@ from showc.script.document import (
     Scalar,
     Sequence,
 )
-from showc.script.formation_fields import TRANSFORM, resolve
+from showc.script.fields import SECTIONS, resolve
 from showc.script.kinds import (
     Choice,
     Either,
@@ -222,7 +222,7 @@ class Reader:
             where += f" of type `{tag.value.text}`"
         if near:
             advice = f"did you mean `{near}`?"
-        elif section.name == "formation" and entry.key in TRANSFORM.one_of:
+        elif section.name == "formation" and entry.key in SECTIONS["transform"].one_of:
             advice = f"changes stand in a list: `transform: [{{{entry.key}: …}}]`"
         else:
             advice = f"keys here: {', '.join(sorted(known))}"

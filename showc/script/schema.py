@@ -11,8 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from showc.script.colours import COLOUR_NAMES
-from showc.script.fields import SHOW
-from showc.script.formation_fields import FORMATION, TRANSFORM
+from showc.script.fields import SECTIONS
 from showc.script.kinds import (
     NAME,
     Choice,
@@ -41,6 +40,8 @@ if TYPE_CHECKING:
 
 Schema = dict[str, object]
 
+_FORMATION = SECTIONS["formation"]
+
 SCHEMA_ID = "urn:showc:show-script:1"
 """Name of the schema, with the version of the script format."""
 
@@ -53,7 +54,7 @@ def schema_text() -> str:
 def show_schema() -> Schema:
     """Return the schema as what JSON can hold."""
     definitions: dict[str, Schema] = {}
-    root = _object(SHOW, definitions)
+    root = _object(SECTIONS["show"], definitions)
     definitions["formation"] = _formation(definitions)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -86,11 +87,11 @@ def _formation(definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a formation: one alternative for each type, like, parts."""
     common = {
         field.key: _property(field, definitions)
-        for field in FORMATION.fields
-        if field.key not in FORMATION.one_of
+        for field in _FORMATION.fields
+        if field.key not in _FORMATION.one_of
     }
     alternatives: list[Schema] = []
-    for variant in FORMATION.variants:
+    for variant in _FORMATION.variants:
         own = {field.key: _property(field, definitions) for field in variant.fields}
         needed = [field.key for field in variant.fields if field.required]
         alternatives.append(
@@ -104,7 +105,7 @@ def _formation(definitions: dict[str, Schema]) -> Schema:
             }
         )
     for key in ("like", "parts"):
-        field = FORMATION.field(key)
+        field = _FORMATION.field(key)
         if field is not None:
             alternatives.append(
                 {
@@ -116,7 +117,7 @@ def _formation(definitions: dict[str, Schema]) -> Schema:
                     "additionalProperties": False,
                 }
             )
-    return {"description": FORMATION.description, "anyOf": alternatives}
+    return {"description": _FORMATION.description, "anyOf": alternatives}
 
 
 def _property(field: Field, definitions: dict[str, Schema]) -> Schema:
@@ -182,7 +183,7 @@ def _kind(kind: Kind, definitions: dict[str, Schema]) -> Schema:
 
 
 def _section(kind: Section, definitions: dict[str, Schema]) -> Schema:
-    if kind is FORMATION:
+    if kind is _FORMATION:
         return {"$ref": "#/definitions/formation"}
     if kind.name not in definitions:
         definitions[kind.name] = {}  # holds the place while the section is walked
@@ -194,7 +195,7 @@ def _section(kind: Section, definitions: dict[str, Schema]) -> Schema:
                 "description": kind.description,
                 "anyOf": [short, whole],
             }
-        if kind is TRANSFORM:
+        if kind.name == "transform":
             whole["minProperties"] = 1
         definitions[kind.name] = whole
     return {"$ref": f"#/definitions/{kind.name}"}

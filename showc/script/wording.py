@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.script.document import Mapping, Node, Sequence
-from showc.script.formation_fields import resolve
+from showc.script.fields import resolve
 from showc.script.kinds import (
     Choice,
     Either,

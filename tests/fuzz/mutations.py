@@ -7,8 +7,7 @@ import struct
 import yaml
 from fuzz.seeds import FILES, SCRIPTS
 
-from showc.script.fields import SHOW
-from showc.script.formation_fields import resolve
+from showc.script.fields import SECTIONS, resolve
 from showc.script.kinds import (
     Choice,
     Either,
@@ -63,7 +62,7 @@ def _fields(kind, found):
 
 
 _found = {"seen": {}, "kinds": {}}
-_fields(SHOW, _found)
+_fields(SECTIONS["show"], _found)
 KINDS = _found["kinds"]
 
 
