@@ -143,7 +143,7 @@ def command(
 
     solved = _solved(log)
     folder = folder or folder_for(log, form)
-    exported = written(log, solved, Export(form, separation, lead, tolerance), folder)
+    exported = written(log, solved, Export(form, tolerance, separation, lead), folder)
     if as_json:
         click.echo((folder / MANIFEST).read_text(encoding="utf-8").rstrip("\n"))
         return 0 if exported.proved else 1

@@ -13,49 +13,25 @@ if TYPE_CHECKING:
     from showc.script.settings import Settings
     from showc.script.show import Site
 
-_NUMBERS = (
-    "mass",
-    "arm_length",
-    "thrust_coefficient",
-    "torque_coefficient",
-    "rotor_speed_max",
-)
+_OWN = {
+    "mass", "arm_length", "thrust_coefficient", "torque_coefficient",
+    "rotor_speed_max", "inertia",
+}  # fmt: skip
+"""Parameters that make another aircraft of a preset."""
 
 
 def vehicle_of(settings: Settings) -> Quadrotor:
     """Return the preset, with the parameters the script gives itself."""
     vehicle = PRESETS[settings.text("preset")].vehicle
-    own: dict[str, float] = {
-        key: settings.number(key) for key in _NUMBERS if key in settings
-    }
-    if own or "inertia" in settings:
+    if _OWN & settings.values.keys():
         vehicle = replace(vehicle, name="custom")
-    vehicle = replace(
-        vehicle,
-        mass=own.get("mass", vehicle.mass),
-        arm_length=own.get("arm_length", vehicle.arm_length),
-        thrust_coefficient=own.get("thrust_coefficient", vehicle.thrust_coefficient),
-        torque_coefficient=own.get("torque_coefficient", vehicle.torque_coefficient),
-        rotor_speed_max=own.get("rotor_speed_max", vehicle.rotor_speed_max),
-    )
-    if "inertia" in settings:
-        vehicle = replace(vehicle, inertia=settings.vector("inertia"))
-    if "torque_arm" in settings:
-        arm = settings.text("torque_arm")
-        vehicle = replace(
-            vehicle, torque_arm="multiplied" if arm == "multiplied" else "included"
-        )
-    return vehicle
+    return settings.over(vehicle)
 
 
 def body_of(settings: Settings) -> Body:
     """Return how the aircraft falls: the preset's, with what the script gives."""
-    body = PRESETS[settings.text("preset")].body
-    low, high = body.drag_area
-    if "drag_area" in settings:
-        one, other = settings.numbers("drag_area")
-        low, high = min(one, other), max(one, other)
-    return Body(_given(settings, "size", body.size), (low, high))
+    body = settings.over(PRESETS[settings.text("preset")].body)
+    return replace(body, drag_area=(min(body.drag_area), max(body.drag_area)))
 
 
 def battery_of(aircraft: Settings, vehicle: Quadrotor) -> Battery:
@@ -64,22 +40,13 @@ def battery_of(aircraft: Settings, vehicle: Quadrotor) -> Battery:
     Where no hover power is given, the preset's is taken for its weight, and its part
     that makes thrust grows with the weight to the power of 3/2.
     """
-    preset = PRESETS[aircraft.text("preset")]
-    base, settings = preset.battery, aircraft.section("battery")
-    idle = _given(settings, "idle_power", base.idle_power)
-    lifting = base.hover_power - base.idle_power
+    preset, settings = PRESETS[aircraft.text("preset")], aircraft.section("battery")
+    battery = settings.over(preset.battery)
+    if "hover_power" in settings:
+        return battery
+    lifting = preset.battery.hover_power - preset.battery.idle_power
     weight = vehicle.hover_thrust / preset.vehicle.hover_thrust
-    return Battery(
-        capacity=_given(settings, "capacity", base.capacity),
-        voltage=_given(settings, "voltage", base.voltage),
-        voltage_min=_given(settings, "voltage_min", base.voltage_min),
-        resistance=_given(settings, "resistance", base.resistance),
-        usable=_given(settings, "usable", base.usable),
-        reserve=_given(settings, "reserve", base.reserve),
-        hover_power=_given(settings, "hover_power", idle + lifting * weight**1.5),
-        idle_power=idle,
-        rotor_radius=_given(settings, "rotor_radius", base.rotor_radius),
-    )
+    return replace(battery, hover_power=battery.idle_power + lifting * weight**1.5)
 
 
 def limits_of(
@@ -103,21 +70,17 @@ def limits_of(
     torque = vehicle.torque_max if custom else base.torque_max
     if "torque" in settings:
         torque = settings.vector("torque")
-    limits = Limits(
+    whole = replace(
+        base,
         velocity_min=(-speed[0], -speed[1], -_given(settings, "descent", descent)),
         velocity_max=(speed[0], speed[1], _given(settings, "climb", climb)),
-        tilt=_given(settings, "tilt", base.tilt),
-        body_rate=_each(settings, "body_rate", base.body_rate),
-        thrust_min=_given(settings, "thrust_min", base.thrust_min),
-        thrust_max=_given(settings, "thrust_max", most),
+        thrust_max=most,
         torque_max=torque,
         position_min=site.room[0],
         position_max=site.room[1],
-        level_speed=_given(settings, "level_speed", 0.0),
-        acceleration=_given(settings, "acceleration", 0.0),
-        acceleration_up=_given(settings, "acceleration_up", 0.0),
-        acceleration_down=_given(settings, "acceleration_down", 0.0),
-        jerk=_given(settings, "jerk", 0.0),
+    )
+    limits = replace(
+        settings.over(whole), body_rate=_each(settings, "body_rate", base.body_rate)
     )
     sound = _can_hover(limits, vehicle, settings, aircraft, reader)
     return limits if sound else None

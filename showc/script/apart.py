@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING
 
 from showc.script.formations import FormationError
 from showc.vehicle import Separation
@@ -29,13 +29,8 @@ def separation_of(settings: Settings, tracking: float) -> Separation:
     tracking
         How far each drone may stray from its path [m]: two of them, towards each other.
     """
-    shape = cast(
-        "Literal['sphere', 'ellipsoid', 'any-axis', 'all-axes']", settings.text("shape")
-    )
-    return Separation(
-        settings.number("distance") + 2.0 * tracking,
-        shape,
-        settings.number("vertical_stretch"),
+    return settings.made(
+        Separation, distance=settings.number("distance") + 2.0 * tracking
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from showc.script.reader import Reader
     from showc.script.show import Preference, Site
 
-Assignment = Literal["optimal", "fixed"]
-
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
@@ -72,10 +70,6 @@ class Sketch:
     groups: Mapping[str, tuple[int, ...]]
     pads: str
     parking: str | None
-
-
-def _assignment(settings: Settings) -> Assignment:
-    return "fixed" if settings.text("assignment") == "fixed" else "optimal"
 
 
 class Builder:
@@ -259,25 +253,19 @@ class Builder:
             )
             return None
         at, start, duration = self._times(settings)
-        fade = settings.text("fade")
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
         motion = self._motion(settings, formation, sketch)
         hold = settings.number("hold")
         played = [one.length + one.ramp for one in motion if isinstance(one, Follow)]
         if played and not settings.written("hold"):
             hold = round(max(played), 3)
-        return Transition(
+        return settings.made(
+            Transition,
             name=name,
-            to=to,
             hold=hold,
-            assignment="keep"
-            if settings.text("assignment") == "keep"
-            else _assignment(settings),
             mark=settings.mark_of("to"),
             duration=duration,
-            group=settings.text("group") if "group" in settings else None,
             colours=colours,
-            fade="start" if fade == "start" else "end" if fade == "end" else "linear",
             effect=effect,
             at=at,
             start=start,
@@ -399,8 +387,7 @@ class Builder:
             or limits is None
         ):
             return None
-        launch, landing = settings.section("launch"), settings.section("landing")
-        mission, yaw = settings.section("mission"), settings.section("yaw")
+        yaw = settings.section("yaw")
         name = PurePath(source.path).stem
         return Show(
             format_version=settings.integer("showc"),
@@ -414,26 +401,17 @@ class Builder:
             limits=limits if envelope is None else envelope.within(limits),
             separation=sketch.separation,
             tracking=self.tracking,
-            yaw="free" if yaw.text("mode") == "free" else "held",
+            yaw=yaw.values["mode"].plain,
             heading=yaw.number("heading"),
             drones=sketch.drones,
             formations=sketch.formations,
             pads=sketch.pads,
             groups=sketch.groups,
-            launch=Launch(
-                launch.number("altitude"),
-                launch.number("climb_speed"),
-                launch.number("hold"),
-            ),
+            launch=settings.section("launch").made(Launch),
             airframe_limits=None if envelope is None else limits,
             transitions=_with_free_holds(transitions, loose),
-            landing=Landing(
-                landing.number("altitude"),
-                landing.number("descent_speed"),
-                landing.number("hold"),
-                _assignment(landing),
-            ),
-            mission=_mission(mission),
+            landing=settings.section("landing").made(Landing),
+            mission=_mission(settings.section("mission")),
             exports=_exports(settings),
             log_rate=settings.number("log_rate"),
             seed=settings.integer("seed"),
@@ -445,9 +423,7 @@ class Builder:
 def _preference(settings: Settings) -> Preference:
     if "prefer" not in settings:
         return 1.0  # what is wrong with it has been said
-    wanted = settings.number_or_text("prefer")
-    if isinstance(wanted, str):
-        return "energy" if wanted == "energy" else "time"
+    wanted: Preference = settings.values["prefer"].plain
     return wanted
 
 
@@ -469,37 +445,12 @@ def _with_free_holds(
 
 def _exports(settings: Settings) -> tuple[Export, ...]:
     sections = [item.value for item in settings.items("exports")]
-    return tuple(
-        Export(
-            section.text("to"),
-            section.optional("separation"),
-            section.optional("lead"),
-            section.number("tolerance"),
-        )
-        for section in sections
-        if isinstance(section, Settings)
-    )
+    return tuple(one.made(Export) for one in sections if isinstance(one, Settings))
 
 
 def _mission(settings: Settings) -> MissionOptions:
-    servos = None
-    if "light_servos" in settings:
-        red, green, blue = (
-            item.value
-            for item in settings.items("light_servos")
-            if isinstance(item.value, int)
-        )
-        servos = (red, green, blue)
     dark, full = settings.numbers("light_pwm")
-    return MissionOptions(
-        wanted=settings.flag("wanted"),
-        light_servos=servos,
-        light_pwm=(round(dark), round(full)),
-        slack=settings.number("slack"),
-        board=settings.text("board"),
-        start_minute=settings.integer("start_minute"),
-        autopilot="px4" if settings.text("autopilot") == "px4" else "ardupilot",
-    )
+    return settings.made(MissionOptions, light_pwm=(round(dark), round(full)))
 
 
 def _broken(settings: Settings, key: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from showc.script.formations.frames import frames_of
 from showc.script.settings import Settings
@@ -27,6 +27,14 @@ SETTING_IN = 0.75
 """Ramp of a breath, wave or orbit unless it is given [periods]. A swing reaches 1.33
 times its acceleration while it sets in, whatever its phase; with half a period 1.82
 times. A breath in a hold of two periods still reaches 0.89 of its size."""
+
+_KINDS: dict[str, tuple[type[Rotate | Breathe | Wave | Orbit], dict[str, Any]]] = {
+    "rotate": (Rotate, {"about": None}),
+    "breathe": (Breathe, {"about": None}),
+    "wave": (Wave, {"wavelength": math.inf}),
+    "orbit": (Orbit, {"wavelength": math.inf}),
+}
+"""What the keys of a motion make, and what holds where a script says nothing."""
 
 
 def formations_of(transition: Settings) -> list[str]:
@@ -63,34 +71,16 @@ def _motion(item: Settings, files: InputFiles) -> Motion:
         frames = frames_of(name, "motion", files.read)
         return Follow(name, frames.points, frames.length, own.number("ramp"))
     if "travel" in item:
-        ways = []
-        for point in item.items("travel"):
-            x, y, z = Settings("", point.mark, {"point": point}).vector("point")
-            ways.append((x, y, z))
-        return Travel(tuple(ways))
+        return Travel(item.values["travel"].plain)
     if "morph" in item:
-        return Morph(tuple(str(name.value) for name in item.items("morph")))
-    key = next(iter({"rotate", "breathe", "wave", "orbit"} & item.values.keys()))
-    own = item.section(key)
-    about = own.vector("about") if "about" in own else None
-    if key == "rotate":
-        angle, axis = own.number("angle"), _unit(own, "axis")
-        return Rotate(angle, axis, about, own.number("ramp"))
-    period = own.number("period")
-    asked = own.optional("ramp")
-    ramp = SETTING_IN * period if asked is None else asked
-    if key == "breathe":
-        return Breathe(own.number("scale"), period, about, ramp)
-    length = own.optional("wavelength")
-    size = own.number("amplitude" if key == "wave" else "radius")
-    return (Wave if key == "wave" else Orbit)(
-        size,
-        _unit(own, "axis"),
-        period,
-        _unit(own, "direction"),
-        math.inf if length is None else length,
-        ramp,
-    )
+        return Morph(item.values["morph"].plain)
+    key = next(iter(_KINDS.keys() & item.values.keys()))
+    own, (kind, given) = item.section(key), _KINDS[key]
+    given = given | own.named(kind)
+    given |= {name: _unit(own, name) for name in ("axis", "direction") if name in own}
+    if "ramp" not in own:
+        given["ramp"] = SETTING_IN * own.number("period")
+    return kind(**given)
 
 
 def _unit(own: Settings, key: str) -> Vector:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from showc.script.instants import Instant
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from showc.script.show import Mark
 
     Vector = tuple[float, float, float]
 
 T = TypeVar("T")
+Made = TypeVar("Made", bound="DataclassInstance")
 
 Value = object
 """Float, int, str, bool, datetime, :class:`Instant`, list of settings,
@@ -32,6 +35,13 @@ class Setting:
     """Where its key stands."""
     written: bool = True
     """Whether the script says so, or it is a default."""
+
+    @property
+    def plain(self) -> Any:  # noqa: ANN401 - as its kind says
+        """The value; of a list a tuple of values, without their places."""
+        if not isinstance(self.value, list):
+            return self.value
+        return tuple(item.plain for item in self.value)
 
 
 @dataclass(slots=True)
@@ -96,6 +106,22 @@ class Settings:
     def instant(self, key: str) -> Instant:
         """Return a time as written."""
         return self._typed(key, Instant)
+
+    def made(self, kind: type[Made], **given: Any) -> Made:  # noqa: ANN401 - any field
+        """Return a dataclass whose fields have the values of the keys of their names.
+
+        Fields without a key take their defaults; ``given`` comes before the keys.
+        """
+        return kind(**self.named(kind) | given)
+
+    def over(self, base: Made) -> Made:
+        """Return a dataclass in which the keys of its fields' names hold instead."""
+        return replace(base, **self.named(type(base)))
+
+    def named(self, kind: type[DataclassInstance]) -> dict[str, Any]:
+        """Return the values of those keys that a dataclass has fields for."""
+        names = [one.name for one in fields(kind) if one.name in self.values]
+        return {name: self.values[name].plain for name in names}
 
     def section(self, key: str) -> Settings:
         """Return the settings of a section within."""

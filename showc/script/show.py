@@ -414,12 +414,12 @@ class Export:
 
     to: str
     """Its name."""
-    separation: float | None
-    """Distance to keep in the air [m]; None: the script's."""
-    lead: float | None
-    """How long the fleet stands before the show begins [s]; None: as usual."""
     tolerance: float
     """Greatest distance of the written flight from the solved one [m]."""
+    separation: float | None = None
+    """Distance to keep in the air [m]; None: the script's."""
+    lead: float | None = None
+    """How long the fleet stands before the show begins [s]; None: as usual."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,20 +29,18 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
                 help_text="`max` must be greater than `min` along every axis",
             )
             return None
-    return Site(
+    risk = settings.section("risk")
+    return settings.made(
+        Site,
         latitude=origin.number("latitude"),
         longitude=origin.number("longitude"),
         altitude=origin.number("altitude"),
-        heading=settings.number("heading"),
         volume_min=low,
         volume_max=high,
         fence=_points(settings, "fence") if "fence" in settings else None,
-        fence_margin=settings.number("fence_margin"),
-        wind=settings.number("wind"),
         audience=tuple(_audience(item) for item in _sections(settings, "audience")),
         buildings=tuple(_building(item) for item in _sections(settings, "buildings")),
-        ceiling=settings.optional("ceiling"),
-        risk=_risk(settings.section("risk"), settings.number("wind")),
+        risk=Risk(**{"wind": settings.number("wind")} | risk.named(Risk)),
     )
 
 
@@ -62,11 +60,7 @@ def _unsound(settings: Settings) -> bool:
 
 def _points(settings: Settings, key: str) -> FloatArray:
     """Return a list of points, shape (n, 2) [m]; read-only."""
-    rows = [item.value for item in settings.items(key)]
-    points = np.array(
-        [[item.value for item in row] for row in rows if isinstance(row, list)],
-        dtype=np.float64,
-    )
+    points = np.array(settings.values[key].plain, dtype=np.float64)
     points.setflags(write=False)
     return points
 
@@ -80,25 +74,4 @@ def _audience(settings: Settings) -> Audience:
 def _building(settings: Settings) -> Building:
     return Building(
         settings.text("name"), _points(settings, "area"), settings.number("height")
-    )
-
-
-def _risk(settings: Settings, wind: float) -> Risk:
-    """Return what is reckoned with; ``wind`` [m/s] is the site's."""
-    method = settings.text("method")
-    return Risk(
-        method="ballistic"
-        if method == "ballistic"
-        else "one-to-one"
-        if method == "one-to-one"
-        else "footprint",
-        wind=settings.number("wind") if "wind" in settings else wind,
-        reaction_time=settings.number("reaction_time"),
-        gnss_error=settings.number("gnss_error"),
-        position_error=settings.number("position_error"),
-        map_error=settings.number("map_error"),
-        height_error=settings.number("height_error"),
-        rotation=settings.number("rotation"),
-        shift=settings.number("shift"),
-        ground=settings.number("ground"),
     )
