@@ -64,7 +64,7 @@ MAY_IMPORT = {
         "script",
         "vehicle",
     }
-    | {"light", "log.showc_pb2", "log.scene", "log.layout", "log.sample", "log.schema"},
+    | {"light", "log.showc_pb2", "log.scene", "log.facts", "log.sample", "log.schema"},
     "foreign": {"errors", "_version", "files", "processes", "documents"}
     | {"log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
@@ -78,7 +78,7 @@ MAY_IMPORT = {
 ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
-    | {"light", "log.showc_pb2", "log.layout", "log.sample"},
+    | {"light", "log.showc_pb2", "log.facts", "log.schema"},
     # What missions must be follows from the script, and so do their lights.
     "verify/missions": {"verify", "errors", "files", "script", "light"}
     | {"log.showc_pb2"},

@@ -6,11 +6,10 @@ is fixed, and the compression has one thread and one level.
 
 from __future__ import annotations
 
-import hashlib
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -22,8 +21,7 @@ from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.chunks import ChunkWriter
 from showc.log.content import rules_message, segment_message, trajectory_message
-from showc.log.layout import layout_json
-from showc.log.sample import GRID
+from showc.log.facts import attachments_of, epoch_of, media_type, metadata_of
 from showc.log.sampling import NANOSECONDS, nanoseconds
 from showc.log.scene import (
     fleet_transforms,
@@ -53,17 +51,6 @@ SMALL_FLEET = 100
 """Fleets up to this size are logged drone by drone as well."""
 TRANSFORM_RATE = 5.0
 """Frames of single drones per second [Hz]."""
-MEDIA_TYPES = {
-    ".yaml": "application/yaml",
-    ".yml": "application/yaml",
-    ".json": "application/json",
-    ".csv": "text/csv",
-    ".svg": "image/svg+xml",
-    ".png": "image/png",
-    ".jpg": "image/jpeg",
-    ".jpeg": "image/jpeg",
-}
-"""Of attachments, by suffix; others are plain bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +144,7 @@ class _Log:
     def __init__(self, flight: Flight, stream: BinaryIO) -> None:
         self.flight = flight
         self.show: Show = flight.itinerary.show
-        self.epoch = nanoseconds(self.show.epoch.timestamp())
+        self.epoch = epoch_of(self.show)
         self.messages = 0
         self._writer = ChunkWriter(stream, f"showc {__version__}", CHUNK_SIZE)
         self._schemas: dict[str, int] = {}
@@ -166,41 +153,11 @@ class _Log:
 
     def begin(self, manifest: bytes, *, plots: bool) -> None:
         """Header, metadata and attachments: first, so that a torn file has them."""
-        show = self.show
-        script = PurePath(show.source.path).name
-        self._writer.add_metadata(
-            schema.METADATA_NAME,
-            {
-                "format_version": str(schema.FORMAT_VERSION),
-                "showc_version": __version__,
-                "name": show.name,
-                "drones": str(show.drones),
-                "rate_hz": repr(float(show.log_rate)),
-                "duration_s": repr(self.flight.duration),
-                "epoch_ns": str(self.epoch),
-                "frame": "map: origin at the site's origin, z up, +y along the heading",
-                "body_frame": "forward, left, up; quaternion from body to map, x y z w",
-                "origin_latitude": repr(float(show.site.latitude)),
-                "origin_longitude": repr(float(show.site.longitude)),
-                "origin_altitude": repr(float(show.site.altitude)),
-                "heading": repr(float(show.site.heading)),
-                "colours": "sRGB bytes on /fleet/state, linear on /drone/NNNN/state",
-                "script": script,
-                "script_sha256": hashlib.sha256(show.source.content).hexdigest(),
-                "manifest_sha256": hashlib.sha256(manifest).hexdigest(),
-                **{f"grid_{name}": repr(step) for name, step in GRID.items()},
-            },
-        )
-        attachments = {
-            script: show.source.content,
-            **dict(sorted(show.source.inputs.items())),
-            schema.MANIFEST_NAME: manifest,
-            schema.LAYOUT_NAME: layout_json(show, plots=plots),
-        }
-        for name, content in attachments.items():
-            suffix = PurePath(name).suffix.lower()
-            media = MEDIA_TYPES.get(suffix, "application/octet-stream")
-            self._writer.add_attachment(self.epoch, name, media, content)
+        facts = metadata_of(self.show, self.flight.duration, __version__, manifest)
+        self._writer.add_metadata(schema.METADATA_NAME, facts)
+        attached = attachments_of(self.show, manifest, plots=plots)
+        for name, content in attached.items():
+            self._writer.add_attachment(self.epoch, name, media_type(name), content)
 
     def register(self, topics: Topics, *, predicted: bool) -> None:
         """All schemas and channels, in one fixed order."""

@@ -5,25 +5,21 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from showc._version import __version__
+from showc.log.content import segment_message
+from showc.log.facts import manifest_of, sha256
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from showc.flight import Certificate, Flight
+    from showc.flight import Flight
 
 FORMAT_VERSION = 1
 """Version of the manifest's format."""
 
 _LIBRARIES = ("casadi", "mcap", "numpy", "protobuf", "scipy", "zstandard")
-
-
-def sha256(content: bytes) -> str:
-    """Hexadecimal SHA-256 of ``content``."""
-    return hashlib.sha256(content).hexdigest()
 
 
 def versions() -> dict[str, str]:
@@ -63,72 +59,22 @@ def build_manifest(
     files
         Content of the output folder by relative path, without the manifest.
     """
-    show = flight.itinerary.show
-    legs = []
-    for start, leg_flight in zip(flight.starts, flight.legs, strict=True):
-        leg = leg_flight.leg
-        legs.append(
-            {
-                "index": leg.index,
-                "name": leg.name,
-                "kind": leg.kind,
-                "start": round(float(start), 3),
-                "duration": leg_flight.duration,
-                "from": leg.from_formation,
-                "to": leg.to_formation,
-                "assignment": leg.assignment,
-                "certificate": _certificate(leg_flight.certificate),
-            }
-        )
+    legs = flight.legs
+    facts = manifest_of(
+        flight.itinerary.show,
+        [segment_message(flight, number) for number in range(len(legs))],
+        _greatest_height(flight),
+        [one.leg.assignment for one in legs],
+    )
+    listed = {name: sha256(content) for name, content in sorted(files.items())}
     manifest = {
         "format_version": FORMAT_VERSION,
         "fleet": token,
         "versions": versions(),
-        "show": {
-            "name": show.name,
-            "script": PurePath(show.source.path).name,
-            "sha256": sha256(show.source.content),
-            "inputs": {
-                name: sha256(content)
-                for name, content in sorted(show.source.inputs.items())
-            },
-            "epoch": show.epoch.isoformat(),
-        },
-        "drones": show.drones,
-        "duration": round(flight.duration, 3),
-        "greatest_height": round(_greatest_height(flight), 3),
-        "segments": legs,
-        "missions": {
-            **missions,
-            "files": {name: sha256(content) for name, content in sorted(files.items())},
-        },
+        **facts,
+        "missions": {**missions, "files": listed},
     }
     return (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
-
-
-def _certificate(certificate: Certificate) -> dict[str, Any]:
-    closest, witness = certificate.closest, certificate.witness
-    return {
-        "single_drone_minimum": certificate.single_drone_minimum,
-        "gap": certificate.gap,
-        "dual_bound": certificate.dual_bound,
-        "witness": witness
-        and {
-            "drone": witness.drone + 1,
-            "time": witness.time,
-            "beta": witness.beta,
-            "knots": witness.knots,
-            "multipliers": witness.multipliers,
-        },
-        "closest": closest
-        and {
-            "drones": [closest.drone_a + 1, closest.drone_b + 1],
-            "time": closest.time,
-            "distance": closest.distance,
-        },
-        "method": certificate.method,
-        "statistics": dict(sorted(certificate.statistics.items())),
-    }
 
 
 def _greatest_height(flight: Flight) -> float:

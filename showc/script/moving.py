@@ -102,7 +102,7 @@ class MovingPlaces:
         found = [0.0, duration]
         for motion, frames in zip(self.motions, self.frames, strict=True):
             if isinstance(motion, Travel | Morph):
-                found += (duration * _shares(motion, frames)).tolist()
+                found += (duration * shares_of(motion, frames)).tolist()
             else:
                 rise, fall = self._ramps(motion.ramp, duration)
                 found += [rise, duration - fall]
@@ -243,7 +243,7 @@ def plane_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, np.cross(normal, first)
 
 
-def _shares(motion: Travel | Morph, frames: FloatArray) -> FloatArray:
+def shares_of(motion: Travel | Morph, frames: FloatArray) -> FloatArray:
     """Shares of the time at which displacements begin and end, (m + 1,)."""
     parts = np.ones(len(frames))
     if isinstance(motion, Travel):
@@ -260,7 +260,7 @@ def _displaced(
     duration: float,
     times: FloatArray,
 ) -> FloatArray:
-    shares = duration * _shares(motion, frames)
+    shares = duration * shares_of(motion, frames)
     result = series.copy()
     for begin, end, shift in zip(shares[:-1], shares[1:], frames, strict=True):
         if end <= begin:

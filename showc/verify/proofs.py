@@ -89,41 +89,40 @@ def _proved(
     script: Path | None,
 ) -> Verification:
     """Prove what a log says, every byte of which is accounted for."""
-    show = read_show(log)
     metadata = _metadata(log)
     anchor = read_anchor(log, metadata, script)
-    checks = [*anchor.checks, *_integrity(log), check_schemas(log)]
-    lights = None
-    if anchor.show is not None:
-        demands = hold_against(anchor.show, show)
-        checks[len(anchor.checks) : len(anchor.checks)] = demands.checks()
-        lights = demands.lights
-    checks += check_cover(log, metadata, show, anchor)
-    beside = None
-    if missions and anchor.show is not None:
-        beside = Missions(log, show, anchor.show, lights)
-    tubes = None if beside is None else beside.tubes
-    samples = Samples(log, show, lights, anchor.show, tubes)
-    # The longest parts first, so that no process works alone at the end.
-    work: dict[str, Sequence[Callable[[], Any]]] = {
-        "missions": [] if beside is None else beside.parts(),
-        "physics": [partial(radius, one, show.rules.vehicle) for one in show.segments],
-        "limits": [partial(extremes, one, show.rules) for one in show.segments],
-        "separation": encounter_parts(show),
-        "bounds": [partial(excess, show, one) for one in show.segments],
-        "choreography": [partial(joined_up, show)],
-        "samples": samples.parts(),
-    }
-    found = _done(work, jobs, watch)
-    checks += _flight_checks(show, found)
-    checks += [_check(one) for one in found["choreography"][0]]
-    checks += join_samples(found["samples"])
-    checks += [check for part in found["missions"] for check in part]
+    show, asked, lights = read_show(log), anchor.show, None
+    checks = list(anchor.checks)
+    if asked is not None:
+        demands = hold_against(asked, show)
+        lights = None if demands.rules else demands.lights
+        checks += demands.checks()
+        checks += check_cover(log, metadata, show, asked)
+    checks += [*_integrity(log), check_schemas(log)]
+    if asked is not None and lights is not None:
+        beside = Missions(log, show, asked, lights) if missions else None
+        tubes = None if beside is None else beside.tubes
+        samples = Samples(log, show, lights, asked, tubes)
+        # The longest parts first, so that no process works alone at the end.
+        work: dict[str, Sequence[Callable[[], Any]]] = {
+            "missions": [] if beside is None else beside.parts(),
+            "physics": [partial(radius, s, show.rules.vehicle) for s in show.segments],
+            "limits": [partial(extremes, one, show.rules) for one in show.segments],
+            "separation": encounter_parts(show),
+            "bounds": [partial(excess, show, one) for one in show.segments],
+            "choreography": [partial(joined_up, show)],
+            "samples": samples.parts(),
+        }
+        found = _done(work, jobs, watch)
+        checks += _flight_checks(show, found)
+        checks += [_check(one) for one in found["choreography"][0]]
+        checks += join_samples(found["samples"])
+        checks += [check for part in found["missions"] for check in part]
+    elif missions:
+        note = "not looked at: the log is of no script that can be read"
+        checks.append(checked("VRF410", "fail", notes=(note,)))
     if not missions:
         checks.append(_left_out(log))
-    elif beside is None:
-        note = "without a script that can be read it is not known what they must be"
-        checks.append(checked("VRF410", "fail", notes=(note,)))
     return Verification(
         str(log.path),
         show.rules.name,

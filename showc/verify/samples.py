@@ -70,8 +70,6 @@ _SIDE = 3e-9
 
 _OTHERWISE = "a point cloud says other things than showc's do"
 
-_DARK = "not compared: the legs are not the script's"
-
 _COLOURS = ("red", "green", "blue", "alpha")
 _NUMBERS = tuple(name for name in POINT.names or () if name not in _COLOURS)
 _STATE = tuple(name for name in DRONE_STATE.names or () if DRONE_STATE[name] == "<f8")
@@ -220,9 +218,9 @@ class Samples:
     show
         Its polynomials.
     lights
-        Light that the script asks for; None if its legs are not the log's.
+        Light that the script asks for.
     script
-        The script; None if it cannot be read.
+        The script.
     tubes
         Where missions fly; None if that is not looked at, or cannot be said.
     """
@@ -231,8 +229,8 @@ class Samples:
         self,
         log: LogFile,
         show: LoggedShow,
-        lights: LightProgram | None,
-        script: Show | None,
+        lights: LightProgram,
+        script: Show,
         tubes: Tubes | None,
     ) -> None:
         self.log, self.show, self.lights, self.script = log, show, lights, script
@@ -303,9 +301,6 @@ class Samples:
     def _scene(self) -> Compared:
         """Compare the scene, which is the same throughout."""
         scene = Compared()
-        if self.script is None:
-            scene.odd.append("not compared: the script cannot be read")
-            return scene
         drawn = _bytes(scene_update(self.show.epoch, self.script))
         if any(message.data != drawn for message in self._messages(SCENE)):
             scene.odd.append("it is another scene")
@@ -394,9 +389,6 @@ class Samples:
         The points are held against the polynomials by themselves.
         """
         found = Compared()
-        if self.script is None:
-            found.odd.append("not compared: the script cannot be read")
-            return {"VRF124": found}
         root = FrameTransforms(
             transforms=[root_transform(self.show.epoch, self.script.site)]
         )
@@ -451,9 +443,6 @@ class Samples:
             )
             ratio[:, late] = np.minimum(ratio[:, late], other)
         found[code].see(ratio, times, drones)
-        if self.lights is None:
-            found["VRF125"].odd.append(_DARK)
-            return
         wanted = np.full(shown.shape, 255.0)
         wanted[:3] = encode(self.lights.linear(moments))[index, drones].T
         off = np.abs(shown - wanted) / COLOUR_ERROR

@@ -85,7 +85,7 @@ class Case:
         missions = Missions(self.log, self.show, script, lights)
         found = [check for part in missions.parts() for check in part()]
         if drawn and missions.tubes is not None:
-            samples = Samples(self.log, self.show, None, None, missions.tubes)
+            samples = Samples(self.log, self.show, lights, script, missions.tubes)
             seen = join(part() for part in samples.parts())
             found += [check for check in seen if check.code == "VRF421"]
         return found

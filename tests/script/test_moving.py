@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_reference import held
 
 from showc.script.moving import moving_places
 from showc.script.show import (
@@ -18,7 +19,6 @@ from showc.script.show import (
     Travel,
     Wave,
 )
-from showc.verify.specification.motion import held
 
 MARK = Mark("show.yaml", 1, 1, 1, 2)
 PLACES = np.array([(8.0, 0, 20), (0, 8, 21), (-8, 0, 22), (0, -8, 23)])
@@ -85,7 +85,7 @@ def test_derivatives_are_those_of_the_motion(names, under_way):
     st.tuples(st.booleans(), st.booleans()),
 )
 @settings(max_examples=50, deadline=None)
-def test_the_verifier_wants_what_the_planner_flies(names, time, under_way):
+def test_places_are_those_of_a_second_derivation(names, time, under_way):
     transition = asking(*(MOTIONS[name] for name in names), under_way=under_way)
     wanted = held(transition, EVERYONE, EVERYONE, SHAPES)
     times = np.linspace(0.0, time, 97)

@@ -10,11 +10,13 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rewritten import rewritten
-from verified import written
+from verified import loaded, written
 
 from showc.errors import DamagedFileError
 from showc.log import showc_pb2 as pb
 from showc.verify import DamagedLogError, verify_log
+from showc.verify.kernel.dynamics import radius, ties
+from showc.verify.kernel.limits import extremes, kept
 
 SETTINGS = settings(
     max_examples=30,
@@ -152,12 +154,14 @@ def test_numbers_that_are_none_are_damage(data, tmp_path, *, kind, topic, field,
         verified(content, tmp_path)
 
 
-def test_mass_zero_is_damage(data, tmp_path):
+def test_a_log_of_other_rules_than_the_scripts_is_judged_by_none(data, tmp_path):
     def change(rules):
         rules.vehicle.mass = 0.0
 
-    with pytest.raises(DamagedLogError, match="mass"):
-        verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
+    verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
+    assert failures(verification) == {"VRF203"}
+    assert verification.trajectories == "not proved"
+    assert not any(one.code.startswith("VRF3") for one in verification.checks)
 
 
 FIELDS = [
@@ -203,25 +207,22 @@ def test_a_trajectory_left_out_is_damage(data, tmp_path):
         verified(content, tmp_path)
 
 
-def test_a_heavier_drone_does_not_fly_these_controls(data, tmp_path):
-    """The numbers come from the file: another mass, another flight."""
-
-    def change(rules):
-        rules.vehicle.mass *= 1.001
-
-    verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
-    assert "VRF301" in failures(verification)
+def test_a_heavier_drone_does_not_fly_these_controls(log_path):
+    _, show = loaded(log_path)
+    show.rules.vehicle.mass *= 1.001
+    radii = [radius(one, show.rules.vehicle) for one in show.segments]
+    assert "VRF301" in {one.code for one in ties(show, radii) if not one.holds}
 
 
-def test_a_tighter_limit_is_kept_by_nobody(data, tmp_path):
-    def change(rules):
-        rules.limits[0].velocity_max.z = 2.7
-
-    verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
-    assert failures(verification) == {"VRF203", "VRF312"}
-    check = verification.check("VRF312")
-    assert check.value == pytest.approx(2.70303, abs=1e-5)
-    assert check.limit == 2.7
+def test_a_tighter_limit_is_kept_by_nobody(log_path):
+    _, show = loaded(log_path)
+    show.rules.limits[0].velocity_max.z = 2.7
+    radii = [radius(one, show.rules.vehicle) for one in show.segments]
+    found = kept(show, radii, [extremes(one, show.rules) for one in show.segments])
+    (broken,) = (one for one in found if not one.holds)
+    assert broken.code == "VRF312"
+    assert broken.value == pytest.approx(2.70303, abs=1e-5)
+    assert broken.limit == 2.7
 
 
 def test_a_sample_moved_by_two_millimetres_is_found(data, tmp_path):

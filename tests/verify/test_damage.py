@@ -178,7 +178,6 @@ def mended(data):
     [
         ("statistics", lambda d: find(d, 0x0B)[0] + HEAD.size, "statistics"),
         ("chunk index", lambda d: find(d, 0x08, 1)[0] + HEAD.size + 16, "index of the"),
-        ("attachment", lambda d: find(d, 0x09)[1] - 6, "sha256"),
         ("metadata index", lambda d: find(d, 0x0D)[0] + HEAD.size, "metadata"),
         ("summary offset", lambda d: find(d, 0x0E)[0] + HEAD.size + 1, "offsets"),
         ("chunk time", lambda d: find(d, 0x06)[0] + HEAD.size + 8, "times"),
@@ -197,6 +196,14 @@ def test_content_is_checked_beyond_its_crc(kind, position, text, whole, tmp_path
         assert verification.exit_code == 1
         bad = [check for check in verification.checks if check.verdict == "fail"]
         assert any(text in note for check in bad for note in (*check.notes, check.name))
+
+
+def test_a_manifest_is_checked_beyond_its_crc(log_path, tmp_path):
+    data, path = log_path.read_bytes(), tmp_path / "output.mcap"
+    path.write_bytes(mended(flipped(data, find(data, 0x09, 1)[1] - 90)))
+    verification = verify_log(path, missions=False)
+    assert {"VRF105", "VRF107"} <= verification.failures()
+    assert "manifest_sha256" in verification.check("VRF105").notes[0]
 
 
 def test_mending_changes_nothing_by_itself(whole):

@@ -81,15 +81,15 @@ class Missions:
     script
         What the script asks for.
     lights
-        Light of the fleet by the script; None if its legs are not the log's.
+        Light of the fleet by the script.
     """
 
     def __init__(
-        self, log: LogFile, show: LoggedShow, script: Show, lights: LightProgram | None
+        self, log: LogFile, show: LoggedShow, script: Show, lights: LightProgram
     ) -> None:
         self.log, self.show, self.script, self.lights = log, show, script, lights
         self.folder = log.path.with_suffix("")
-        self.manifest = read_manifest(log) or {}
+        self.manifest = read_manifest(log)
         # A dialect that the script does not name is read as such, and stays unproved.
         said = self.described.get("autopilot")
         self.spoken = "px4" if said == "px4" else script.mission.autopilot
@@ -257,10 +257,11 @@ class Missions:
         """Say which missions show other colours than the moves end in, in order."""
         options = self.script.mission
         dark, full = options.light_pwm
-        spans = () if self.lights is None else self.lights.spans
         ends = [
             np.rint(dark + np.clip(span.end, 0.0, 1.0) * (full - dark)).astype(int)
-            for span, segment in zip(spans, self.show.segments, strict=False)
+            for span, segment in zip(
+                self.lights.spans, self.show.segments, strict=False
+            )
             if segment.message.kind not in STILL
         ]
         servos = options.light_servos or ()
@@ -272,7 +273,7 @@ class Missions:
             except ValueError:
                 yield f"{name}: sets an output that the script does not name"
             else:
-                if shown != wanted and self.lights is not None:
+                if shown != wanted:
                     yield f"{name}: shows {shown}, the moves end in {wanted} us"
 
     def unknown(self) -> Check:

@@ -17,17 +17,12 @@ from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.certificates import refuted
 from showc.verify.kernel.choreography import MOMENT, REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.motion import (
-    Held,
-    astray,
-    held,
-    reached,
-    unlike_claims,
-)
+from showc.verify.specification.motion import astray, reached, unlike_claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -232,7 +227,7 @@ class _Walk:
         if not own:
             self._arrive(segment, self.colours, first.fade)
             hold = max(one.hold for one in transitions)
-            moving = [held(*one, show.formations) for one in self.placed]
+            moving = [self._moving(*one) for one in self.placed if one[0].motion]
             after = self._hold(name, hold, moving)
             # By the places of the goals: those that the log claims may be any.
             lit = [Lit(one.lights, *there) for one, *there in self.placed]
@@ -272,12 +267,12 @@ class _Walk:
     def _bounded(self, segment: Segment, drones: IntArray, claim: pb.Move) -> bool:
         """Tell whether a lower bound on the time of a group's move has its proof."""
         said, witness = claim.certificate, claim.certificate.witness
-        leg = pb.Segment(limits=segment.message.limits, certificate=said)
+        leg = pb.Segment(certificate=said)
         times = claim.start, claim.start + claim.duration
         begin, end = (reached(segment, drones, time) for time in times)
         way = (end - begin)[drones == witness.drone].sum(axis=0)
         # These moves begin and end at rest: kernel and lanes say so.
-        ends, rules = np.zeros((2, 12)), self.logged.rules
+        ends, rules = np.zeros((2, 12)), _rules(self.show, {}, [self.show.limits], 0.0)
         proved = witness.drone in drones and refuted(leg, rules, way, ends)
         least = witness.time + MOMENT if proved else 0.0
         single = said.single_drone_minimum or claim.duration
@@ -331,8 +326,16 @@ class _Walk:
         if not transition.under_way[0]:
             return formation.points
         every = np.arange(len(formation.points))
-        met = held(transition, every, every, self.show.formations)
-        return np.asarray(met.at(np.zeros(1), 1.0)[0])
+        # Where it is at the start does not depend on how long it is held.
+        return np.asarray(self._moving(transition, every, every).ends(1.0)[0][0])
+
+    def _moving(
+        self, transition: Transition, drones: IntArray, places: IntArray
+    ) -> MovingPlaces:
+        """Return how drones, each at its place of a formation, are to move with it."""
+        drones, places = drones[places >= 0], places[places >= 0]
+        every = self.show.formations
+        return moving_places(drones, places, every[transition.to], transition, every)
 
     def _given(
         self,
@@ -425,13 +428,12 @@ class _Walk:
         return segment
 
     def _hold(
-        self, name: str, least: float, moving: Sequence[Held] = ()
+        self, name: str, least: float, moving: Sequence[MovingPlaces] = ()
     ) -> Segment | None:
         """Take a hold, during which drones may move: look at where they are.
 
         It may last longer if it grows towards a given time.
         """
-        moving = [one for one in moving if one.motions]
         kind, title = "motion" if moving else "hold", f"hold after {name}"
         grows = next(self.grows)
         following = self.logged.segments[self.next : self.next + 1]
@@ -451,15 +453,16 @@ class _Walk:
             points = np.array(self.formations[self.at])
             before = np.array(self.logged.segments[self.next - 2].message.places)
             for one in moving:
-                end = np.full(1, segment.duration)
-                goals[one.drones] = one.at(end, segment.duration)[0]
-                points[before[one.drones]] = goals[one.drones]
+                goals[one.rows] = one.ends(segment.duration)[1][0]
+                points[before[one.rows]] = goals[one.rows]
             self.formations[to] = points
         self._stay(segment, goals)
         if moving:
-            moved = np.concatenate([one.drones for one in moving])
-            still = np.setdiff1d(self.fleet, moved)
-            found = astray(segment, [*moving, Held(still, self.position[still])])
+            rest = np.setdiff1d(
+                self.fleet, np.concatenate([one.rows for one in moving])
+            )
+            still = MovingPlaces(rest, self.position[rest], (), np.zeros(3), ())
+            found = astray(segment, [*moving, still])
             self.demands.motions += [f"“{title}”: {text}" for text in found]
             self.leaving = any(one.under_way[1] for one in moving)
         self.at, self.position = to, segment.goals

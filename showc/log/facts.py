@@ -1,0 +1,176 @@
+"""What a log says around its messages: metadata, attachments, facts of the manifest.
+
+All of it follows from the script, the segments and the manifest's own bytes. So the
+verifier works it out again, and compares.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from fractions import Fraction
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from showc.log import showc_pb2 as pb
+from showc.log.layout import layout_json
+from showc.log.sample import GRID
+from showc.log.schema import FORMAT_VERSION, LAYOUT_NAME, MANIFEST_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from showc.script.show import Show
+
+_MEDIA = {
+    ".yaml": "application/yaml",
+    ".yml": "application/yaml",
+    ".json": "application/json",
+    ".csv": "text/csv",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+}
+
+
+def sha256(content: bytes) -> str:
+    """Hexadecimal SHA-256 of ``content``."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def media_type(name: str) -> str:
+    """Type of an attachment by its suffix; others are plain bytes."""
+    return _MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")
+
+
+def epoch_of(show: Show) -> int:
+    """Time stamp of show time zero [ns]."""
+    return round(Fraction(show.epoch.timestamp()) * 1_000_000_000)
+
+
+def metadata_of(
+    show: Show, duration: float, version: str, manifest: bytes
+) -> dict[str, str]:
+    """Return the metadata of a log.
+
+    Parameters
+    ----------
+    show
+        What the script asks for.
+    duration
+        Of the flight [s].
+    version
+        Of showc.
+    manifest
+        Its bytes.
+    """
+    site = show.site
+    return {
+        "format_version": str(FORMAT_VERSION),
+        "showc_version": version,
+        "name": show.name,
+        "drones": str(show.drones),
+        "rate_hz": repr(float(show.log_rate)),
+        "duration_s": repr(duration),
+        "epoch_ns": str(epoch_of(show)),
+        "frame": "map: origin at the site's origin, z up, +y along the heading",
+        "body_frame": "forward, left, up; quaternion from body to map, x y z w",
+        "origin_latitude": repr(float(site.latitude)),
+        "origin_longitude": repr(float(site.longitude)),
+        "origin_altitude": repr(float(site.altitude)),
+        "heading": repr(float(site.heading)),
+        "colours": "sRGB bytes on /fleet/state, linear on /drone/NNNN/state",
+        "script": PurePath(show.source.path).name,
+        "script_sha256": sha256(show.source.content),
+        "manifest_sha256": sha256(manifest),
+        **{f"grid_{name}": repr(step) for name, step in GRID.items()},
+    }
+
+
+def attachments_of(show: Show, manifest: bytes, *, plots: bool) -> dict[str, bytes]:
+    """Return the attachments of a log by name, in order.
+
+    ``plots`` says whether its layout has samples per drone to plot.
+    """
+    return {
+        PurePath(show.source.path).name: show.source.content,
+        **dict(sorted(show.source.inputs.items())),
+        MANIFEST_NAME: manifest,
+        LAYOUT_NAME: layout_json(show, plots=plots),
+    }
+
+
+def manifest_of(
+    show: Show, segments: Sequence[pb.Segment], height: float, given: Sequence[str]
+) -> dict[str, Any]:
+    """Return what the manifest says of script and flight.
+
+    Parameters
+    ----------
+    show
+        What the script asks for.
+    segments
+        What the log says of each leg.
+    height
+        Greatest height of any drone at any instant, show frame [m].
+    given
+        How the places of each leg were given out, in words.
+    """
+    source = show.source
+    return {
+        "show": {
+            "name": show.name,
+            "script": PurePath(source.path).name,
+            "sha256": sha256(source.content),
+            "inputs": {
+                name: sha256(content) for name, content in sorted(source.inputs.items())
+            },
+            "epoch": show.epoch.isoformat(),
+        },
+        "drones": show.drones,
+        "duration": round(max(one.start + one.duration for one in segments), 3),
+        "greatest_height": round(height, 3),
+        "segments": [
+            {
+                "index": one.index,
+                "name": one.name,
+                "kind": pb.Segment.Kind.Name(one.kind).lower(),
+                "start": round(one.start, 3),
+                "duration": one.duration,
+                "from": one.from_formation,
+                "to": one.to_formation,
+                "assignment": words,
+                "certificate": _certificate(one.certificate, one.duration),
+            }
+            for one, words in zip(segments, given, strict=True)
+        ],
+    }
+
+
+def _certificate(found: pb.Certificate, duration: float) -> dict[str, Any]:
+    single, closest, witness = found.single_drone_minimum, found.closest, found.witness
+    each = max(1, len(witness.multipliers) // max(1, len(witness.knots)))
+    rows = range(0, each * len(witness.knots), each)
+    return {
+        "single_drone_minimum": single,
+        "gap": duration / single - 1.0 if single > 0.0 else 0.0,
+        "dual_bound": found.dual_bound,
+        "witness": {
+            "drone": witness.drone + 1,
+            "time": witness.time,
+            "beta": [witness.beta.x, witness.beta.y, witness.beta.z],
+            "knots": list(witness.knots),
+            "multipliers": [list(witness.multipliers[k : k + each]) for k in rows],
+        }
+        if found.HasField("witness")
+        else None,
+        "closest": {
+            "drones": [closest.drone_a + 1, closest.drone_b + 1],
+            "time": closest.time,
+            "distance": closest.distance,
+        }
+        if found.HasField("closest")
+        else None,
+        "method": found.method,
+        "statistics": dict(sorted(found.statistics.items())),
+    }
