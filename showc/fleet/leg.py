@@ -25,6 +25,7 @@ from showc.flight import (
     LegFlight,
     Trajectory,
 )
+from showc.plan.itinerary import STILL
 from showc.script.fence import Fence
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.metric import measure
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
-_STILL = 1e-9
 SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
 
@@ -127,7 +127,7 @@ class _Solver:
         if leg.motion:
             return self._moving()
         self._check_order()
-        moving = np.linalg.norm(leg.goal - leg.start, axis=1) > _STILL
+        moving = np.linalg.norm(leg.goal - leg.start, axis=1) > STILL
         if not (moving.any() or leg.in_motion):
             return self._hold()
         if leg.kind in {"launch", "land"}:
@@ -379,8 +379,8 @@ class _Solver:
             (leg.goal, leg.to_formation),
         ):
             outside = np.any(
-                (points < np.asarray(limits.position_min) - _STILL)
-                | (points > np.asarray(limits.position_max) + _STILL),
+                (points < np.asarray(limits.position_min) - STILL)
+                | (points > np.asarray(limits.position_max) + STILL),
                 axis=1,
             )
             if outside.any():

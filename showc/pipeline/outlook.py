@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.plan.itinerary import STILL
+
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.options import SolveOptions
@@ -14,10 +16,6 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary, Leg
     from showc.script.show import Show
     from showc.vehicle import Limits
-
-
-_STILL = 1e-9
-"""Way that counts as rounding of the same place [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,7 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
         reason = "solved before" if cached else "moving formation: in closed form"
         return LegOutlook(leg.index, leg.name, not cached, reason, time, time, start)
     way = np.linalg.norm(leg.goal - leg.start, axis=1)
-    if not (way > _STILL).any():
+    if not (way > STILL).any():
         duration = leg.duration or 0.0
         return LegOutlook(
             leg.index,
@@ -141,7 +139,7 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
     reason = (
         "solved before, under the same rules"
         if cached
-        else f"not in the cache: {int((way > _STILL).sum())} drones move, "
+        else f"not in the cache: {int((way > STILL).sum())} drones move, "
         f"{way.max():.1f} m at most"
     )
     saved = None

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from showc.vehicle import Limits
 
 
+STILL = 1e-7
+"""Distance of places that differ by rounding alone [m]: a tenth of what a proof calls
+equal."""
 LegKind = Literal["launch", "transition", "approach", "land", "hold", "motion"]
 
 

@@ -23,6 +23,7 @@ from showc.light.program import LightProgram
 from showc.log.sampling import FleetSampler
 from showc.plan.assignment import assign, nearest_on_lines
 from showc.plan.build import build_itinerary
+from showc.plan.itinerary import STILL
 from showc.vehicle.metric import scaled
 from showc.view.overview import box_of
 from showc.view.scene import (
@@ -198,7 +199,7 @@ def lay_out(
 def _course(leg: Leg, show: Show, memory: Memory) -> Course:
     """Return the profile of a move along straight lines."""
     way = leg.goal - leg.start
-    if leg.motion or leg.parts or not (np.linalg.norm(way, axis=1) > _STILL).any():
+    if leg.motion or leg.parts or not (np.linalg.norm(way, axis=1) > STILL).any():
         return _STANDING
     key = ("course", way.tobytes(), leg.kind, leg.limits, show.vehicle, show.heading)
     found: Course = memory.recall(key, lambda: _flown(leg, show, way))

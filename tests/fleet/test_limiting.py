@@ -72,3 +72,13 @@ def test_the_greatest_bound_is_that_of_all_moves():
     ]
     assert found.witness.time >= max(every) * (1.0 - 1e-3)
     assert found.bounds < len(moves)
+
+
+@pytest.mark.parametrize("way", [1.1e-7, 1e-6, 1e-4])
+def test_the_bound_of_a_move_by_almost_nothing_is_no_more_than_its_time(way):
+    start = np.array([[0.0, 0.0, 10.0], [4.0, 0.0, 10.0]])
+    goal = start + [[0.0, 0.0, 1e-9], [way, 0.0, 0.0]]
+    aircraft = Aircraft(VEHICLE, LIMITS, "held", 0.0)
+    found = limiting_time(aircraft, start, goal, InProcess(), Silent())
+    assert found.drone == 1
+    assert 0.0 <= found.witness.time <= found.time

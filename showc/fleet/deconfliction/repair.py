@@ -42,6 +42,7 @@ from showc.fleet.single_drone.staying import (
     stay_near,
 )
 from showc.fleet.single_drone.symmetry import image, kinds
+from showc.plan.itinerary import STILL
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 from showc.vehicle.metric import measure
 
@@ -197,7 +198,7 @@ class Repair:
         # Whether all processes have the program behind walls from the beginning.
         self._bending = False
         # A drone that does not move hovers, and is flown around.
-        self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < _STILL
+        self._hovers = np.linalg.norm(move.goal - move.start, axis=1) < STILL
         for row, ends in enumerate(move.ends):
             self._hovers[row] &= not any(in_motion(end) for end in ends)
         # How readily each drone is moved aside: less where it did not follow.

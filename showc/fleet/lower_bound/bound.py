@@ -45,6 +45,8 @@ that of a flight of 22 s by 5e-3, and make the linear programs take twice as lon
 _NEAR = 5e-4
 _WORTH_A_PROOF = 0.03
 """Shares of the reach: so near one the search ends, and so near it a proof is tried."""
+_NONE = 1e-3
+"""Share of the way that is as little as none: the time doubles for less than 0.4."""
 _RESOLUTION = 1e-6
 """To what the greatest impossible time is found [s]."""
 
@@ -162,6 +164,8 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
                 best = longest, beta, knots, _stretched(multipliers, longest / time)
         if last:
             break
+        # Of moves below a micrometre the program says that none is made.
+        reach = max(reach, _NONE)
         # The reach grows between linearly (cruise) and with the square of the time;
         # two programs tell the power.
         if before is not None and abs(math.log(time / before[0])) > 1e-6:

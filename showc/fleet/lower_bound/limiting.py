@@ -13,6 +13,7 @@ from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
 from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
 from showc.fleet.single_drone.symmetry import images, kinds
+from showc.plan.itinerary import STILL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,12 +88,12 @@ def limiting_time(
         reported that the others could widen.
     """
     displacement = goal - start
+    moving = np.flatnonzero(np.linalg.norm(displacement, axis=1) > STILL)
     # Moves that differ by rounding alone, or as mirror images do, are one.
     distinct, rows = np.unique(
-        kinds(aircraft, displacement)[0], axis=0, return_index=True
+        kinds(aircraft, displacement[moving])[0], axis=0, return_index=True
     )
-    moves = np.linalg.norm(distinct, axis=1) > 0.0
-    distinct, rows = distinct[moves], rows[moves]
+    rows = moving[rows]
     straight = _straight(aircraft, distinct)
     relaxation = Relaxation(
         aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
