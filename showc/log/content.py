@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -13,9 +13,13 @@ from showc.log.schema import FORMAT_VERSION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from google.protobuf.message import Message
+
     from showc.flight import Certificate, Flight, LegFlight, Trajectory
     from showc.script.show import Show
     from showc.vehicle import Limits
+
+Copy = TypeVar("Copy", bound="Message")
 
 SHAPES = {
     "sphere": pb.Separation.SPHERE,
@@ -44,47 +48,41 @@ def limits_in_use(flight: Flight) -> list[Limits]:
     return list(dict.fromkeys(flown.leg.limits for flown in flight.legs))
 
 
+def _copied(kind: type[Copy], source: object, **other: object) -> Copy:
+    """Return a message with what a dataclass has under the names of its fields."""
+    message = kind(**other)
+    for field in kind.DESCRIPTOR.fields:
+        if field.name not in other:
+            value = getattr(source, field.name)
+            if field.message_type is not None:
+                getattr(message, field.name).CopyFrom(vector(value))
+            elif isinstance(value, tuple):
+                getattr(message, field.name).extend(value)
+            else:
+                setattr(message, field.name, value)
+    return message
+
+
 def rules_message(flight: Flight) -> pb.Rules:
     """Say what the flight must keep, and what flies."""
     show = flight.itinerary.show
-    vehicle, site = show.vehicle, show.site
+    site = show.site
     fence = [] if site.fence is None else np.asarray(site.fence).ravel().tolist()
     return pb.Rules(
         format_version=FORMAT_VERSION,
         name=show.name,
         drones=show.drones,
         duration=flight.duration,
-        site=pb.Site(
-            latitude=site.latitude,
-            longitude=site.longitude,
-            altitude=site.altitude,
-            heading=site.heading,
-            volume_min=vector(site.volume_min),
-            volume_max=vector(site.volume_max),
-            fence=fence,
-            fence_margin=site.fence_margin,
-        ),
-        vehicle=pb.Vehicle(
-            name=vehicle.name,
-            mass=vehicle.mass,
-            arm_length=vehicle.arm_length,
-            thrust_coefficient=vehicle.thrust_coefficient,
-            torque_coefficient=vehicle.torque_coefficient,
-            inertia=vector(vehicle.inertia),
-            rotor_speed_max=vehicle.rotor_speed_max,
-            gravity=vehicle.gravity,
-            torque_factor=vehicle.torque_factor,
-        ),
-        separation=pb.Separation(
-            distance=show.separation.distance,
-            shape=SHAPES[show.separation.shape],
-            vertical_stretch=show.separation.vertical_stretch,
+        site=_copied(pb.Site, site, fence=fence),
+        vehicle=_copied(pb.Vehicle, show.vehicle),
+        separation=_copied(
+            pb.Separation, show.separation, shape=SHAPES[show.separation.shape]
         ),
         yaw_held=show.yaw == "held",
         heading=show.heading,
         log_rate=show.log_rate,
         formations=_formation_messages(show),
-        limits=[_limits_message(limits) for limits in limits_in_use(flight)],
+        limits=[_copied(pb.Limits, limits) for limits in limits_in_use(flight)],
     )
 
 
@@ -134,17 +132,7 @@ def trajectory_message(flown: LegFlight, number: int, position: int) -> pb.Traje
         state=trajectory.state.coefficients.ravel().tolist(),
         control_degree=trajectory.control.degree,
         control=trajectory.control.coefficients.ravel().tolist(),
-        meshes=[
-            pb.Mesh(
-                breaks=mesh.breaks,
-                points=mesh.points,
-                iterations=mesh.iterations,
-                why=mesh.why,
-                found=mesh.found,
-                errors=mesh.errors,
-            )
-            for mesh in trajectory.meshes
-        ],
+        meshes=[_copied(pb.Mesh, mesh) for mesh in trajectory.meshes],
     )
 
 
@@ -153,25 +141,6 @@ def _formation_messages(show: Show) -> list[pb.Formation]:
         pb.Formation(name=formation.name, points=formation.points.ravel().tolist())
         for formation in show.formations.values()
     ]
-
-
-def _limits_message(limits: Limits) -> pb.Limits:
-    return pb.Limits(
-        velocity_min=vector(limits.velocity_min),
-        velocity_max=vector(limits.velocity_max),
-        tilt=limits.tilt,
-        body_rate=vector(limits.body_rate),
-        thrust_min=limits.thrust_min,
-        thrust_max=limits.thrust_max,
-        torque_max=vector(limits.torque_max),
-        position_min=vector(limits.position_min),
-        position_max=vector(limits.position_max),
-        level_speed=limits.level_speed,
-        acceleration=limits.acceleration,
-        acceleration_up=limits.acceleration_up,
-        acceleration_down=limits.acceleration_down,
-        jerk=limits.jerk,
-    )
 
 
 def _certificate_message(certificate: Certificate) -> pb.Certificate:
@@ -183,23 +152,8 @@ def _certificate_message(certificate: Certificate) -> pb.Certificate:
     )
     if certificate.witness is not None:
         witness = certificate.witness
-        message.witness.CopyFrom(
-            pb.Witness(
-                drone=witness.drone,
-                time=witness.time,
-                beta=vector(witness.beta),
-                knots=witness.knots,
-                multipliers=[x for knot in witness.multipliers for x in knot],
-            )
-        )
+        multipliers = [x for knot in witness.multipliers for x in knot]
+        message.witness.CopyFrom(_copied(pb.Witness, witness, multipliers=multipliers))
     if certificate.closest is not None:
-        closest = certificate.closest
-        message.closest.CopyFrom(
-            pb.Encounter(
-                drone_a=closest.drone_a,
-                drone_b=closest.drone_b,
-                time=closest.time,
-                distance=closest.distance,
-            )
-        )
+        message.closest.CopyFrom(_copied(pb.Encounter, certificate.closest))
     return message
