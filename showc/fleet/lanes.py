@@ -1,8 +1,9 @@
 """A leg whose groups have times of their own, put together from their moves.
 
-Each move is solved as a leg of its group, around the drones that stand meanwhile. Here
-the drones hover before, between and after their moves, and all pairs are looked at over
-the whole leg, in continuous time.
+Each move is solved as a leg of its group, around the drones that stand meanwhile, and
+so is what a formation does while a group holds it. Here the drones hover before,
+between and after, and all pairs are looked at over the whole leg, in continuous time.
+Moves are flown again around others; what a formation does is as the script has it.
 """
 
 from __future__ import annotations
@@ -78,6 +79,7 @@ def put_together(
             number
             for number, part in enumerate(leg.parts)
             if tries[number] < _AGAIN
+            and not part.motion
             and np.isin(leg.drones[list(pair)], part.drones).any()
             and 0.0 < time - _begin(part, leg) < (part.duration or 0.0)
         ]

@@ -170,7 +170,7 @@ class _Solver:
                 f"{SHORTEST_MOTION:g} s or more"
             )
         moved = fly_motion(leg, self.aircraft, duration)
-        if wrong := moved.trouble():
+        if wrong := moved.trouble(leg.drones):
             raise SolveError(f"{self.where}: {wrong}")
         flights = moved.trajectories
         if self.fence is not None:

@@ -22,7 +22,7 @@ from showc.fleet.single_drone.replay import replay
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.shared_profile.flat import FlatFlights, Use
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
@@ -57,13 +57,20 @@ class MovingFlight:
     missed: float
     """Greatest distance of a replay of the controls [m]."""
 
-    def trouble(self) -> str:
-        """Say which limit the motion breaks, and what to do; empty if none."""
+    def trouble(self, drones: IntArray) -> str:
+        """Say which limit the motion breaks, and what to do; empty if none.
+
+        Parameters
+        ----------
+        drones
+            Those of the leg, counting from 0, shape (n,).
+        """
         use = self.use
         if use.outside.any():
+            drone = drones[int(np.argmax(use.outside))] + 1
             return (
-                f"drone {int(np.argmax(use.outside)) + 1} leaves the flight volume "
-                "during the motion; make the motion smaller, or move the formation"
+                f"drone {drone} leaves the flight volume during the motion; make the "
+                "motion smaller, or move the formation"
             )
         parts = {
             "greatest speed": use.velocity,
@@ -76,9 +83,9 @@ class MovingFlight:
         row = int(np.argmax(parts[name]))
         if parts[name][row] > 1.0 + SLACK:
             return (
-                f"drone {row + 1} would need {parts[name][row]:.2f} times the {name} "
-                "during the motion; let it take longer (`hold`, `period`, `ramp`), or "
-                "make it smaller"
+                f"drone {drones[row] + 1} would need {parts[name][row]:.2f} times the "
+                f"{name} during the motion; let it take longer (`hold`, `period`, "
+                "`ramp`), or make it smaller"
             )
         if use.weak.any():
             return "the motion asks for less thrust than there must be; make it slower"

@@ -79,7 +79,8 @@ def _motion(flight: LegFlight) -> str:
             flown = flight.trajectories[row].state(times)[:, :3]
             away = float(np.linalg.norm(flown - wanted[:, column], axis=1).max())
             if not away <= _FOLLOWED:
-                return f"drone {row + 1} is {away:.3g} m off its formation's motion"
+                drone = leg.drones[row] + 1
+                return f"drone {drone} is {away:.3g} m off its formation's motion"
     return ""
 
 

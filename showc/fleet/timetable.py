@@ -147,6 +147,8 @@ def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
     free: dict[int, float] = {}
     parts: list[Leg] = []
     for part in leg.parts:
+        if part.motion:
+            continue
         group = int(part.drones[0])
         before = [*legs, *(one for one in parts if int(one.drones[0]) == group)]
         start, duration = _times(part, show, free.get(group, clock), {}, before)
@@ -155,6 +157,7 @@ def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
             0.0 if part.transition is None else show.transitions[part.transition].hold
         )
         free[group] = round(start + duration + held, 3)
+    parts = _in_motion(leg.parts, parts, free)
     begin = min(part.depart or 0.0 for part in parts)
     end = max((part.depart or 0.0) + (part.duration or 0.0) for part in parts)
     return replace(
@@ -163,6 +166,32 @@ def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
         depart=begin,
         duration=round(end - begin, 3),
     )
+
+
+def _in_motion(
+    planned: Sequence[Leg], moves: Sequence[Leg], free: Mapping[int, float]
+) -> list[Leg]:
+    """Put motions between moves: from an arrival until the group leaves.
+
+    One that does not leave again is held as long as the script says, which is until it
+    is ``free``.
+    """
+    found: list[Leg] = []
+    given = iter(moves)
+    for part in planned:
+        if not part.motion:
+            found.append(next(given))
+            continue
+        begin = round((found[-1].depart or 0.0) + (found[-1].duration or 0.0), 3)
+        group = int(part.drones[0])
+        leaves = [
+            one.depart or 0.0
+            for one in moves
+            if int(one.drones[0]) == group and (one.depart or 0.0) >= begin
+        ]
+        time = round(min(leaves, default=free[group]) - begin, 3)
+        found.append(replace(part, depart=begin, duration=time))
+    return found
 
 
 def _among(part: Leg, leg: Leg, parts: Sequence[Leg]) -> Leg:

@@ -259,6 +259,7 @@ class LightProgram:
                         (part.depart or 0.0) + (part.duration or 0.0),
                     )
                     for part in leg.parts
+                    if not part.motion
                 ]
                 for span in lane_spans(show, moves, present.copy(), (start, lit)):
                     spans.append(span)

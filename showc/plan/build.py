@@ -16,7 +16,7 @@ from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
 from showc.progress import Silent
-from showc.script.lanes import arrival, chapters, departure, own_times, rest
+from showc.script.lanes import chapters, departure, ending, own_times, rest
 from showc.script.moving import moving_places
 from showc.script.show import Formation
 from showc.vehicle.flatness import state_in_motion
@@ -154,7 +154,7 @@ class _Builder:
                     "of their own begin and end at rest; leave `arrive: moving` and "
                     "`leave: moving` out here and before, or give them one time"
                 )
-            ends = max(arrival(one) or 0.0 for one in transitions)
+            ends = ending(transitions)
             asked = replace(asked, duration=None, arrive=ends, depart=None)
             self._move("transition", name, formation, given, asked)
             self.legs[-1] = replace(self.legs[-1], parts=parts)
@@ -287,7 +287,7 @@ class _Builder:
         Also return the move of each group by itself.
         """
         transitions = [self.show.transitions[index] for index in indices]
-        stood, colours = self.position, self.colours.copy()
+        stood, colours, own = self.position, self.colours.copy(), own_times(transitions)
         reasons, parts = [], []
         self.placed = []
         for index, transition in zip(indices, transitions, strict=True):
@@ -299,6 +299,9 @@ class _Builder:
             # A group may move again in the same chapter.
             self.position = self.position.copy()
             self.position[members] = goals
+            if own and transition.motion:
+                parts.append(self._part_in_motion(parts[-1]))
+                self.position[members] = parts[-1].goal
             shown = (
                 formation.colours if transition.colours is None else transition.colours
             )
@@ -342,6 +345,32 @@ class _Builder:
             arrive=transition.at,
             depart=departure(transition),
             prefer=transition.prefer,
+        )
+
+    def _part_in_motion(self, move: Leg) -> Leg:
+        """Return what a group does by itself while it holds the end of a move."""
+        transition = self.show.transitions[move.transition or 0]
+        rows = np.flatnonzero(move.places != PARKED)
+        moving = moving_places(
+            rows,
+            move.places[rows],
+            self.show.formations[transition.to],
+            transition,
+            self.show.formations,
+        )
+        goal = move.goal.copy()
+        goal[rows] = moving.ends(transition.hold or _ANY_TIME)[1][0]
+        return replace(
+            move,
+            name=f"hold after {move.name}",
+            kind="motion",
+            start=move.goal,
+            goal=_frozen(goal),
+            from_formation=transition.to,
+            assignment="",
+            arrive=None,
+            depart=None,
+            motion=(moving,),
         )
 
     def _give(

@@ -77,7 +77,8 @@ class Leg:
     """What it does with time that it does not need."""
     parts: tuple[Leg, ...] = ()
     """Moves of groups that have times of their own within this one, in the script's
-    order; each has the drones of its group. Before, between and after they hover."""
+    order, each followed by what its formation does while it is held; each has the
+    drones of its group. Before, between and after they hover."""
 
     @property
     def timed(self) -> bool:

@@ -292,9 +292,14 @@ def _places(draft: Draft, number: int, elapsed: FloatArray) -> FloatArray:
         for part, course in zip(leg.parts, draft.moves[number], strict=True):
             since = elapsed - ((part.depart or 0.0) - (leg.depart or 0.0))
             least, most = np.flatnonzero(since > 0.0), part.duration or 0.0
-            share = course.share(np.clip(since[least], 0.0, most), most)[:, None, None]
-            moved = part.start + share * (part.goal - part.start)
-            places[np.ix_(least, part.drones)] = moved
+            since = np.clip(since[least], 0.0, most)
+            for one in part.motion:
+                moved = one.derivatives(most, since)[0]
+                places[np.ix_(least, part.drones[one.rows])] = moved
+            if not part.motion:
+                share = course.share(since, most)[:, None, None]
+                moved = part.start + share * (part.goal - part.start)
+                places[np.ix_(least, part.drones)] = moved
         return places
     share = draft.courses[number].share(elapsed, time)[:, None, None]
     return np.asarray(leg.start + share * (leg.goal - leg.start))

@@ -14,7 +14,15 @@ import numpy as np
 
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity, Spot
-from showc.script.lanes import chapters
+from showc.script.lanes import (
+    arrival,
+    chapters,
+    departure,
+    ending,
+    lanes,
+    own_times,
+    rest,
+)
 from showc.script.moving import moving_places
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
@@ -109,6 +117,11 @@ def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
     ]
     timed = any(set(one.values()) != {None} for one in asked)
     for number, members in enumerate(together):
+        flown = [show.transitions[index] for index in members]
+        if own_times(flown):
+            yield from _held_apart(show, members, flown)
+            earliest = ending(flown) + rest(flown)
+            continue
         own = asked[number]
         arrived = own["at"]
         if arrived is None:
@@ -126,6 +139,25 @@ def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
         for index in members:
             yield index, longest, whole
         earliest = arrived + hold
+
+
+def _held_apart(
+    show: Show, members: list[int], flown: list[Transition]
+) -> Iterator[tuple[int, float, bool]]:
+    """Do the same for groups with times of their own: each until it leaves."""
+    for lane in lanes(flown):
+        for at, after in zip(lane, [*lane[1:], None], strict=True):
+            one, arrived = flown[at], arrival(flown[at])
+            if after is None or arrived is None:
+                yield members[at], one.hold, True
+                continue
+            leaves = departure(flown[after])
+            if leaves is not None:
+                yield members[at], leaves - arrived, True
+                continue
+            move = least_duration(show, members[after])[0]
+            latest = (arrival(flown[after]) or 0.0) - move
+            yield members[at], latest - arrived, False
 
 
 def _first(show: Show, members: list[int], key: str) -> float | None:

@@ -2,7 +2,8 @@
 
 Transitions of groups that stand next to each other in the script are flown together.
 Where they ask for different times, each group has a lane of its own: it stands, moves,
-and stands again, whatever the others do meanwhile. No drone is in two groups.
+and stands again, whatever the others do meanwhile. A motion of what it holds lasts
+until it leaves, or for its hold where it does not leave. No drone is in two groups.
 """
 
 from __future__ import annotations
@@ -88,13 +89,21 @@ def lanes(together: Sequence[Transition]) -> Iterator[list[int]]:
         yield [at for at, one in enumerate(together) if one.group == group]
 
 
+def ending(together: Sequence[Transition]) -> float:
+    """Show time at which all groups of a chapter of own times stand for good [s].
+
+    Each has arrived, and what its formation does while it is held is over.
+    """
+    return round(
+        max((arrival(one) or 0.0) + one.hold * bool(one.motion) for one in together), 3
+    )
+
+
 def rest(together: Sequence[Transition]) -> float:
-    """How long a chapter of own times is held after its last arrival, at least [s].
+    """How long a chapter of own times is held after its groups stand, at least [s].
 
     Until each group has been held for as long as its last transition asks.
     """
     last = [together[lane[-1]] for lane in lanes(together)]
-    end = max(arrival(one) or 0.0 for one in together)
-    return max(
-        0.0, round(max((arrival(one) or 0.0) + one.hold for one in last) - end, 3)
-    )
+    held = max((arrival(one) or 0.0) + one.hold for one in last)
+    return max(0.0, round(held - ending(together), 3))

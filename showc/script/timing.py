@@ -9,7 +9,15 @@ import numpy as np
 
 from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity
-from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.script.lanes import (
+    arrival,
+    chapters,
+    departure,
+    ending,
+    lanes,
+    own_times,
+    rest,
+)
 from showc.script.show import Follow, Morph, Rotate, Travel
 from showc.script.wording import number_text
 
@@ -140,7 +148,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             if found := _lane_fault(show, members, asked, earliest, before):
                 yield found
                 return
-            ends = max(arrival(one) or 0.0 for one in together) + rest(together)
+            ends = ending(together) + rest(together)
             name = " + ".join(one.to for one in together)
             earliest = ends
             before = f"`{name}` is held until {_time(show, ends, up=True)}"
@@ -208,15 +216,25 @@ def _lane_fault(
                     asked[row].mark,
                     help="give it `at`, or `start` and `duration`",
                 )
-            if one.motion:
+            if any(one.under_way):
                 return Diagnostic(
                     "SHW213",
                     Severity.ERROR,
-                    f"`{one.name}` has a motion, and other groups move meanwhile at "
-                    "times of their own",
+                    f"`{one.name}` meets or leaves a motion under way, and other "
+                    "groups move meanwhile at times of their own",
                     asked[row].mark_of("motion"),
-                    help="give the groups that are flown with it the same times, or "
-                    "leave the motion out",
+                    help="leave `arrive: moving` and `leave: moving` out, or give the "
+                    "groups that are flown with it the same times",
+                )
+            if one.motion and row == lane[-1] and one.hold < _SHORTEST_MOTION:
+                return Diagnostic(
+                    "SHW213",
+                    Severity.ERROR,
+                    f"how long `{one.to}` moves is not known: `{one.name}` is the last "
+                    f"of group `{one.group}` while other groups move at times of "
+                    "their own",
+                    asked[row].mark_of("motion"),
+                    help=f"write its `hold`, {_SHORTEST_MOTION:g} s or more",
                 )
             least = max(least_duration(show, members[row])[0], _SHORTEST)
             soonest = free if starts is not None else free + least
@@ -244,6 +262,8 @@ def _lane_fault(
 
 _SHORTEST = 0.1
 """Least time of a move [s], as for `duration`."""
+_SHORTEST_MOTION = 0.5
+"""Least time of a motion [s]."""
 
 
 def _time(show: Show, time: float, *, up: bool = False) -> str:

@@ -36,8 +36,8 @@ transitions:
 """
 
 
-def solved(time=8):
-    result = read_show(SCRIPT.format(time=time).encode(), path="lanes.yaml")
+def solved(time=8, script=SCRIPT):
+    result = read_show(script.format(time=time).encode(), path="lanes.yaml")
     assert result.show is not None, result.diagnostics
     return solve_itinerary(
         build_itinerary(result.show), SolveOptions(use_cache=False, jobs=1), Silent()
@@ -74,6 +74,33 @@ def test_every_move_begins_and_ends_when_it_is_asked_to(crossing):
         state = leg.trajectories[row].state
         first, last = (state(time - begin)[:3] for time in still)
         assert np.abs(first - last).max() < 1e-9
+
+
+def test_a_group_flies_around_one_that_holds_in_motion():
+    # The east travels where the north has to pass, and back.
+    turning = SCRIPT.replace("assignment: fixed}}", "hold: 9, motion: [{{travel: "
+        "[[-9, 0, 0], [0, 0, 0]]}}], assignment: fixed}}", 1)  # fmt: skip
+    turning = turning.replace("at: 21", "at: 28")
+    lines = [line for line in turning.splitlines() if "to: left" not in line]
+    flight = solved(script="\n".join(lines))
+    (leg,) = (flown for flown in flight.legs if flown.parts)
+    assert leg.certificate.statistics["flown_again"] > 0
+    _, motion, other = leg.parts
+    assert motion.leg.kind == "motion"
+    assert (motion.leg.depart, motion.duration) == (20.0, 9.0)
+    assert other.leg.depart == 20.0
+    times = np.linspace(0.0, leg.duration, 2001)
+    places = [one.state(times)[:, :3] for one in leg.trajectories]
+    separation = flight.itinerary.show.separation
+    gaps = [
+        np.linalg.norm((one - other) / [1, 1, separation.vertical_stretch], axis=1)
+        for one, other in combinations(places, 2)
+    ]
+    assert min(gap.min() for gap in gaps) >= separation.distance - 1e-6
+    # The formation moves as the script has it, whatever flies around it.
+    asked = motion.leg.motion[0].derivatives(9.0, np.array([4.5]))[0, 0]
+    state = leg.trajectories[0].state
+    assert np.allclose(state(24.5 - leg.leg.depart)[:3], asked[0], atol=1e-4)
 
 
 def test_a_move_too_quick_for_its_time_says_how_long_it_needs():

@@ -43,17 +43,17 @@ def test_what_cannot_be_flown_is_refused_with_what_would_do(to, motion, said):
     assert said in message
 
 
-def flown(show):
+def trouble(show):
     leg = next(leg for leg in build_itinerary(show).legs if leg.kind == "motion")
     aircraft = Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)
-    return fly_motion(leg, aircraft, leg.duration)
+    return fly_motion(leg, aircraft, leg.duration).trouble(leg.drones)
 
 
 @pytest.mark.parametrize("motion", ["{wave: 5}", "{rotate: 1440}", "{breathe: 4}"])
 def test_what_is_refused_for_a_limit_could_not_be_flown(motion):
     result = read("ring", motion)
     assert refused(result)
-    assert "times the greatest" in flown(result.draft).trouble()
+    assert "times the greatest" in trouble(result.draft)
 
 
 def test_that_missions_cannot_carry_a_motion_is_said_where_they_are_wanted():
@@ -71,10 +71,10 @@ def test_jerk_is_a_limit_of_motions_too():
         return read("flat", "{wave: {amplitude: 0.5, period: 3}}", music=top)
 
     assert not refused(asked(10))
-    assert flown(asked(10).show).trouble() == ""
+    assert trouble(asked(10).show) == ""
     (message,) = refused(asked(8))
     assert "m/s³ of jerk, 8 m/s³ is the limit" in message
-    assert "acceleration, jerk or level speed" in flown(asked(8).draft).trouble()
+    assert "acceleration, jerk or level speed" in trouble(asked(8).draft)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_jerk_is_a_limit_of_motions_too():
 def test_examples_of_the_documents_can_be_flown(to, motion):
     result = read(to, motion)
     assert not result.errors
-    assert flown(result.show).trouble() == ""
+    assert trouble(result.show) == ""
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])

@@ -3,7 +3,7 @@
 import pytest
 
 from showc.script import read_show
-from showc.script.lanes import chapters, own_times, rest
+from showc.script.lanes import chapters, ending, own_times, rest
 
 SCRIPT = """\
 showc: 1
@@ -102,6 +102,32 @@ def test_a_move_that_no_drone_can_make_in_its_time_is_found():
     assert "cannot stand at 10.5 s of the music" in late.message
 
 
-def test_a_motion_beside_groups_of_other_times_is_found():
-    found = fault(A + ", motion: [{rotate: 90}]", B)
-    assert "`launch -> up` has a motion" in found.message
+MOVING = A.replace("hold: 1", "hold: 5") + ", motion: [{rotate: 90}]"
+
+
+def test_a_motion_beside_groups_of_other_times_ends_before_the_fleet_stands():
+    result = read(MOVING, B.replace("28", "24").replace("14", "12"))
+    assert result.show is not None, result.errors
+    assert (ending(result.show.transitions), rest(result.show.transitions)) == (25, 3)
+
+
+@pytest.mark.parametrize(
+    ("transition", "message", "remedy"),
+    [
+        (MOVING + ", leave: moving", "meets or leaves a motion", "leave `arrive"),
+        (MOVING.replace("hold: 5", "hold: 0"), "how long `up` moves", "`hold`, 0.5 s"),
+    ],
+)
+def test_a_motion_whose_end_is_not_known_beside_others_is_found(
+    transition, message, remedy
+):
+    found = fault(transition, B)
+    assert message in found.message
+    assert remedy in found.help
+
+
+def test_a_motion_among_groups_is_as_quick_as_its_own_time_asks():
+    quick = A + ", motion: [{wave: {amplitude: 2, period: 2}}]"
+    found = fault(quick.replace("hold: 1", "hold: 6"), B)
+    assert found.code == "SHW217"
+    assert "of `up` asks for" in found.message

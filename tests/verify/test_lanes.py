@@ -193,3 +193,102 @@ def test_moves_of_other_groups_than_the_script_has_are_found(compiled):
         return leg
 
     assert "are not the script's" in judged(compiled, lie).legs[0]
+
+
+DANCE = """\
+showc: 1
+name: Dance
+drones: 3
+pads: {type: grid, rows: 1, step: 4, count: 3}
+launch: {altitude: 10, hold: 2}
+groups: {left: 1-2, right: 3}
+formations:
+  up: {type: points, points: [[-8, 0, 14], [-4, 0, 14]], colour: gold}
+  far: {type: points, points: [[8, 6, 10]], colour: red}
+  out: {type: points, points: [[12, 6, 10]], colour: blue}
+transitions:
+  - {to: up, group: left, at: 14, duration: 5, hold: 9, motion: [{rotate: 90}]}
+  - {to: far, group: right, at: 16, duration: 5, hold: 2,
+     motion: [{wave: {amplitude: 0.5, period: 4}}]}
+  - {to: out, group: right, at: 22, duration: 3, hold: 1}
+landing: {altitude: 10}
+"""
+
+
+@pytest.fixture(scope="module")
+def dance(tmp_path_factory):
+    script = tmp_path_factory.mktemp("dance") / "lanes.yaml"
+    script.write_text(DANCE)
+    log = script.parent / "output.mcap"
+    return compile_script(script, log, CompileOptions(missions=False))
+
+
+def test_groups_that_hold_in_motion_while_others_fly_are_proved(dance):
+    report = verify_log(dance.log)
+    assert report.proved, report.to_json()
+    leg = dance.flight.legs[LEG]
+    claims = [
+        (one.leg.name, one.leg.depart, one.duration)
+        for one in leg.parts
+        if one.leg.motion
+    ]
+    # Until the group leaves, or for as long as the script holds it.
+    assert claims == [
+        ("hold after launch -> up", 14.0, 9.0),
+        ("hold after launch -> far", 16.0, 3.0),
+    ]
+    assert leg.leg.depart + leg.duration == 23.0
+    ends = [leg.trajectories[row].state(leg.duration)[:3] for row in (0, 1)]
+    assert np.allclose(sorted(np.array(ends)[:, 1]), [-2, 2], atol=1e-4)
+
+
+def still(leg, drone, start, end):
+    """Let a drone stand where it is between two times of the leg."""
+    tables = []
+    for table in leg.tables:
+        state = table.state.copy()
+        rows = (table.start >= start - 1e-6) & (table.end <= end + 1e-6)
+        rows &= table.owner == drone
+        state[rows] = state[rows][:1, :1]
+        tables.append(replace(table, state=state))
+    return replace(leg, tables=tuple(tables))
+
+
+def test_a_group_that_stands_where_it_is_to_move_is_found(dance):
+    found = judged(dance, lambda leg: still(leg, 2, 7.0, 10.0))
+    (wrong,) = found.motions
+    assert "drone 3 may be 0." in wrong
+    assert "“launch -> far”" in wrong
+
+
+def test_a_motion_that_is_flown_at_another_time_is_found(dance):
+    late = judged(dance, lambda leg: delayed(leg, [0, 1], 5.0, 14.0, 0.02))
+    assert "from where the motion has it" in late.motions[0]
+
+
+@pytest.mark.parametrize("change", [{"start": 14.5}, {"duration": 8.9}])
+def test_a_claim_of_another_time_of_a_motion_is_found(dance, change):
+    def lie(leg):
+        leg.message.moves[1].MergeFrom(pb.Move(**change))
+        return leg
+
+    found = judged(dance, lie)
+    assert found.legs == ["“hold after launch -> up” is not as long as its hold"]
+
+
+def test_a_goal_that_is_not_where_the_motion_ends_is_found(dance):
+    def lie(leg):
+        goals = leg.goals.copy()
+        goals[0, 0] += 0.01
+        return replace(leg, goals=goals)
+
+    assert "goals are not where a motion ends" in judged(dance, lie).places[0]
+
+
+def test_a_motion_that_claims_a_bound_is_found(dance):
+    def lie(leg):
+        leg.message.moves[1].certificate.dual_bound = 9.0
+        return leg
+
+    found = judged(dance, lie)
+    assert found.legs == ["“hold after launch -> up”: its bound is not proved"]

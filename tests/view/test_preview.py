@@ -96,7 +96,9 @@ def test_groups_with_times_of_their_own_are_drawn_in_them():
     (chapter,) = (one for one in scene.chapters if one.moves)
     assert [(one.group, one.start, one.duration) for one in chapter.moves] == [
         ("left", 10.0, 8.0),
+        ("left", 18.0, 6.0),
         ("middle", 14.0, 8.0),
+        ("middle", 22.0, 12.0),
         ("right", 18.0, 8.0),
         ("left", 24.0, 6.0),
     ]
@@ -105,9 +107,9 @@ def test_groups_with_times_of_their_own_are_drawn_in_them():
     middle = 0.5 * (times[1:] + times[:-1])
     within = (middle > 10.2) & (middle < 29.8)
     for drones, spans in (
-        (slice(0, 4), [(10, 18), (24, 30)]),
+        (slice(0, 4), [(10, 18), (18, 24), (24, 30)]),
         (slice(4, 8), [(18, 26)]),
-        (slice(8, 12), [(14, 22)]),
+        (slice(8, 12), [(14, 22), (22, 34)]),
     ):
         near = [(middle > begin - 0.2) & (middle < end + 0.2) for begin, end in spans]
         deep = [(middle > begin + 0.5) & (middle < end - 0.5) for begin, end in spans]

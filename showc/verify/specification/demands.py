@@ -9,7 +9,7 @@ and what follows is derived from it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from showc.verify.kernel.certificates import refuted
 from showc.verify.kernel.choreography import MOMENT, REACHED
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.motion import astray, reached, unlike_claims
+from showc.verify.specification.motion import astray, during, reached, unlike_claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,6 +47,15 @@ PLACE_ERROR = 1e-9
 ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
 a quarter of a frame of film."""
+
+
+class _Flown(NamedTuple):
+    """When a group moves, at show times [s]."""
+
+    begin: float
+    end: float
+    until: float = 0.0
+    """When what its formation does while it is held is over; 0: it does nothing."""
 
 
 @dataclass(slots=True)
@@ -210,15 +219,15 @@ class _Walk:
         if first.group is not None:
             last = {one.group: one.to for one in transitions}
             to = self._unused(" + ".join(f"{group} in {last[group]}" for group in last))
-        count = len(transitions) if own else 0
+        count = sum(1 + bool(one.motion) for one in transitions) if own else 0
         segment = self._leg("transition", name, to, duration=duration, moves=count)
         begin, end = segment.start, segment.end
-        flights = [(begin, end) for _ in transitions]
+        flights = [_Flown(begin, end) for _ in transitions]
         if own:
             flights = self._lanes(segment, transitions)
         for one, flown in zip(transitions, flights, strict=True):
-            self._on_time(one, *flown)
-        self._place(segment, transitions, [end for _, end in flights])
+            self._on_time(one, flown.begin, flown.end)
+        self._place(segment, transitions, flights)
         if first.group is not None:
             self.formations[to] = segment.goals
             self._own(segment, segment.goals)
@@ -237,32 +246,51 @@ class _Walk:
         self.at, self.position = to, segment.goals
         after = self._hold(name, rest(transitions)) or segment
         both = zip(self.placed, flights, strict=True)
-        moves, window = [LaneMove(*one, *at) for one, at in both], (begin, after.end)
+        moves = [LaneMove(*one, at.begin, at.end) for one, at in both]
+        window = begin, after.end
         for span in lane_spans(show, moves, self.lit, window):
             self.spans.append(span)
             self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
 
     def _lanes(
         self, segment: Segment, transitions: Sequence[Transition]
-    ) -> list[tuple[float, float]]:
+    ) -> list[_Flown]:
         """Return when groups move at times of their own: the log says so, and flies."""
-        claims = segment.message.moves
-        asked = [(one.name, one.group, one.to) for one in transitions]
-        if [(one.name, one.group, one.to_formation) for one in claims] != asked:
+        said = list(segment.message.moves)
+        asked = [
+            (name, one.group, one.to)
+            for one in transitions
+            for name in (one.name, *[f"hold after {one.name}"] * bool(one.motion))
+        ]
+        if [(one.name, one.group, one.to_formation) for one in said] != asked:
             raise _StrayError(f"moves of “{segment.message.name}” are not the script's")
+        both = [[said.pop(0) for _ in (0, *one.motion[:1])] for one in transitions]
+        claims = [one[0] for one in both]
+        found = [_Flown(one.start, one.start + one.duration) for one in claims]
         for lane in lanes(transitions):
-            members = np.array(self.show.groups[str(asked[lane[0]][1])])
+            members = np.array(self.show.groups[str(transitions[lane[0]].group)])
             free = segment.start
-            for one, claim in ((transitions[k], claims[k]) for k in lane):
-                end = claim.start + claim.duration
-                if not free - MOMENT <= claim.start < end <= segment.end + MOMENT:
+            for at, after in zip(lane, [*lane[1:], None], strict=True):
+                one, (begin, end, *_) = transitions[at], found[at]
+                if not free - MOMENT <= begin < end <= segment.end + MOMENT:
                     raise _StrayError(f"“{one.name}” is flown while its group is held")
                 free = end + one.hold
-                if not self._bounded(segment, members, claim):
-                    self.demands.legs.append(f"“{one.name}”: its bound is not proved")
-            mine = [claims[k] for k in lane]
-            self.demands.times += unlike_claims(segment, members, mine)
-        return [(one.start, one.start + one.duration) for one in claims]
+                for claim in both[at]:
+                    if not self._bounded(segment, members, claim):
+                        text = f"“{claim.name}”: its bound is not proved"
+                        self.demands.legs.append(text)
+                # What is held in motion moves until its group leaves, if it does.
+                until = free if after is None else found[after].begin
+                for claim in both[at][1:]:
+                    found[at] = _Flown(begin, end, until)
+                    off = abs(
+                        np.array([end, until - end]) - (claim.start, claim.duration)
+                    )
+                    if not max(*off, until - segment.end) <= MOMENT:
+                        raise _StrayError(f"“{claim.name}” is not as long as its hold")
+            mine, held_so = [claims[at] for at in lane], [found[at][1:] for at in lane]
+            self.demands.times += unlike_claims(segment, members, mine, held_so)
+        return found
 
     def _bounded(self, segment: Segment, drones: IntArray, claim: pb.Move) -> bool:
         """Tell whether a lower bound on the time of a group's move has its proof."""
@@ -295,7 +323,7 @@ class _Walk:
                 )
 
     def _place(
-        self, segment: Segment, transitions: Sequence[Transition], ends: list[float]
+        self, segment: Segment, transitions: Sequence[Transition], flights: list[_Flown]
     ) -> None:
         """Check the goals of the fleet, or of groups; others stay where they are.
 
@@ -312,13 +340,32 @@ class _Walk:
             formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
             goals, error = segment.goals[members], PLACE_ERROR
-            if at != final[group]:
-                goals, error = reached(segment, members, ends[at]), REACHED
+            flown, last = flights[at], at == final[group]
+            if flown.until or not last:
+                goals, error = reached(segment, members, flown.end), REACHED
             places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
+            if flown.until:
+                self._moved(segment, flown, last=last)
             colours[members] = shown(transition, formation, places)
         self._reach(segment, self.position, others)
         self.colours = colours
+
+    def _moved(self, segment: Segment, flown: _Flown, *, last: bool) -> None:
+        """Look at what a group does while it holds the formation placed last."""
+        transition, members, places = self.placed[-1]
+        moving, parked = self._moving(*self.placed[-1]), members[places < 0]
+        there = reached(segment, parked, flown.end)
+        part = during(segment, flown.end, flown.until)
+        still = MovingPlaces(parked, there, (), np.zeros(3), ())
+        found = ["a polynomial runs across an end of its motion"]
+        if part is not None:
+            found = list(astray(part, [moving, still]))
+        self.demands.motions += [f"“{transition.name}”: {text}" for text in found]
+        goal, goals = moving.ends(flown.until - flown.end)[1][0], segment.goals
+        near = _near(goals[moving.rows], goal) and _near(goals[parked], there, REACHED)
+        if last and not near:
+            self._wrong(segment, "goals are not where a motion ends")
 
     def _met(self, transition: Transition) -> FloatArray:
         """Places of a formation when drones arrive, its motion perhaps under way."""

@@ -24,6 +24,7 @@ from showc.script.moving import shares_of
 from showc.script.show import Breathe, Follow, Morph, Rotate, Travel, Wave
 from showc.verify.kernel.choreography import MOMENT
 from showc.verify.kernel.dynamics import STILL
+from showc.verify.kernel.show import PieceTable
 from showc.verify.samples import evaluate
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Move
     from showc.script.moving import MovingPlaces
-    from showc.verify.kernel.show import PieceTable, Segment
+    from showc.verify.kernel.show import Segment
 
 FOLLOWED = 1e-3
 """Greatest distance from the place that the motion asks for, at any instant [m]: as
@@ -181,12 +182,38 @@ def reached(segment: Segment, drones: IntArray, time: float) -> FloatArray:
     return found
 
 
+def during(segment: Segment, begin: float, end: float) -> Segment | None:
+    """Return what is flown of a segment between two show times [s].
+
+    None if a polynomial runs across one of them.
+    """
+    message = type(segment.message)()
+    message.CopyFrom(segment.message)
+    message.start, message.duration, tables = begin, end - begin, []
+    first, last = begin - segment.start, end - segment.start
+    for table in segment.tables:
+        within = (table.end > first + MOMENT) & (table.start < last - MOMENT)
+        whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
+        if (within & ~whole).any():
+            return None
+        drones, rows = np.unique(table.owner[within], return_index=True)
+        rows = np.append(rows, np.count_nonzero(within))
+        times = table.start[within] - first, table.end[within] - first
+        states = table.state[within], table.control[within]
+        tables.append(PieceTable(drones, rows, *times, *states))
+    return replace(segment, message=message, tables=tuple(tables))
+
+
 def unlike_claims(
-    segment: Segment, drones: IntArray, claims: Sequence[Move]
+    segment: Segment,
+    drones: IntArray,
+    claims: Sequence[Move],
+    motions: Sequence[tuple[float, float]],
 ) -> Iterator[str]:
     """Yield moves of a group that do not begin and end when the log claims it.
 
-    At all other times every coefficient of its drones' positions is one place.
+    At all other times every coefficient of its drones' positions is one place, but for
+    ``motions`` of what is held, between two show times [s].
     """
     starts = np.array([claim.start for claim in claims])
     first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
@@ -194,6 +221,9 @@ def unlike_claims(
         mine = np.isin(table.owner, drones)
         way = table.state[mine, :, :3]
         mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > STILL
+        for low, high in motions:
+            inside = segment.start + table.start >= low - MOMENT
+            mine &= ~(inside & (segment.start + table.end <= high + MOMENT))
         begin, end = segment.start + table.start[mine], segment.start + table.end[mine]
         which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
         np.minimum.at(first, which, begin)
