@@ -27,6 +27,7 @@ from showc.flight import (
 )
 from showc.plan.itinerary import STILL
 from showc.script.fence import Fence
+from showc.script.timing import SHORTEST_MOTION
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.metric import measure
 from showc.vehicle.power import Power
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
-SHORTEST_MOTION = 0.5
-"""Least time of a motion [s]."""
 
 
 def aircraft_of(show: Show, leg: Leg) -> Aircraft:

@@ -16,7 +16,14 @@ from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
 from showc.progress import Silent
-from showc.script.lanes import chapters, departure, ending, own_times, rest
+from showc.script.lanes import (
+    chapters,
+    common,
+    departure,
+    ending,
+    own_times,
+    rest,
+)
 from showc.script.moving import moving_places
 from showc.script.show import Formation
 from showc.vehicle.flatness import state_in_motion
@@ -134,11 +141,10 @@ class _Builder:
             formation, given = self._whole_fleet(transitions[0], hold)
         else:
             formation, given, parts = self._groups(indices, hold)
-        durations = [t.duration for t in transitions if t.duration is not None]
         name = " + ".join(transition.name for transition in transitions)
         asked = _Asked(
             self.show.limits,
-            max(durations) if durations else None,
+            common(transitions),
             transitions[0].mark,
             indices[0],
             next((t.at for t in transitions if t.at is not None), None),

@@ -76,6 +76,8 @@ class Mapping:
     """By their keys."""
     mark: Mark
     size: int = 1
+    whole: bool = True
+    """Whether all that the script has in it is here."""
 
     def get(self, key: str) -> Entry | None:
         """Return the entry of a key, if it is there."""
@@ -109,6 +111,7 @@ class _Frame:
     entries: dict[str, Entry] = field(default_factory=dict)
     skipping: bool = False
     size: int = 1
+    whole: bool = True
 
 
 class _RefusedError(Exception):
@@ -265,7 +268,9 @@ class _Builder:
                 labels = (Label(start, str(fault.context)),)
         problem = str(fault.problem or fault.context or "it cannot be read")
         advice = "check the indentation, the colons and the brackets up to here"
-        if "cannot start any token" in problem:
+        if "cannot start any token" in problem and self._sign(span) == "\t":
+            problem, advice = "a tab", "separate with spaces"
+        elif "cannot start any token" in problem:
             advice = 'a text that begins with @ or ` needs quotes: `"@chorus"`'
         self._say(
             "SHW001",
@@ -274,6 +279,10 @@ class _Builder:
             secondary=labels,
             help=advice,
         )
+
+    def _sign(self, mark: Mark) -> str:
+        """Return the sign at the beginning of a span, if there is one."""
+        return "".join(self.lines[mark.line - 1 : mark.line])[mark.column - 1 :][:1]
 
     def _mark(self, event: yaml.Event) -> Mark:
         start: Any = event.start_mark
@@ -343,6 +352,7 @@ class _Builder:
         frame.key = (key, mark)
         frame.skipping = key in frame.entries or key == "<<"
         if key == "<<":
+            frame.whole = False
             self._say(
                 "SHW009",
                 "the YAML merge key `<<`",
@@ -421,7 +431,7 @@ class _Builder:
         )
         node: Node
         if frame.mapping:
-            node = Mapping(frame.entries, span, frame.size)
+            node = Mapping(frame.entries, span, frame.size, frame.whole)
         else:
             node = Sequence(tuple(frame.items), span, frame.size)
         self._place(node, frame.anchor)

@@ -104,7 +104,13 @@ def groups_of(
     written = _members(settings)
     for name, (members, mark) in written.items():
         if not members:
-            reader.say("SHW116", f"the group `{name}` has no drones", mark)
+            if settings.section("groups").values[name].value is not None:
+                reader.say(
+                    "SHW116",
+                    f"the group `{name}` has no drones",
+                    mark,
+                    help_text="a range goes from the lower number to the higher: `1-8`",
+                )
             continue
         beyond = [drone for drone in members if drones is not None and drone > drones]
         if beyond:
@@ -127,6 +133,7 @@ def groups_of(
                     secondary=(Label(written[other][1], "here too"),)
                     if other != name
                     else (),
+                    help_text="a drone is in one group at most",
                 )
                 break
             owner[drone] = name

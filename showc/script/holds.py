@@ -26,7 +26,7 @@ from showc.script.lanes import (
 from showc.script.moving import moving_places
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
-from showc.script.timing import least_duration
+from showc.script.timing import SHORTEST_MOTION, least_duration
 from showc.script.wording import number_text
 from showc.vehicle.flatness import attitude_and_thrust
 
@@ -89,9 +89,20 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     share = _WATCHED // sum(bool(one.motion) for one in show.transitions)
     for index, time, whole in _held(show):
         transition = show.transitions[index]
-        if not transition.motion or time <= 0.0:
+        if not transition.motion:
             continue
         mark = settings[index].mark_of("motion")
+        if time < SHORTEST_MOTION:
+            yield Diagnostic(
+                "SHW217",
+                Severity.ERROR,
+                f"`{transition.to}` moves, and is held for "
+                f"{number_text(round(max(time, 0.0), 3))} s",
+                mark,
+                help=f"hold it for {SHORTEST_MOTION:g} s or more: its motion lasts as "
+                "long as that",
+            )
+            continue
         flown = _Flown(show, transition, time, whole=whole)
         if found := flown.fault(share):
             yield Diagnostic(
@@ -227,13 +238,13 @@ class _Flown:
         worst = max(self._needs(rows, states), key=lambda one: one.use)
         if worst.use <= 1.0 + _ROUNDING:
             return None
-        slower = worst.use ** (1.0 / worst.power)
+        slower, smaller = worst.use ** (1.0 / worst.power), _down(1.0 / worst.use)
         return _Fault(
             f"the motion of `{self.name}` asks for {number_text(worst.value)} "
             f"{worst.unit} of {worst.what}, {number_text(worst.limit)} {worst.unit} "
             f"is the limit: place {worst.place + 1}, {worst.time:.1f} s into the hold",
             f"make all its times (`period`, `ramp`, `hold`) {_up(slower)} times as "
-            f"long, or its size {_down(1.0 / worst.use)} of what it is",
+            "long" + f", or its size {smaller} of what it is" * (float(smaller) > 0.0),
             Spot(self.name, (worst.place,)),
         )
 

@@ -8,6 +8,7 @@ may be added: ``@chorus + 2 beats``, ``bar 9 - 0.5 s``.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -39,7 +40,8 @@ _CODE = re.compile(r"(\d\d):([0-5]\d):([0-5]\d)([:;])(\d\d)(?:@([\d.]+))?")
 _BAR = re.compile(rf"bar\s+({NUMBER})(?:\s+beat\s+({NUMBER}))?")
 _BEAT = re.compile(rf"beat\s+({NUMBER})")
 _CUE = re.compile(r"@\s*([^\W\d][\w-]*)")
-_SHIFTED = re.compile(r"(.*[\w\s])\s([+-])\s*(\S.*)")
+_COUNTED = re.compile(r"(bar|beat)\s*-\s*\d+")
+_SHIFTED = re.compile(r"(?!(?:bar|beat)\s+[+-])(.*[\w\s])\s([+-])\s*(\S.*)")
 _LENGTH = re.compile(rf"({NUMBER})\s*(beats?|bars?)")
 
 
@@ -78,6 +80,11 @@ class Instant:
         """Whether the tempo of the music is needed."""
         return self.base in {"bar", "beat"} or (self.unit != "s" and self.shift != 0.0)
 
+    @property
+    def needs_music(self) -> bool:
+        """Whether the tempo or a cue of the music is needed."""
+        return self.musical or self.base == "cue"
+
 
 def parse_instant(text: str) -> Instant:
     """Read a time.
@@ -114,9 +121,17 @@ def _seconds(text: str) -> float:
     try:
         return parse_quantity(text, "s", plain=False)
     except QuantityError as fault:
-        if fault.code == "SHW105":
+        if fault.code == "SHW105" and ":" not in text:
             raise InstantError(fault.code, str(fault), fault.help) from None
-        raise InstantError("SHW103", f"`{text}` is no time", FORMS) from None
+        said = _COUNTED.fullmatch(text)
+        if said is not None:
+            why = f"`{text}`: {said.group(1)}s count from 1"
+        elif re.fullmatch(r"[\d:;.]+(@[\d.]+)?", text):
+            why = f"`{text}` is no time: minutes and seconds end at 59"
+        else:
+            why = f"`{text}` is no time"
+        cue = f'a cue is written `"@{text}"`; ' if _CUE.fullmatch(f"@{text}") else ""
+        raise InstantError("SHW103", why, cue + FORMS) from None
 
 
 def _term(text: str) -> tuple[Base, float, float, str]:
@@ -127,6 +142,9 @@ def _term(text: str) -> tuple[Base, float, float, str]:
     match = _CLOCK.fullmatch(text)
     if match is not None:
         hours, minutes, seconds = match.groups()
+        if hours is not None and int(minutes) > 59:
+            why = f"`{text}` is no time: minutes and seconds end at 59"
+            raise InstantError("SHW103", why, FORMS)
         total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
         return "seconds", total, 1.0, ""
     match = _BAR.fullmatch(text)
@@ -161,7 +179,10 @@ def _time_code(match: re.Match[str]) -> float:
         whole = 60 * hours + minutes
         if frames >= 30 or (frames < 2 and seconds == 0 and minutes % 10):
             raise InstantError(
-                "SHW103", f"`{match.group()}`: there is no such frame", FORMS
+                "SHW103",
+                f"`{match.group()}`: there is no such frame",
+                "frames go from 0 to 29; a minute begins with frame 2, unless it is a "
+                "multiple of ten",
             )
         number = 30 * count + frames - 2 * (whole - whole // 10)
         return number * 1001.0 / 30000.0
@@ -189,11 +210,18 @@ def music_time(instant: Instant, music: Music | None) -> float:
     music
         Its tempo and cues; None: there is none, and only seconds can be meant.
 
+    Returns
+    -------
+    float
+        Not a number where the music that it needs could not be read.
+
     Raises
     ------
     InstantError
         If it needs a tempo or a cue that is not there.
     """
+    if music is not None and not music.sound and instant.needs_music:
+        return math.nan
     if instant.musical and (music is None or music.bpm is None):
         raise InstantError(
             "SHW121",

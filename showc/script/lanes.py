@@ -83,6 +83,22 @@ def own_times(together: Sequence[Transition]) -> bool:
     return len({one.group for one in together}) < len(together)
 
 
+def common(together: Sequence[Transition]) -> float | None:
+    """How long transitions that are flown in one time take, if the script says [s].
+
+    From the departure of any to the arrival of any, or the longest that is written.
+    """
+    departs, arrives = (
+        next((found for one in together if (found := time(one)) is not None), None)
+        for time in (departure, arrival)
+    )
+    if departs is not None and arrives is not None:
+        return round(arrives - departs, 3)
+    return max(
+        (one.duration for one in together if one.duration is not None), default=None
+    )
+
+
 def lanes(together: Sequence[Transition]) -> Iterator[list[int]]:
     """Yield, for each group of a chapter, positions of its transitions, in order."""
     for group in dict.fromkeys(one.group for one in together):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,6 +77,8 @@ def lights_of(
             continue
         except FormationError as fault:
             reader.say(fault.code, str(fault), own.mark_of("colour"))
+            continue
+        if math.isnan(time):
             continue
         colours.setflags(write=False)
         found.append(LightKey(time, absolute, colours, own.text("fade") == "end"))

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
-from showc.script.quantity import NUMBER
+from showc.script.formation_fields import resolve
+from showc.script.kinds import Either, Section
+from showc.script.quantity import NUMBER, comma_fault
 
 if TYPE_CHECKING:
     from showc.script.kinds import Items
@@ -26,6 +28,7 @@ MEANT = {
     "position": "centre",
     "at": "centre",
     "offset": "centre",
+    "velocity": "speed",
     "time": "duration",
     "wait": "hold",
     "pause": "hold",
@@ -46,15 +49,48 @@ def decimal_comma(entry: Entry, node: Mapping) -> Diagnostic | None:
     beside = (first.end_line, first.end_column + 1) == (behind.line, behind.column)
     if not beside or not re.fullmatch(r"[-+]?\d+", value.text):
         return None
-    right = f"{value.text}.{entry.key}"
+    fault = comma_fault(f"{value.text},{entry.key}")
     return Diagnostic(
-        "SHW103",
+        fault.code,
         Severity.ERROR,
-        f"`{before.key}`: `{value.text},{entry.key}` has a decimal comma",
+        f"`{before.key}`: {fault}",
         replace(first, end_line=behind.end_line, end_column=behind.end_column),
-        help=f"write `{right}`",
-        fix=right,
+        help=fault.help,
+        fix=fault.fix,
     )
+
+
+def spaced(entry: Entry) -> str:
+    """Return a key and its value with the space that lacks between them, or nothing.
+
+    YAML takes ``radius:9`` in braces, or one with a no-break space, for a key alone.
+    """
+    match = re.fullmatch(r"([\w-]+):\s*(\S.*)", entry.key)
+    value = entry.value
+    alone = isinstance(value, Scalar) and value.plain and not value.text
+    if match is None or not alone:
+        return ""
+    return f"{match.group(1)}: {match.group(2)}"
+
+
+def about_colours(node: Node) -> str:
+    """Say how a list of levels, or of colours, is written."""
+    words, written = _numbers_in(node)
+    if len(words) == written == 3:
+        return "red, green and blue are whole numbers from 0 to 255: `[255, 128, 0]`"
+    return "a list of colours, one for each place, is written `{each: [red, white]}`"
+
+
+def about_brackets(kind: Items, node: Node) -> str:
+    """Say how a list of one is written, where that is what was meant."""
+    item = resolve(kind.item)
+    words = not (isinstance(item, Section) and not item.short)
+    if isinstance(node, Scalar) and words:
+        return f"a list of one is written `[{node.text}]`" if kind.least <= 1 else ""
+    if isinstance(node, Mapping) and isinstance(item, Section | Either):
+        keys = ", ".join(f"{entry.key}: …" for entry in list(node)[:2])
+        return f"a list of one is written `[{{{keys}}}]`"
+    return "a list is written `[…, …]`, or each element behind a dash: `- …`"
 
 
 def mixed_colour(node: Sequence) -> Node:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.formations import FormationError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | None:
-    """Return the music of a script; None if it names none, or not soundly.
+    """Return the music of a script, as far as it is sound; None if it names none.
 
     Parameters
     ----------
@@ -29,9 +30,11 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
     reader
         Takes the findings.
     """
-    if "music" not in settings or settings.section("music").broken:
+    if "music" not in settings:
         return None
     section = settings.section("music")
+    if section.broken:
+        return Music(None, 0.0, None, 4, 0.0, {}, sound=False)
     file = section.text("file") if "file" in section else None
     cues: dict[str, float] = {}
     music = Music(
@@ -47,7 +50,10 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
             files.read(file, "file")
     except FormationError as fault:
         _refused(fault, section.mark_of("file"), reader)
-    for name, instant, mark in _cues(section, files, reader):
+    found = _cues(section, files, reader)
+    if found is None:
+        return replace(music, sound=False)
+    for name, instant, mark in found:
         # A cue may count from one before it.
         try:
             cues[name] = music_time(instant, music)
@@ -63,8 +69,8 @@ def _refused(fault: FormationError, mark: Mark, reader: Reader) -> None:
 
 def _cues(
     section: Settings, files: InputFiles, reader: Reader
-) -> list[tuple[str, Instant, Mark]]:
-    """Names and times of cues, and where each is written."""
+) -> list[tuple[str, Instant, Mark]] | None:
+    """Names and times of cues, and where each is written; None if not to be read."""
     mark = section.mark_of("cues")
     given = section.values["cues"].value
     if isinstance(given, Settings):
@@ -78,10 +84,10 @@ def _cues(
         found = read_cues(files.read(name, "cues"), name)
     except FormationError as fault:
         _refused(fault, mark, reader)
-        return []
+        return None
     except InstantError as fault:
         reader.say(fault.code, str(fault), mark, help_text=fault.help)
-        return []
+        return None
     return [(cue, instant, mark) for cue, instant in found]
 
 

@@ -107,6 +107,9 @@ NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(NUMBER)
 _QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s].*?)\s*")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?![\d,])")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}(?!\d)")
+_MINUS = re.compile(r"[\u2010-\u2015\u2212]\s*[\d.]")
+"""Dashes, and the minus sign of typesetters, before a number."""
 _MEANT = {
     word: unit
     for unit, words in {
@@ -186,20 +189,18 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
             f"give a number in {unit}" if unit else "give a number",
         )
     if _NOT_FINITE.fullmatch(stripped):
-        raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
+        raise QuantityError(
+            "SHW005",
+            f"`{stripped}` is not a finite number",
+            f"give a number in {unit}" if unit else "give a number",
+        )
     if plain and _AMBIGUOUS.fullmatch(stripped):
         raise QuantityError(
             "SHW007",
             f"`{stripped}` is read differently by different YAML readers",
             "write an ordinary decimal number",
         )
-    if _DECIMAL_COMMA.match(stripped):
-        raise QuantityError(
-            "SHW103",
-            f"`{stripped}` has a decimal comma",
-            f"write `{stripped.replace(',', '.', 1)}`",
-            stripped.replace(",", ".", 1),
-        )
+    _other_signs(stripped)
     if _NUMBER.fullmatch(stripped):
         value, written = float(stripped), unit
     else:
@@ -216,6 +217,39 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
     if not math.isfinite(result):
         raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
     return result
+
+
+def _other_signs(stripped: str) -> None:
+    """Refuse dashes for minus signs, and commas in numbers.
+
+    Raises
+    ------
+    QuantityError
+        If there are any.
+    """
+    if _MINUS.match(stripped):
+        right = f"-{stripped[1:]}"
+        raise QuantityError(
+            "SHW103",
+            f"`{stripped}` begins with a dash that is no minus sign",
+            f"write `{right}`",
+            right,
+        )
+    if _DECIMAL_COMMA.match(stripped):
+        raise comma_fault(stripped)
+
+
+def comma_fault(text: str) -> QuantityError:
+    """Say what is wrong with a number that has one comma: of decimals, or thousands."""
+    right = text.replace(",", ".", 1)
+    if _THOUSANDS.match(text):
+        return QuantityError(
+            "SHW103",
+            f"`{text}` has a comma, of decimals or of thousands",
+            f"write `{right}` or `{text.replace(',', '', 1)}`",
+        )
+    message = f"`{text}` has a decimal comma"
+    return QuantityError("SHW103", message, f"write `{right}`", right)
 
 
 def match_number(text: str) -> str:
@@ -254,7 +288,9 @@ def _unit(written: str, unit: str, text: str) -> Unit:
         raise QuantityError(
             "SHW105",
             f"unknown unit `{written}` in `{text}`",
-            f"units here: {', '.join(units_of(unit))}",
+            f"units here: {', '.join(units_of(unit))}"
+            if unit
+            else "give a number without a unit",
         )
     if found.dimension != wanted:
         what = f"{_article(wanted)} in {unit}" if unit else "a number without a unit"

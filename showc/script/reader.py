@@ -34,14 +34,17 @@ from showc.script.kinds import (
 )
 from showc.script.meaning import (
     MEANT,
+    about_brackets,
+    about_colours,
     about_commas,
     decimal_comma,
     mixed_colour,
+    spaced,
     with_commas,
 )
 from showc.script.scalars import ScalarError, certain, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
-from showc.script.wording import form_of, shortened, wanted_text
+from showc.script.wording import counted, form_of, shortened, wanted_text
 
 if TYPE_CHECKING:
     from showc.script.show import Mark
@@ -211,6 +214,16 @@ class Reader:
             self.found.append(comma)
             return
         absent = [key for key in known if node.get(key) is None]
+        if right := spaced(entry):
+            self._meant.add((id(node), right.split(":")[0]))
+            self.say(
+                "SHW101",
+                f"`{entry.key}` has no space behind the colon",
+                entry.mark,
+                help_text=f"write `{right}`",
+                fix=right,
+            )
+            return
         near = MEANT.get(entry.key.lower(), "")
         known_as = near in absent
         near = near if known_as else suggestion(entry.key, absent)
@@ -242,6 +255,9 @@ class Reader:
         choices = ", ".join(f"`{key}`" for key in section.one_of)
         if not present:
             settings.broken = True
+            meant = any((id(node), key) in self._meant for key in section.one_of)
+            if meant or not node.whole:
+                return  # there, under a mistyped name: said already
             self.say(
                 "SHW102",
                 f"`{section.name}` needs one of {choices}",
@@ -269,7 +285,8 @@ class Reader:
         for field in fields or ():
             if node.get(field.key) is not None:
                 continue
-            if field.required and (id(node), field.key) in self._meant:
+            meant = (id(node), field.key) in self._meant or not node.whole
+            if field.required and meant:
                 settings.broken = True  # there, under a mistyped name: said already
             elif field.required:
                 settings.broken = True
@@ -310,8 +327,7 @@ class Reader:
                         "SHW103",
                         f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                         _near(node.mark, span),
-                        help_text="a list of colours, one for each place, is written "
-                        "`{each: [red, white]}`"
+                        help_text=about_colours(node)
                         if isinstance(kind, Paint)
                         else "",
                     )
@@ -391,6 +407,7 @@ class Reader:
                 "SHW103",
                 f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
+                help_text=f"write each {kind.what} behind its name: `name: …`",
             )
         if len(node.entries) > kind.most:
             raise self._bad(
@@ -423,14 +440,15 @@ class Reader:
                 "SHW103",
                 f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
                 _near(node.mark, span),
-                help_text=about_commas(kind, node),
+                help_text=about_commas(kind, node) or about_brackets(kind, node),
                 fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
             )
         size = len(node.items)
         if not kind.least <= size <= kind.most:
             raise self._bad(
                 "SHW112",
-                f"`{key}` has {size} elements, {wanted_text(kind)} is wanted",
+                f"`{key}` has {counted(size, 'element')}, {wanted_text(kind)} is "
+                "wanted",
                 _near(node.mark, span),
                 help_text=about_commas(kind, node),
                 fix=with_commas(kind, node) if _on_one_line(node.mark) else "",

@@ -19,7 +19,7 @@ from showc.script.legible import legibility_findings
 from showc.script.motions import formations_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, crowded
-from showc.script.wording import number_text, point_text
+from showc.script.wording import counted, number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -305,8 +305,8 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "SHW205",
             Severity.ERROR,
-            f"the pads `{pads.name}` have {len(pads.points)} places for {drones} "
-            "drones",
+            f"the pads `{pads.name}` have {counted(len(pads.points), 'place')} for "
+            f"{counted(drones, 'drone')}",
             pads.mark,
             help="give every drone a pad",
         )
@@ -317,14 +317,15 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
             continue
         flying = drones if group is None else len(sketch.groups[group])
         places = len(formation.points)
-        flown = "drones" if group is None else f"drones of the group `{group}`"
+        flown = counted(flying, "drone")
+        flown += "" if group is None else f" of the group `{group}`"
         if places > flying or (places < flying and sketch.parking is None):
             yield Diagnostic(
                 "SHW205",
                 Severity.ERROR,
-                f"`{formation.name}` has {places} places for {flying} {flown}",
+                f"`{formation.name}` has {counted(places, 'place')} for {flown}",
                 item.mark_of("to"),
-                secondary=(Label(formation.mark, f"{places} places"),),
+                secondary=(Label(formation.mark, counted(places, "place")),),
                 help="change the formation's `count`, or `drones`"
                 if places > flying
                 else "add places, or give the others a `parking` formation to wait in",

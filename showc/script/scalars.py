@@ -207,7 +207,11 @@ def _text(kind: Text, node: Scalar, key: str) -> str:
             "allowed",
         )
     if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
-        raise ScalarError("SHW103", f"`{key}` is `{node.text}`, {kind.says} is wanted")
+        raise ScalarError(
+            "SHW103",
+            f"`{key}` is `{node.text}`, {kind.says} is wanted",
+            f"give {kind.says}",
+        )
     return node.text
 
 

@@ -360,6 +360,8 @@ class Music:
     """Time of beat 1 in the music [s]."""
     cues: Mapping[str, float] = field(default_factory=dict)
     """Times in the music by name [s]."""
+    sound: bool = True
+    """Whether tempo and cues could be read."""
 
 
 @dataclass(frozen=True, slots=True)

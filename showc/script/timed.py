@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +22,12 @@ _AROUND = ' \t\r"'
 _NAMES = {
     "r": "red", "g": "green", "b": "blue", "t": "time", "drone": "place", "id": "place",
 }  # fmt: skip
+_UNITS = {
+    "time": ("seconds", {"s", "sec", "second", "seconds"}),
+    **dict.fromkeys("xyz", ("metres", {"m", "metre", "meter", "metres", "meters"})),
+}
+"""Units that columns are in, and how tables write them."""
+_COLOURS = ["red", "green", "blue"]
 
 
 def timed_rows(
@@ -74,7 +79,7 @@ def timed_rows(
     ]
     first = lines[numbers[0]] if numbers else ""
     separator = _separator(first)
-    heads = _heads(first, separator)
+    heads = heads_of(first.split(separator), name, key)
     lacking = [one for one in ranges if one not in heads]
     if lacking:
         raise FormationError(
@@ -100,6 +105,8 @@ def timed_rows(
                 key,
                 help_text=help_text,
             )
+    shares = [at for at, one in enumerate(ranges) if one in _COLOURS]
+    refuse_shares(values[:, shares], name, key)
     return values
 
 
@@ -107,13 +114,51 @@ def _separator(line: str) -> str:
     return max(";\t,", key=line.count)
 
 
-def _heads(line: str, separator: str) -> list[str]:
-    """Names of columns, without units, quotes or capitals."""
-    cells = [
-        re.split(r"[\[(]", cell)[0].strip(_AROUND).lower()
-        for cell in line.split(separator)
-    ]
-    return [_NAMES.get(cell, cell) for cell in cells]
+def heads_of(cells: list[str], file: str, key: str) -> list[str]:
+    """Names of columns, without units, quotes or capitals.
+
+    Raises
+    ------
+    FormationError
+        If a unit is not the one that the column is in.
+    """
+    found = []
+    for cell in cells:
+        name, unit = head_of(cell)
+        wanted, units = _UNITS.get(name, ("", {unit}))
+        if unit and unit not in units:
+            raise FormationError(
+                "SHW110",
+                f"`{file}` has the column {name} in {unit}, {wanted} are wanted",
+                key,
+                help_text=f"change its numbers to {wanted}, and its head",
+            )
+        found.append(name)
+    return found
+
+
+def head_of(cell: str) -> tuple[str, str]:
+    """Name and unit of a column, without quotes or capitals."""
+    name, _, unit = cell.strip(_AROUND).lower().replace("(", "[").partition("[")
+    name = name.strip(_AROUND)
+    return _NAMES.get(name, name), unit.strip(_AROUND + "])")
+
+
+def refuse_shares(colours: FloatArray, file: str, key: str) -> None:
+    """Refuse colours that go from 0 to 1: taken from 0 to 255 they would be dark.
+
+    Raises
+    ------
+    FormationError
+        If there is a fraction among them, and none above 1.
+    """
+    if colours.size and colours.max() <= 1.0 and (colours % 1.0).any():
+        raise FormationError(
+            "SHW110",
+            f"`{file}` has colours from 0 to 1, 0 to 255 are wanted",
+            key,
+            help_text="multiply red, green and blue by 255",
+        )
 
 
 def _row(cells: list[str], where: list[int]) -> list[float]:

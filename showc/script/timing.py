@@ -12,6 +12,7 @@ from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.lanes import (
     arrival,
     chapters,
+    common,
     departure,
     ending,
     lanes,
@@ -142,7 +143,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         f"launch and its hold end at {_time(show, earliest, up=True)} at the soonest"
     )
     for members in chapters(show):
-        index, together = members[0], [show.transitions[at] for at in members]
+        together = [show.transitions[at] for at in members]
         if own_times(together):
             asked = [settings[row] for row in members]
             if found := _lane_fault(show, members, asked, earliest, before):
@@ -155,10 +156,21 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             continue
         at = next((one.at for one in together if one.at is not None), None)
         start = next((one.start for one in together if one.start is not None), None)
-        least = max(
-            [least_duration(show, index)[0]]
-            + [one.duration for one in together if one.duration is not None]
-        )
+        taken = common(together) or 0.0
+        least = max(taken, *(least_duration(show, row)[0] for row in members))
+        for row, one in zip(members, together, strict=True):
+            asked_for = one.duration or 0.0
+            if asked_for > taken + _MILLISECOND:
+                yield Diagnostic(
+                    "SHW213",
+                    Severity.ERROR,
+                    f"`{one.name}` takes {number_text(asked_for)} s, and the groups "
+                    f"that are flown with it {number_text(taken)} s",
+                    settings[row].mark_of("duration"),
+                    help="leave `duration` out, or say when this group arrives: by "
+                    "`at`, or by `start`",
+                )
+                return
         for time, key, soonest in (
             (start, "start", earliest),
             (at, "at", max(earliest, start or 0.0) + least),
@@ -226,16 +238,6 @@ def _lane_fault(
                     help="leave `arrive: moving` and `leave: moving` out, or give the "
                     "groups that are flown with it the same times",
                 )
-            if one.motion and row == lane[-1] and one.hold < _SHORTEST_MOTION:
-                return Diagnostic(
-                    "SHW213",
-                    Severity.ERROR,
-                    f"how long `{one.to}` moves is not known: `{one.name}` is the last "
-                    f"of group `{one.group}` while other groups move at times of "
-                    "their own",
-                    asked[row].mark_of("motion"),
-                    help=f"write its `hold`, {_SHORTEST_MOTION:g} s or more",
-                )
             least = max(least_duration(show, members[row])[0], _SHORTEST)
             soonest = free if starts is not None else free + least
             time = starts if starts is not None else there
@@ -260,9 +262,11 @@ def _lane_fault(
     return None
 
 
+_MILLISECOND = 1e-3
+"""What a time may be off by rounding [s]."""
 _SHORTEST = 0.1
 """Least time of a move [s], as for `duration`."""
-_SHORTEST_MOTION = 0.5
+SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
 
 

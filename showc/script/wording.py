@@ -41,6 +41,11 @@ def number_text(value: float) -> str:
     return f"{value:.6g}"
 
 
+def counted(count: int, what: str) -> str:
+    """Return a number of things, as ``1 place`` and ``2 places``."""
+    return f"{count} {what}" + "s" * (count != 1)
+
+
 def point_text(point: FloatArray) -> str:
     """Return a place (3,) [m] as people write it, to a millimetre."""
     return "(" + ", ".join(number_text(round(float(part), 3)) for part in point) + ") m"

@@ -5,6 +5,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from showc.errors import SolveError
 from showc.fleet.execution.pool import InProcess
@@ -12,9 +14,11 @@ from showc.fleet.itinerary import solve_itinerary
 from showc.fleet.lanes import put_together
 from showc.fleet.leg import solve_leg
 from showc.fleet.options import SolveOptions
+from showc.fleet.timetable import scheduled, straight_time
 from showc.plan import build_itinerary
 from showc.progress import Silent
 from showc.script import read_show
+from showc.script.lanes import chapters
 from showc.trajectory import PiecewisePolynomial
 
 SCRIPT = """\
@@ -138,3 +142,82 @@ def test_a_move_that_cannot_be_flown_around_others_is_refused(crossing):
     blocked = replace(part, others=(stays,), others_parked=None)
     with pytest.raises(SolveError, match=r"launch -> top: drone 3 and another drone"):
         solve_leg(blocked, show, SolveOptions(use_cache=False), InProcess(), Silent())
+
+
+VALUES = {"start": (18, 22), "at": (26, 30), "duration": (4, 9), "hold": (0, 6)}
+KEYS = ["", "start", "at", "duration", "start at", "start duration", "at duration"]
+TIMES = st.sampled_from([f"{one}{hold}" for one in KEYS for hold in ("", " hold")])
+TIMES = TIMES.flatmap(
+    lambda keys: st.fixed_dictionaries(
+        {key: st.integers(*VALUES[key]) for key in keys.split()}
+    )
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(TIMES, min_size=2, max_size=4))
+def test_every_time_that_neighbours_ask_for_is_kept_or_refused(asked):
+    # Groups in turn, each between two places of its own, the second later.
+    asked = [
+        {
+            key: value + 12 * (k // 2) * (key in {"start", "at"})
+            for key, value in one.items()
+        }
+        for k, one in enumerate(asked)
+    ]
+    flown = [
+        f"  - {{{{to: {'ab'[k % 2]}{k // 2}, group: {'ab'[k % 2]}, assignment: fixed"
+        + "".join(f", {key}: {value}" for key, value in one.items())
+        + "}}\n"
+        for k, one in enumerate(asked)
+    ]
+    script = NEIGHBOURS + "".join(flown).replace("{{", "{").replace("}}", "}")
+    result = read_show(script.encode(), path="lanes.yaml")
+    if result.show is None:
+        assert all(one.help for one in result.errors)
+        return
+    planned = build_itinerary(result.show)
+    times = {
+        leg.index: round(straight_time(leg, planned.show), 3)
+        for leg in planned.legs
+        if leg.open
+    }
+    try:
+        legs = scheduled(planned, times, estimated=False).legs
+    except SolveError:
+        return  # it says the earliest time
+    clock, found = 0.0, {}
+    opened = iter(times.values())
+    for leg in legs:
+        time = leg.duration if leg.duration is not None else next(opened)
+        for part in leg.parts:
+            if not part.motion:
+                begin = part.depart or 0.0
+                found[part.transition] = begin, begin + (part.duration or 0.0)
+        if leg.kind == "transition" and not leg.parts:
+            flown = next(one for one in chapters(result.show) if leg.transition in one)
+            found |= dict.fromkeys(flown, (clock, clock + time))
+        clock = round(clock + time, 3)
+    for index, one in enumerate(asked):
+        begin, end = found[index]
+        assert "start" not in one or abs(begin - one["start"]) < 2e-3
+        assert "at" not in one or abs(end - one["at"]) < 2e-3
+        alone = len(one.keys() & {"start", "at", "duration"}) > 1 and "duration" in one
+        assert not alone or abs(end - begin - one["duration"]) < 2e-3
+        assert end - begin > one.get("duration", 0.0) - 2e-3
+
+
+NEIGHBOURS = """\
+showc: 1
+drones: 2
+mission: {wanted: false}
+pads: {type: points, points: [[-12, 0, 0], [12, 0, 0]]}
+launch: {altitude: 10, hold: 2}
+groups: {a: 1, b: 2}
+formations:
+  a0: {type: points, points: [[-12, 0, 14]]}
+  a1: {type: points, points: [[-12, 4, 12]]}
+  b0: {type: points, points: [[12, 0, 14]]}
+  b1: {type: points, points: [[12, 4, 12]]}
+transitions:
+"""

@@ -115,7 +115,7 @@ def test_a_motion_beside_groups_of_other_times_ends_before_the_fleet_stands():
     ("transition", "message", "remedy"),
     [
         (MOVING + ", leave: moving", "meets or leaves a motion", "leave `arrive"),
-        (MOVING.replace("hold: 5", "hold: 0"), "how long `up` moves", "`hold`, 0.5 s"),
+        (MOVING.replace("hold: 5", "hold: 0"), "is held for 0 s", "0.5 s or more"),
     ],
 )
 def test_a_motion_whose_end_is_not_known_beside_others_is_found(

@@ -11,13 +11,13 @@ import numpy as np
 
 from showc.script.formations.shape import Drawing, FormationError, Request, Shape
 from showc.script.kinds import Field, File, Section
+from showc.script.timed import head_of, heads_of, refuse_shares
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.script.settings import Settings
 
-_NAMES = {"r": "red", "g": "green", "b": "blue"}
 _LARGEST = 10_000.0
 _AROUND = ' \t\r"'
 MAX_LINES = 20_000
@@ -87,6 +87,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
         raise FormationError("SHW110", f"`{name}` has no places", "file")
     rows = np.array(values, dtype=np.float64)
     rows.setflags(write=False)
+    refuse_shares(rows[:, 3:6], name, "file")
     colours = rows[:, 3:6] / 255.0 if rows.shape[1] >= 6 else None
     return rows[:, :3], colours
 
@@ -99,9 +100,8 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
     FormationError
         If it names others than a table of places has.
     """
-    names = [cell.lower().split("[")[0].strip() for cell in cells]
-    names = [_NAMES.get(name, name) for name in names]
-    if len({"time", "t"} & set(names)) and {"x", "y", "z"} <= set(names):
+    names = [head_of(cell)[0] for cell in cells]
+    if "time" in names and {"x", "y", "z"} <= set(names):
         raise FormationError(
             "SHW110",
             f"`{file}` has a column of times: its rows are where one drone is at "
@@ -120,6 +120,7 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
                 help_text="x and y are across the ground, z is the height, in metres",
             )
         return None
+    heads_of(cells, file, "file")
     wanted = ["x", "y", "z"]
     if {"red", "green", "blue"} <= set(names):
         wanted += ["red", "green", "blue"]

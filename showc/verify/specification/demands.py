@@ -16,7 +16,15 @@ import numpy as np
 from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
-from showc.script.lanes import arrival, chapters, departure, lanes, own_times, rest
+from showc.script.lanes import (
+    arrival,
+    chapters,
+    common,
+    departure,
+    lanes,
+    own_times,
+    rest,
+)
 from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.certificates import refuted
 from showc.verify.kernel.choreography import MOMENT, REACHED
@@ -211,8 +219,7 @@ class _Walk:
         """One transition of the fleet, or several of groups at once, and the hold."""
         show, first, own = self.show, transitions[0], own_times(transitions)
         name, to = " + ".join(one.name for one in transitions), first.to
-        times = [one.duration for one in transitions if one.duration is not None]
-        duration = max(times) if times and not own else None
+        duration = None if own else common(transitions)
         if first.group is None and first.under_way[0]:
             to = self._unused(f"{to} in motion")
             self.formations[to] = self._met(first)
