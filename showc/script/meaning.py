@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
-from showc.script.formation_fields import resolve
+from showc.script.fields import resolve
 from showc.script.kinds import Either, Section
 from showc.script.quantity import NUMBER, comma_fault
 

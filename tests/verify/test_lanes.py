@@ -263,7 +263,7 @@ def test_a_group_that_stands_where_it_is_to_move_is_found(dance):
 
 def test_a_motion_that_is_flown_at_another_time_is_found(dance):
     late = judged(dance, lambda leg: delayed(leg, [0, 1], 5.0, 14.0, 0.02))
-    assert "from where the motion has it" in late.motions[0]
+    assert "a polynomial runs across an end of its motion" in late.motions[0]
 
 
 @pytest.mark.parametrize("change", [{"start": 14.5}, {"duration": 8.9}])

@@ -363,7 +363,7 @@ class _Walk:
         transition, members, places = self.placed[-1]
         moving, parked = self._moving(*self.placed[-1]), members[places < 0]
         there = reached(segment, parked, flown.end)
-        part = during(segment, flown.end, flown.until)
+        part = during(segment, members, flown.end, flown.until)
         still = MovingPlaces(parked, there, (), np.zeros(3), ())
         found = ["a polynomial runs across an end of its motion"]
         if part is not None:

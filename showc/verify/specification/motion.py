@@ -182,8 +182,10 @@ def reached(segment: Segment, drones: IntArray, time: float) -> FloatArray:
     return found
 
 
-def during(segment: Segment, begin: float, end: float) -> Segment | None:
-    """Return what is flown of a segment between two show times [s].
+def during(
+    segment: Segment, drones: IntArray, begin: float, end: float
+) -> Segment | None:
+    """Return what drones (n,) fly of a segment between two show times [s].
 
     None if a polynomial runs across one of them.
     """
@@ -193,14 +195,15 @@ def during(segment: Segment, begin: float, end: float) -> Segment | None:
     first, last = begin - segment.start, end - segment.start
     for table in segment.tables:
         within = (table.end > first + MOMENT) & (table.start < last - MOMENT)
+        within &= np.isin(table.owner, drones)
         whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
         if (within & ~whole).any():
             return None
-        drones, rows = np.unique(table.owner[within], return_index=True)
+        mine, rows = np.unique(table.owner[within], return_index=True)
         rows = np.append(rows, np.count_nonzero(within))
         times = table.start[within] - first, table.end[within] - first
         states = table.state[within], table.control[within]
-        tables.append(PieceTable(drones, rows, *times, *states))
+        tables.append(PieceTable(mine, rows, *times, *states))
     return replace(segment, message=message, tables=tuple(tables))
 
 
