@@ -3,21 +3,24 @@
 The fleet's clock is brought to rest, which keeps every distance, and from there all
 drones go straight down where they are, if that keeps them apart; else home, above the
 pads and down; else back along the plan, which keeps what the plan keeps. Every way is
-planned by the fleet planner and proved.
+planned by the fleet planner and proved. The table goes into the log, with the flights
+and with how the clock is slowed down, so that ``showc verify`` proves it again.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from showc.errors import SolveError
 from showc.fleet import solve_itinerary
+from showc.log import showc_pb2 as pb
+from showc.log.content import leg_message, trajectory_message
 from showc.plan.assignment import assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
-from showc.safety.stop import authority_within, stops
+from showc.safety.stop import PERIOD, authority_within, stops
 from showc.script.fence import inside_polygon
 
 if TYPE_CHECKING:
@@ -29,6 +32,12 @@ if TYPE_CHECKING:
     from showc.script.show import Show
 
 Way = Literal["on the ground", "down in place", "home", "back along the plan"]
+_WAYS: dict[Way, pb.AbortRow.Way] = {
+    "on the ground": pb.AbortRow.ON_THE_GROUND,
+    "down in place": pb.AbortRow.DOWN_IN_PLACE,
+    "home": pb.AbortRow.HOME,
+    "back along the plan": pb.AbortRow.BACK_ALONG_THE_PLAN,
+}
 
 _GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""
@@ -44,17 +53,30 @@ class Row:
 
     time: float
     """Show time at which the stop begins [s]."""
-    stop: float
-    """Time until the fleet stands still [s]."""
+    changes: tuple[float, ...]
+    """Of the clock's rate, in each period until the fleet stands [1/s]."""
     rest: float
     """Show time at which it stands [s]."""
     way: Way
     """How it comes down."""
+    legs: tuple[LegFlight, ...]
+    """What it flies then."""
     duration: float
     """Time from rest to the ground [s]."""
-    closest: float | None
-    """Least distance of two drones on the way, by the separation's metric [m]; None:
-    that of the plan."""
+
+    @property
+    def stop(self) -> float:
+        """Time until the fleet stands still [s]."""
+        return PERIOD * len(self.changes)
+
+    @property
+    def closest(self) -> float | None:
+        """Least distance of two drones on the way, by the separation's metric [m].
+
+        None: that of the plan, or there is one drone.
+        """
+        found = [flight.certificate.closest for flight in self.legs]
+        return min((one.distance for one in found if one is not None), default=None)
 
     @property
     def total(self) -> float:
@@ -66,6 +88,8 @@ class Row:
 class AbortTable:
     """All rows, in the order of time."""
 
+    every: float
+    """Time between two rows [s]."""
     rows: tuple[Row, ...]
 
     @property
@@ -74,14 +98,49 @@ class AbortTable:
         return max(self.rows, key=lambda row: row.total)
 
     def to_json(self) -> list[dict[str, Any]]:
-        """Return the table as JSON-able data."""
+        """Return the table as JSON-able data; times in s, distances in m."""
         return [
             {
-                name: round(value, 3) if isinstance(value, float) else value
-                for name, value in (asdict(row) | {"total": row.total}).items()
+                "time": round(row.time, 3),
+                "stop": round(row.stop, 3),
+                "rest": round(row.rest, 3),
+                "way": row.way,
+                "duration": round(row.duration, 3),
+                "closest": None if row.closest is None else round(row.closest, 3),
+                "total": round(row.total, 3),
             }
             for row in self.rows
         ]
+
+    def to_message(self, digest: str) -> pb.AbortTable:
+        """Return the table as it stands in the log with that digest."""
+        message = pb.AbortTable(data_sha256=digest, every=self.every, period=PERIOD)
+        numbers: dict[int, int] = {}
+        for row in self.rows:
+            start = 0.0
+            for flown in row.legs:
+                if flown.leg.index not in numbers:
+                    number = numbers[flown.leg.index] = len(message.legs)
+                    limits = int(flown.leg.kind == "land")
+                    one = leg_message(flown, number, start, limits)
+                    closest = flown.certificate.closest
+                    if closest is not None:
+                        one.certificate.closest.distance = closest.distance
+                    message.legs.append(one)
+                    message.flights.extend(
+                        trajectory_message(flown, number, place)
+                        for place in range(len(flown.trajectories))
+                    )
+                start += flown.duration
+            message.rows.add(
+                time=row.time,
+                rest=row.rest,
+                changes=row.changes,
+                way=_WAYS[row.way],
+                legs=[numbers[flown.leg.index] for flown in row.legs],
+                duration=row.duration,
+            )
+        return message
 
 
 def abort_table(
@@ -131,28 +190,13 @@ def abort_table(
     for index, plan in enumerate(which):
         rest = float(found.rests[index])
         way, flown = planned[plan][0], flights[plan]
-        closest = None
         if flown is None:
             way, duration = "back along the plan", _back(show, logged, rest)
         else:
             duration = sum(flight.duration for flight in flown)
-            nearest = [
-                flight.certificate.closest.distance
-                for flight in flown
-                if flight.certificate.closest is not None
-            ]
-            closest = min(nearest, default=None)
-        rows.append(
-            Row(
-                float(found.times[index]),
-                float(found.durations[index]),
-                rest,
-                way,
-                duration,
-                closest,
-            )
-        )
-    return AbortTable(tuple(rows))
+        time, changes = float(found.times[index]), found.changes[index]
+        rows.append(Row(time, changes, rest, way, flown or (), duration))
+    return AbortTable(step, tuple(rows))
 
 
 class _Planner:

@@ -2,34 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Any
 
 import click
-
-from showc.cli.beside import ABORT, place_of, read_beside, write_beside
-
-
-def rows_of(log: Path) -> list[dict[str, Any]]:
-    """Return the rows that were planned for a log; none if there is no table of it."""
-    return read_beside(
-        log, ABORT, lambda content: [_row(row) for row in content["rows"]], []
-    )
-
-
-def longest_of(rows: list[dict[str, Any]]) -> float | None:
-    """Return how long the longest abort of a table takes [s]; None: no table."""
-    return max((float(row["total"]) for row in rows), default=None)
-
-
-def _row(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row as the page wants it, whatever the file holds."""
-    closest = row["closest"]
-    numbers = ("time", "stop", "duration", "total")
-    return {name: float(row[name]) for name in numbers} | {
-        "way": str(row["way"]),
-        "closest": None if closest is None else float(closest),
-    }
 
 
 @click.command(name="abort")
@@ -60,25 +36,33 @@ def command(
     The fleet's one clock is brought to rest, which keeps every distance. Then all
     drones go straight down where they are, if they stay apart; else home to the pads;
     else back along the plan. Ways down and home come from the fleet planner, and every
-    one is proved. The table goes into a file beside the log; showc report prints it.
+    one is proved. The table goes into the log, with its flights: showc verify proves
+    them again, showc report prints them. It goes into a file beside the log, too.
 
     \b
       showc abort output.mcap --every 2
     """
     from showc.abort import abort_table
     from showc.cli.console import progress
+    from showc.files import write_file
     from showc.fleet.options import SolveOptions
+    from showc.log.additions import add, digest_of
     from showc.log.reader import read_log
+    from showc.log.schema import ABORT_NAME
     from showc.safety.assessment import show_of
     from showc.view.document import clock
 
+    digest = digest_of(log)
     logged = read_log(log)
     with progress(quiet=quiet) as watcher:
         table = abort_table(
             logged, show_of(logged), every, SolveOptions(jobs=jobs), watcher
         )
-    place = output or place_of(log, ABORT)
-    write_beside(log, place, {"rows": table.to_json()})
+    message = table.to_message(digest)
+    add(log, ABORT_NAME, message.SerializeToString(deterministic=True), digest)
+    place = output or log.with_name(f"{log.stem}-abort.json")
+    content = {"log": log.name, "data_sha256": digest, "rows": table.to_json()}
+    write_file(place, (json.dumps(content, indent=1) + "\n").encode())
     for row in table.rows:
         click.echo(
             f"at {clock(row.time)}: stands in {row.stop:.2f} s, {row.way} in "
@@ -86,6 +70,7 @@ def command(
         )
     longest = table.longest
     click.echo(
-        f"longest: {longest.total:.1f} s, from {clock(longest.time)}; wrote {place}"
+        f"longest: {longest.total:.1f} s, from {clock(longest.time)}; it is in {log}, "
+        f"and in {place}"
     )
     return 0

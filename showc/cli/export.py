@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,8 +29,9 @@ FORMATS = (
 def written(log: Path, solved: SolvedShow, wish: Export, folder: Path) -> Exported:
     """Write a show in one format, proved as it was written."""
     from showc.export.stage import ExportOptions, export
+    from showc.log.additions import digest_of
 
-    source = {"log": log.name, "sha256": sha256(log.read_bytes()).hexdigest()}
+    source = {"log": log.name, "data_sha256": digest_of(log)}
     lead = ExportOptions.usual(wish.to).lead if wish.lead is None else wish.lead
     options = ExportOptions(round(lead, 3), wish.tolerance, wish.separation)
     return export(solved, source, wish.to, folder, options)

@@ -52,15 +52,13 @@ def command(
       showc report output.mcap                   writes output-report.html
       showc report output.mcap --leg 2 --drone 5    one drone's solution, as plots
     """
-    from showc.cli.abort import longest_of, rows_of
     from showc.cli.console import progress
-    from showc.cli.simulate import wind_of
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
     from showc.safety.assessment import safety_case
     from showc.verify import verify_log
-    from showc.view import Beside, render_leg, render_report
+    from showc.view import render_leg, render_report
 
     page = output or log.with_name(f"{log.stem}-report.html")
     if is_foreign(log):
@@ -84,10 +82,7 @@ def command(
         return 0
     with progress(quiet=quiet) as watcher:
         verification = verify_log(log, progress=watcher)
-    aborts = rows_of(log)
-    case = safety_case(logged, abort=longest_of(aborts))
-    beside = Beside(aborts, wind_of(log))
-    content = render_report(logged, verification.to_json(), case, beside)
+    content = render_report(logged, verification.to_json(), safety_case(logged))
     write_file(page, content.encode())
     click.echo(verification.to_json()["verdict"])
     click.echo(f"wrote {page}; open it in a browser")

@@ -62,14 +62,12 @@ def command(
       showc safety output.mcap
       showc safety output.mcap --wind 8 --rotation 7
     """
-    from showc.cli.abort import longest_of, rows_of
-    from showc.cli.simulate import wind_of
     from showc.export.pictures import kml_file
     from showc.export.solved import solved_show
     from showc.files import write_file
     from showc.log.reader import read_log
     from showc.safety.assessment import safety_case, show_of
-    from showc.view import Beside, render_safety
+    from showc.view import render_safety
 
     logged = read_log(log)
     show = show_of(logged)
@@ -81,10 +79,9 @@ def command(
         shift=risk.shift if shift is None else shift,
     )
     show = replace(show, site=replace(show.site, risk=risk))
-    aborts = rows_of(log)
-    case = safety_case(logged, show, longest_of(aborts))
+    case = safety_case(logged, show)
     page = output or log.with_name(f"{log.stem}-safety.html")
-    write_file(page, render_safety(logged, case, Beside(aborts, wind_of(log))).encode())
+    write_file(page, render_safety(logged, case).encode())
     write_file(page.with_suffix(".kml"), kml_file(solved_show(logged), case))
     if as_json:
         click.echo(json.dumps(case.to_json(), indent=1))

@@ -4,21 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
-
-from showc.cli.beside import WIND, place_of, read_beside, write_beside
-
-if TYPE_CHECKING:
-    from showc.simulate.results import Campaign
-
-
-def wind_of(log: Path) -> Campaign | None:
-    """Return what was simulated of a log; None if nothing was."""
-    from showc.simulate.results import Campaign
-
-    return read_beside(log, WIND, Campaign.from_json, None)
 
 
 @click.command(name="simulate")
@@ -83,8 +70,9 @@ def command(
     they come. It is a model with typical figures: it compares shows, winds and
     controllers, and says nothing of one aircraft.
 
-    The results go into a file beside the log, which showc report prints, and from
-    which a script can take the tube (separation: tracking: measured).
+    The results go into the log, from which showc report and showc view take them, and
+    into a file beside it, from which a script can take the tube (separation: tracking:
+    measured).
 
     \b
       showc simulate output.mcap --wind 8 --gusts moderate --runs 50
@@ -92,12 +80,16 @@ def command(
     from dataclasses import replace
 
     from showc.cli.console import progress
+    from showc.files import write_file
+    from showc.log.additions import add, digest_of
     from showc.log.reader import read_log
+    from showc.log.schema import WIND_NAME
     from showc.safety.assessment import show_of
     from showc.simulate.campaign import Model, campaign
     from showc.simulate.results import Weather
     from showc.simulate.tracking import Gains
 
+    digest = digest_of(log)
     logged = read_log(log)
     show = show_of(logged)
     gains = replace(Gains(), observer=0.0) if no_observer else Gains()
@@ -107,8 +99,11 @@ def command(
             logged, show, Weather(wind, gusts, runs, seed), watcher, model=model
         )
     results = found.to_json()
-    place = output or place_of(log, WIND)
-    write_beside(log, place, results)
+    content = {"log": log.name, "data_sha256": digest} | results
+    written = (json.dumps(content, indent=1) + "\n").encode()
+    add(log, WIND_NAME, written, digest)
+    place = output or log.with_name(f"{log.stem}-wind.json")
+    write_file(place, written)
     if as_json:
         click.echo(json.dumps(results, indent=1))
         return 0
@@ -124,5 +119,6 @@ def command(
             "for"
         )
     saturated = 100.0 * found.whole.saturated
-    click.echo(f"rotors at their limits: {saturated:.2f} % of commands; wrote {place}")
+    click.echo(f"rotors at their limits: {saturated:.2f} % of commands")
+    click.echo(f"added to {log}; wrote {place}")
     return 0

@@ -103,7 +103,6 @@ def _draw(
     log: Path, page: Path, no_verify: bool, music: bool, flown: tuple[Path, ...]
 ) -> str | None:
     """Write the page of a log; return the verdict."""
-    from showc.cli.simulate import wind_of
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.reader import read_log
@@ -125,9 +124,7 @@ def _draw(
                 "again, or choose a file in the page"
             )
         recording = logged.attachments[name]
-    html = render_page(
-        logged, verdict, soundtrack, recording, wind=wind_of(log), flown=fleet
-    )
+    html = render_page(logged, verdict, soundtrack, recording, flown=fleet)
     write_file(page, html.encode())
     return None if verdict is None else str(verdict["verdict"])
 

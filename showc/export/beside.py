@@ -7,7 +7,6 @@ the written flights are held against the solved ones at every instant.
 from __future__ import annotations
 
 from dataclasses import replace
-from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +22,7 @@ from showc.foreign.folder import MAPS, hashes, is_export, prove, read_manifest
 from showc.foreign.lights import FRAME, read_lights
 from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
+from showc.log.additions import digest_of
 from showc.log.reader import read_log
 from showc.log.schema import METADATA_NAME
 from showc.script import read_show
@@ -62,7 +62,7 @@ def verify_beside(log: Path) -> list[Check]:
     show = read_show(attached.pop(name, b""), path=name, attached=attached).show
     if show is None or not show.exports:
         return []
-    digest = sha256(log.read_bytes()).hexdigest()
+    digest = digest_of(log)
     solved = solved_show(read_log(log), show.tracking)
     return [
         replace(check, group=f"export {wish.to}")

@@ -161,7 +161,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise DamagedFileError(f"{path}: lists no files")
     return Manifest(
         str(content.get("format")),
-        str(source.get("sha256")) if isinstance(source, dict) else "",
+        str(source.get("data_sha256")) if isinstance(source, dict) else "",
         str(content.get("show"))[:200],
         int(number(content.get("drones"), f"{path}: drones")),
         number(content.get("duration"), f"{path}: duration"),

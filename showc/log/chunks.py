@@ -36,8 +36,10 @@ from mcap.records import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from concurrent.futures import Future
 
+    from mcap.summary import Summary
     from numpy.typing import NDArray
 
     _Index = dict[int, list[tuple[int, int]]]
@@ -58,13 +60,11 @@ class ChunkWriter:
     ----------
     stream
         With ``write`` and ``tell``.
-    library
-        What the header names as the writer.
     chunk_size
         Uncompressed bytes after which a chunk is closed.
     """
 
-    def __init__(self, stream: BinaryIO, library: str, chunk_size: int) -> None:
+    def __init__(self, stream: BinaryIO, chunk_size: int) -> None:
         self._stream, self._limit = stream, chunk_size
         self._checksum = 0
         self._schemas: list[Schema] = []
@@ -79,8 +79,31 @@ class ChunkWriter:
         self._packer = ThreadPoolExecutor(1)
         self._packing: deque[tuple[Future[tuple[Chunk, bytes]], _Index]] = deque()
         self._open()
+
+    def begin(self, library: str) -> None:
+        """Begin a new file; its header names ``library`` as the writer."""
         self._write(MAGIC)
         self._write(_bytes(Header(profile="", library=library)))
+
+    def resume(self, data: Iterable[bytes], summary: Summary) -> None:
+        """Begin with the data of another file, of which ``summary`` says what it has.
+
+        Attachments that it names behind these data are left out.
+        """
+        for part in data:
+            self._write(part)
+        end = self._stream.tell()
+        self._schemas = [*summary.schemas.values()]
+        self._channels = [*summary.channels.values()]
+        self._chunks = summary.chunk_indexes
+        self._attachments = [
+            one for one in summary.attachment_indexes if one.offset < end
+        ]
+        self._metadata = summary.metadata_indexes
+        found = summary.statistics
+        if found is not None:
+            self._counts.update(found.channel_message_counts)
+            self._span = found.message_start_time, found.message_end_time
 
     def _open(self) -> None:
         """Begin a chunk."""

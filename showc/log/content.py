@@ -89,21 +89,36 @@ def rules_message(flight: Flight) -> pb.Rules:
 def segment_message(flight: Flight, number: int) -> pb.Segment:
     """Return the leg at position ``number`` of the flight, with its certificate."""
     flown = flight.legs[number]
+    message = leg_message(
+        flown,
+        number,
+        float(flight.starts[number]),
+        limits_in_use(flight).index(flown.leg.limits),
+    )
+    show = flight.itinerary.show
+    message.certificate.CopyFrom(_certificate_message(flown.certificate))
+    message.moves.extend(_move_message(part, show) for part in flown.parts)
+    return message
+
+
+def leg_message(flown: LegFlight, number: int, start: float, limits: int) -> pb.Segment:
+    """Return a leg that starts at ``start`` [s], without its certificate.
+
+    ``number`` is its own, ``limits`` that of its limits.
+    """
     leg = flown.leg
     return pb.Segment(
         index=number,
         name=leg.name,
         kind=KINDS[leg.kind],
-        start=float(flight.starts[number]),
+        start=start,
         duration=flown.duration,
-        limits=limits_in_use(flight).index(leg.limits),
+        limits=limits,
         from_formation=leg.from_formation,
         to_formation=leg.to_formation,
         drones=leg.drones.tolist(),
         places=leg.places.tolist(),
         goals=leg.goal.ravel().tolist(),
-        certificate=_certificate_message(flown.certificate),
-        moves=[_move_message(part, flight.itinerary.show) for part in flown.parts],
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import struct
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -28,6 +28,7 @@ from showc.files import UnreadableFileError, open_file
 from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
+from showc.log.additions import data_digest, names
 from showc.log.sample import PLACE, POINT
 from showc.log.sampling import NANOSECONDS, nanoseconds
 from showc.trajectory import PiecewisePolynomial, concatenate
@@ -155,6 +156,8 @@ class LoggedShow:
     """By name: script, inputs, manifest, layout."""
     metadata: dict[str, str]
     """The record ``showc``."""
+    added: dict[str, bytes] = field(default_factory=dict)
+    """What was added for this log, by name, see :mod:`showc.log.additions`."""
 
     @property
     def drones(self) -> int:
@@ -183,6 +186,11 @@ class LoggedShow:
         inputs = {n: data for n, data in self.attachments.items() if n not in own}
         path = self.metadata.get("script", "script")
         return read_show(self.script, path=path, attached=inputs)
+
+    @cached_property
+    def aborts(self) -> pb.AbortTable:
+        """How the stopped fleet comes down; without rows where none was planned."""
+        return pb.AbortTable.FromString(self.added.get(schema.ABORT_NAME, b""))
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
@@ -244,6 +252,7 @@ class _Reading:
         self.name, self.stream, self.size = name, stream, size
         self.topics: dict[int, str] = {}
         self.attachments: dict[str, bytes] = {}
+        self.added: dict[str, bytes] = {}
         self.metadata: dict[str, str] = {}
         self.rules: pb.Rules | None = None
         self.segments: list[pb.Segment] = []
@@ -278,11 +287,22 @@ class _Reading:
                 if isinstance(record, Chunk):
                     self._chunk(record)
                 elif isinstance(record, Attachment):
-                    self.attachments[record.name] = record.data
+                    late = record.name in schema.ADDITIONS and self.topics
+                    (self.added if late else self.attachments)[record.name] = (
+                        record.data
+                    )
                 elif (
                     isinstance(record, Metadata) and record.name == schema.METADATA_NAME
                 ):
                     self.metadata = record.metadata
+            if self.added:
+                # What was added to another log says nothing of this one.
+                digest = data_digest(self.stream)
+                self.added = {
+                    name: content
+                    for name, content in self.added.items()
+                    if names(name, content) == digest
+                }
             return self._show()
 
     def _chunk(self, chunk: Chunk) -> None:
@@ -344,6 +364,7 @@ class _Reading:
             predicted=predicted,
             attachments=self.attachments,
             metadata=self.metadata,
+            added=self.added,
         )
 
     def _fleet(

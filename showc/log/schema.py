@@ -22,6 +22,12 @@ MANIFEST_NAME = "manifest.json"
 """Attachment: hashes of the mission files."""
 LAYOUT_NAME = "layout.json"
 """Attachment: layout for Foxglove and Lichtblick."""
+ABORT_NAME = "showc:abort.pb"
+"""Addition: how the stopped fleet comes down, a ``showc.AbortTable``."""
+WIND_NAME = "showc:wind.json"
+"""Addition: what simulated flights in wind gave."""
+ADDITIONS = (ABORT_NAME, WIND_NAME)
+"""Attachments behind all other data, see :mod:`showc.log.additions`."""
 
 FLEET = "/fleet/state"
 PREDICTED = "/fleet/predicted"

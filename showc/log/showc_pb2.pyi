@@ -319,3 +319,45 @@ class Colour(_message.Message):
     green: float
     blue: float
     def __init__(self, red: _Optional[float] = ..., green: _Optional[float] = ..., blue: _Optional[float] = ...) -> None: ...
+
+class AbortTable(_message.Message):
+    __slots__ = ("data_sha256", "every", "period", "rows", "legs", "flights")
+    DATA_SHA256_FIELD_NUMBER: _ClassVar[int]
+    EVERY_FIELD_NUMBER: _ClassVar[int]
+    PERIOD_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    LEGS_FIELD_NUMBER: _ClassVar[int]
+    FLIGHTS_FIELD_NUMBER: _ClassVar[int]
+    data_sha256: str
+    every: float
+    period: float
+    rows: _containers.RepeatedCompositeFieldContainer[AbortRow]
+    legs: _containers.RepeatedCompositeFieldContainer[Segment]
+    flights: _containers.RepeatedCompositeFieldContainer[Trajectory]
+    def __init__(self, data_sha256: _Optional[str] = ..., every: _Optional[float] = ..., period: _Optional[float] = ..., rows: _Optional[_Iterable[_Union[AbortRow, _Mapping]]] = ..., legs: _Optional[_Iterable[_Union[Segment, _Mapping]]] = ..., flights: _Optional[_Iterable[_Union[Trajectory, _Mapping]]] = ...) -> None: ...
+
+class AbortRow(_message.Message):
+    __slots__ = ("time", "rest", "changes", "way", "legs", "duration")
+    class Way(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        ON_THE_GROUND: _ClassVar[AbortRow.Way]
+        DOWN_IN_PLACE: _ClassVar[AbortRow.Way]
+        HOME: _ClassVar[AbortRow.Way]
+        BACK_ALONG_THE_PLAN: _ClassVar[AbortRow.Way]
+    ON_THE_GROUND: AbortRow.Way
+    DOWN_IN_PLACE: AbortRow.Way
+    HOME: AbortRow.Way
+    BACK_ALONG_THE_PLAN: AbortRow.Way
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    REST_FIELD_NUMBER: _ClassVar[int]
+    CHANGES_FIELD_NUMBER: _ClassVar[int]
+    WAY_FIELD_NUMBER: _ClassVar[int]
+    LEGS_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    time: float
+    rest: float
+    changes: _containers.RepeatedScalarFieldContainer[float]
+    way: AbortRow.Way
+    legs: _containers.RepeatedScalarFieldContainer[int]
+    duration: float
+    def __init__(self, time: _Optional[float] = ..., rest: _Optional[float] = ..., changes: _Optional[_Iterable[float]] = ..., way: _Optional[_Union[AbortRow.Way, str]] = ..., legs: _Optional[_Iterable[int]] = ..., duration: _Optional[float] = ...) -> None: ...

@@ -146,7 +146,8 @@ class _Log:
         self.show: Show = flight.itinerary.show
         self.epoch = epoch_of(self.show)
         self.messages = 0
-        self._writer = ChunkWriter(stream, f"showc {__version__}", CHUNK_SIZE)
+        self._writer = ChunkWriter(stream, CHUNK_SIZE)
+        self._writer.begin(f"showc {__version__}")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: defaultdict[str, int] = defaultdict(int)

@@ -55,10 +55,11 @@ def show_of(logged: LoggedShow) -> Show:
     return result.show
 
 
-def safety_case(
-    logged: LoggedShow, show: Show | None = None, abort: float | None = None
-) -> SafetyCase:
+def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
     """Work out the case of a logged show.
+
+    The battery must last for the longest abort of the table in the log; without one,
+    for the longest stop, and the descent from the greatest height.
 
     Parameters
     ----------
@@ -66,9 +67,6 @@ def safety_case(
         The log.
     show
         Site, risk and aircraft to judge it by; None: what the log's script says.
-    abort
-        How long the longest abort takes that was planned [s]; None: the longest stop,
-        and the descent from the greatest height.
 
     Raises
     ------
@@ -91,7 +89,11 @@ def safety_case(
         min(air_density(top), SEA_LEVEL),
     )
     failing = failures(states, fall, show.body.size, show.site.risk.ground)
-    return _Assessment(show, pieces, stopping, failing, fall).case(abort)
+    table = logged.aborts
+    aborts = [len(row.changes) * table.period + row.duration for row in table.rows]
+    return _Assessment(show, pieces, stopping, failing, fall).case(
+        max(aborts, default=None)
+    )
 
 
 class _Assessment:
@@ -128,7 +130,7 @@ class _Assessment:
         self.findings: list[Finding] = []
 
     def case(self, abort: float | None) -> SafetyCase:
-        """Return the case; ``abort`` [s] is that of :func:`safety_case`."""
+        """Return the case; the longest abort takes ``abort`` [s], None: not known."""
         geography = hull(self.pieces, self.flight)
         contingency = widened(geography, self.buffers.contingency)
         self._fence()

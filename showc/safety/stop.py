@@ -217,6 +217,8 @@ class Stops:
     """Show time at which it stands, shape (n,) [s]."""
     authority: Authority
     """Accelerations that are kept."""
+    changes: tuple[tuple[float, ...], ...]
+    """Of the clock's rate, in each period of each stop [1/s]."""
 
     @property
     def longest(self) -> float:
@@ -269,12 +271,17 @@ def stops(
     end = velocity[0].end
     times = np.arange(velocity[0].start, end, step)
     durations, rests = np.zeros((2, times.size))
+    changes = []
     for number, time in enumerate(times.tolist()):
         clock = SharedClock(motion, authority, time, fastest)
         clock.run()
         clock.stop()
+        taken = []
         while not clock.resting and clock.time < end:
+            before = clock.rate
             clock.advance(PERIOD)
-            durations[number] += PERIOD
+            taken.append((clock.rate - before) / PERIOD)
+        durations[number] = PERIOD * len(taken)
         rests[number] = min(clock.time, end)
-    return Stops(times, durations, rests, authority)
+        changes.append(tuple(taken))
+    return Stops(times, durations, rests, authority, tuple(changes))

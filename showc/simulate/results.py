@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
+from showc.log.schema import WIND_NAME
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from showc.log.reader import LoggedShow
 
 CONFIDENCE = 0.95
 """With which a tube is said to hold."""
@@ -65,6 +70,15 @@ class Campaign:
     """``flatness`` or ``predictive``."""
     observer: bool
     """Whether it has a disturbance observer."""
+
+    @classmethod
+    def of(cls, logged: LoggedShow) -> Campaign | None:
+        """Return what was simulated of a log, and added to it; None if nothing was."""
+        try:
+            found = cls.from_json(json.loads(logged.added.get(WIND_NAME, b"")))
+        except (LookupError, TypeError, ValueError, OverflowError, RecursionError):
+            return None
+        return found if found.tubes else None
 
     @property
     def whole(self) -> Tube:

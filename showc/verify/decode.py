@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf import (
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
-from showc.log.schema import descriptor_set
+from showc.log.schema import ABORT_NAME, descriptor_set
 from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
     LARGEST,
@@ -25,6 +25,7 @@ from showc.verify.kernel.show import (
     PieceTable,
     Segment,
 )
+from showc.verify.mcap import Message as LoggedMessage
 from showc.verify.records import Damage
 from showc.verify.report import agreement
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.verify.mcap import LogFile
-    from showc.verify.mcap import Message as LoggedMessage
     from showc.verify.report import Check
 
 Parsed = TypeVar("Parsed", bound=Message)
@@ -172,21 +172,7 @@ def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
     found: dict[int, pb.Segment] = {}
     for logged in log.messages(_on(log, SEGMENTS)):
         message = _parsed(pb.Segment, logged)
-        certificate = message.certificate
-        numbers = [message.start, message.duration, *message.goals]
-        if not (
-            list(message.drones) == list(range(rules.drones))
-            and len(message.places) == rules.drones
-            and len(message.goals) == 3 * rules.drones
-            and message.limits < len(rules.limits)
-            and message.kind in pb.Segment.Kind.values()
-            and all(abs(number) < LARGEST for number in numbers)
-            and message.start >= 0.0
-            and message.duration > 0.0
-            and len(certificate.witness.knots) <= MOST_KNOTS
-            and math.isfinite(certificate.dual_bound)
-            and math.isfinite(certificate.single_drone_minimum)
-        ):
+        if not _sound(message, rules):
             raise Damage(logged.offset, f"segment {message.name!r} contradicts itself")
         if message.index in found:
             raise Damage(logged.offset, f"segment {message.index} is there twice")
@@ -196,6 +182,61 @@ def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
     if sorted(found) != list(range(len(found))) or not found:
         raise Damage(0, "segments are missing")
     return [found[index] for index in sorted(found)]
+
+
+def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
+    """Tell whether something can be calculated with a segment."""
+    certificate = message.certificate
+    numbers = [message.start, message.duration, *message.goals]
+    return (
+        list(message.drones) == list(range(rules.drones))
+        and len(message.places) == rules.drones
+        and len(message.goals) == 3 * rules.drones
+        and message.limits < len(rules.limits)
+        and message.kind in pb.Segment.Kind.values()
+        and all(abs(number) < LARGEST for number in numbers)
+        and message.start >= 0.0
+        and message.duration > 0.0
+        and len(certificate.witness.knots) <= MOST_KNOTS
+        and math.isfinite(certificate.dual_bound)
+        and math.isfinite(certificate.single_drone_minimum)
+    )
+
+
+def read_aborts(
+    log: LogFile, rules: pb.Rules
+) -> tuple[pb.AbortTable, tuple[Segment, ...]]:
+    """Decode the abort table of a log that has one; its legs keep ``rules``.
+
+    Raises
+    ------
+    Damage
+        If it is malformed.
+    """
+    one = next(one for one in log.attachments if one.name == ABORT_NAME)
+    offset, content = one.span[0], bytes(log.view[slice(*one.span)])
+    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, content, offset))
+    flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
+    for found in table.flights:
+        flights[found.segment][found.drone] = _table(found, offset)
+    numbers = [
+        number
+        for row in table.rows
+        for number in (row.time, row.rest, row.duration, *row.changes)
+    ]
+    each = [list(range(rules.drones))] * len(table.legs)
+    if not (
+        [sorted(flights[leg]) for leg in range(len(table.legs))] == each
+        and len(table.flights) == rules.drones * len(table.legs)
+        and all(_sound(leg, rules) for leg in table.legs)
+        and all(leg < len(table.legs) for row in table.rows for leg in row.legs)
+        and all(abs(n) < LARGEST for n in numbers)
+        and len(numbers) <= MOST_SAMPLES
+        and 0.0 < table.period < LARGEST
+        and rules.duration / MOST_SAMPLES <= table.every < LARGEST
+    ):
+        raise Damage(offset, "the abort table contradicts itself")
+    return table, tuple(_segment(m, flights[k]) for k, m in enumerate(table.legs))
 
 
 def _flown(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.log.schema import ABORT_NAME, ADDITIONS
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
 from showc.verify.decode import check_schemas, read_show
@@ -23,6 +24,7 @@ from showc.verify.records import Damage
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
+from showc.verify.specification.aborts import Aborts, bound_to
 from showc.verify.specification.cover import check_cover, read_anchor
 from showc.verify.specification.demands import hold_against
 
@@ -101,11 +103,15 @@ def _proved(
     checks += [*_integrity(log), check_schemas(log)]
     if asked is not None and lights is not None:
         beside = Missions(log, show, asked, lights) if missions else None
+        added = [one for one in ADDITIONS if log.attachment(one) is not None]
+        checks += [bound_to(log, added)] if added else []
+        aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
         tubes = None if beside is None else beside.tubes
         samples = Samples(log, show, lights, asked, tubes)
         # The longest parts first, so that no process works alone at the end.
         work: dict[str, Sequence[Callable[[], Any]]] = {
             "missions": [] if beside is None else beside.parts(),
+            "aborts": [] if aborts is None else aborts.parts(),
             "physics": [partial(radius, s, show.rules.vehicle) for s in show.segments],
             "limits": [partial(extremes, one, show.rules) for one in show.segments],
             "separation": encounter_parts(show),
@@ -116,6 +122,9 @@ def _proved(
         found = _done(work, jobs, watch)
         checks += _flight_checks(show, found)
         checks += [_check(one) for one in found["choreography"][0]]
+        if aborts is not None:
+            rows, stated = aborts.checks(found["aborts"])
+            checks += [rows, *map(_check, stated)]
         checks += join_samples(found["samples"])
         checks += [check for part in found["missions"] for check in part]
     elif missions:

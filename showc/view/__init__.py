@@ -3,11 +3,10 @@
 from showc.view.leg import render_leg
 from showc.view.page import render_page
 from showc.view.report import render_report
-from showc.view.safety import Beside, render_safety
+from showc.view.safety import render_safety
 from showc.view.solution import render_solution
 
 __all__ = [
-    "Beside",
     "render_leg",
     "render_page",
     "render_report",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.simulate.results import Campaign
 from showc.view.digest import (
     digest,
     every,
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import IntArray
     from showc.log.reader import LoggedShow
-    from showc.simulate.results import Campaign
     from showc.view.digest import Digest
     from showc.view.scene import SecondFleet, Soundtrack
 
@@ -64,15 +64,14 @@ def render_page(
     soundtrack: Soundtrack | None = None,
     recording: bytes = b"",
     *,
-    wind: Campaign | None = None,
     flown: SecondFleet | None = None,
 ) -> str:
     """Return the page as HTML, with the verdict of ``showc verify --json``, or none.
 
     The cues of a ``soundtrack`` stand on its ruler; a ``recording`` (the bytes of a
-    sound file) becomes a part of it. Tubes of simulated flights in ``wind`` are drawn
-    about the drones. Beside them stands the fleet as it was ``flown``; without it, as
-    the missions are predicted.
+    sound file) becomes a part of it. Tubes of simulated flights in wind that the log
+    holds are drawn about the drones. Beside them stands the fleet as it was
+    ``flown``; without it, as the missions are predicted.
 
     The positions in it are within a 130,000th of the flight's extent of the logged
     ones (1 mm for 130 m), between frames along straight lines. The address of the page
@@ -81,6 +80,7 @@ def render_page(
     """
     scene = replace(scene_of(logged, soundtrack), findings=findings_of(verification))
     scene = replace(scene, second=flown or predicted_fleet(logged))
+    wind = Campaign.of(logged)
     if wind is not None:
         scene = _with_tubes(scene, wind)
     return render_whole(scene, verification, recording)

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
     from showc.safety.case import SafetyCase
     from showc.view.overview import Overview
-    from showc.view.safety import Beside
 
 SHAPES = {
     pb.Separation.SPHERE: "sphere",
@@ -63,7 +62,6 @@ def render_report(
     logged: LoggedShow,
     verification: Mapping[str, Any] | None,
     case: SafetyCase | None = None,
-    beside: Beside | None = None,
 ) -> str:
     """Return the report as one printable HTML page.
 
@@ -76,8 +74,6 @@ def render_report(
         verified, and has no margins.
     case
         The safety case of the show; None: the report has none.
-    beside
-        What lies beside the log; None: nothing.
     """
     digests = digest(logged)
     overview = overview_of(logged)
@@ -85,7 +81,7 @@ def render_report(
         _head(logged, verification),
         _figures(logged, digests),
         site_section(overview),
-        "" if case is None else safety_section(logged, case, beside),
+        "" if case is None else safety_section(logged, case),
         pictures_section(overview),
         _moves(logged, digests),
         checks_section(verification),

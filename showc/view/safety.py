@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import isinf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.log import showc_pb2 as pb
 from showc.safety.ground import area
-from showc.simulate.results import CONFIDENCE
+from showc.simulate.results import CONFIDENCE, Campaign
 from showc.view.document import clock, document, row, small, table, text
 from showc.view.overview import overview_of
 from showc.view.plot import Curve, line_plot
@@ -23,33 +23,18 @@ from showc.view.sitemap import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.safety.case import Distance, Finding, SafetyCase
     from showc.safety.failure import Failures
     from showc.safety.stop import Stops
-    from showc.simulate.results import Campaign
 
 
 COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
 """Of the volumes, from the innermost."""
 
 
-@dataclass(frozen=True, slots=True)
-class Beside:
-    """What was worked out of a log and lies beside it."""
-
-    aborts: Sequence[Mapping[str, Any]] = ()
-    """Rows of the abort table; empty: none was planned."""
-    wind: Campaign | None = None
-    """Simulated flights in wind; None: none were."""
-
-
-def render_safety(
-    logged: LoggedShow, case: SafetyCase, beside: Beside | None = None
-) -> str:
+def render_safety(logged: LoggedShow, case: SafetyCase) -> str:
     """Return the safety case as a printable HTML page of its own."""
     kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
     if not case.errors and case.findings:
@@ -60,14 +45,12 @@ def render_safety(
         f"{site.latitude:.6f}°, {site.longitude:.6f}°, {site.altitude:.1f} m · "
         f'heading {site.heading:.1f}°</p></div><div class="verdict {kind}">{word}'
         f"<small>findings: {len(case.findings)}</small></div></header>"
-        f"{safety_section(logged, case, beside)}"
+        f"{safety_section(logged, case)}"
     )
     return document(f"{case.show.name} – safety case", body)
 
 
-def safety_section(
-    logged: LoggedShow, case: SafetyCase, beside: Beside | None = None
-) -> str:
+def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
     """Return the safety case as a section of a report.
 
     Parameters
@@ -76,10 +59,7 @@ def safety_section(
         The show.
     case
         Its case.
-    beside
-        What lies beside the log; None: nothing.
     """
-    beside = beside or Beside()
     risk = case.show.site.risk
     return (
         "<h2>Safety of the site<small>volumes and distances hold at every instant"
@@ -87,7 +67,7 @@ def safety_section(
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
         f"{_failures(case.failures)}{_stops(case.stops)}"
-        f"{_aborts(beside.aborts)}{_wind(case, beside.wind)}{_energy(case)}"
+        f"{_aborts(logged)}{_wind(case, Campaign.of(logged))}{_energy(case)}"
         f"{_spared(logged)}"
         '<p class="note">Falls: a drone without thrust, drag area '
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
@@ -203,30 +183,40 @@ def _stops(stops: Stops) -> str:
     )
 
 
-def _aborts(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return how the stopped fleet comes down, as it was planned and proved."""
-    if not rows:
+def _aborts(logged: LoggedShow) -> str:
+    """Return how the stopped fleet comes down, by the table in the log."""
+    table_ = logged.aborts
+    if not table_.rows:
         return "<p>No way down was planned: <code>showc abort</code> does.</p>"
     words = frozenset({0, 2})
-    lines = [
-        row(
-            [
-                clock(float(one["time"])),
-                f"{one['stop']:.2f}",
-                text(one["way"]),
-                f"{one['duration']:.1f}",
-                f"{one['total']:.1f}",
-                "" if one["closest"] is None else f"{one['closest']:.2f}",
-            ],
-            words=words,
+    lines = []
+    for one in table_.rows:
+        stop = len(one.changes) * table_.period
+        legs = [table_.legs[number].certificate for number in one.legs]
+        near = [leg.closest.distance for leg in legs if leg.HasField("closest")]
+        lines.append(
+            row(
+                [
+                    clock(one.time),
+                    f"{stop:.2f}",
+                    pb.AbortRow.Way.Name(one.way).lower().replace("_", " "),
+                    f"{one.duration:.1f}",
+                    f"{stop + one.duration:.1f}",
+                    f"{min(near):.2f}" if near else "",
+                ],
+                words=words,
+            )
         )
-        for one in rows
-    ]
     heads = [
         "At", "Stands in [s]", "Then", "On the ground in [s]", "Together [s]",
         "Smallest separation [m]",
     ]  # fmt: skip
-    return "<h3>Abort table</h3>" + table(heads, lines, words=words)
+    said = (
+        "<h3>Abort table</h3><p>Stops, ways down and ways home are in the log, flight "
+        "by flight: <code>showc verify</code> proves them as it proves the show. Ways "
+        "back along the plan keep its distances; how long they take is estimated.</p>"
+    )
+    return said + table(heads, lines, words=words)
 
 
 def _wind(case: SafetyCase, flown: Campaign | None) -> str:

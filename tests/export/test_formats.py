@@ -21,7 +21,7 @@ from showc.foreign.motion import derivative, jumps, place_at
 from showc.foreign.reading import read_show
 from showc.view.foreign import Judged, foreign_scene
 
-SOURCE = {"log": "show.mcap", "sha256": "0" * 64}
+SOURCE = {"log": "show.mcap", "data_sha256": "0" * 64}
 DRAWN = sorted(set(FORMATS) - {"kml"})
 
 

@@ -126,7 +126,7 @@ def test_an_export_with_other_lights_is_found_out(beside):
 def test_an_export_of_another_log_is_found_out(beside):
     folder = beside.with_name("show-skyb")
     manifest = json.loads((folder / "export.json").read_text())
-    manifest["source"]["sha256"] = "0" * 64
+    manifest["source"]["data_sha256"] = "0" * 64
     (folder / "export.json").write_text(json.dumps(manifest))
     assert failed(beside) == {"VRF583"}
 

@@ -14,7 +14,7 @@ from showc.foreign.folder import MANIFEST, verify_export
 from showc.foreign.reading import read_show
 from showc.foreign.verdict import verify_foreign
 
-SOURCE = {"log": "show.mcap", "sha256": "0" * 64}
+SOURCE = {"log": "show.mcap", "data_sha256": "0" * 64}
 
 
 def names(checks, verdict="fail"):

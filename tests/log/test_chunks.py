@@ -63,7 +63,8 @@ def messages_of(seed, step, count, length):
 def test_the_same_messages_give_the_same_bytes(seed, chosen, size):
     wanted, found = io.BytesIO(), io.BytesIO()
     by_the_library(wanted, seed, chosen, size)
-    writer = ChunkWriter(found, "showc", size)
+    writer = ChunkWriter(found, size)
+    writer.begin("showc")
     writer.add_metadata("about", {"drones": "7"})
     writer.add_attachment(FIRST, "show.yaml", "text/plain", b"showc: 1\n")
     schema = writer.register_schema("state", "protobuf", b"as it is")

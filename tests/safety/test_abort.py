@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from showc.abort import abort_table
-from showc.cli.abort import rows_of
 from showc.fleet import solve_itinerary
 from showc.fleet.options import SolveOptions
 from showc.fleet.proof import flaw
@@ -100,19 +99,40 @@ def test_where_no_way_is_found_the_plan_is_flown_back(logged, options, monkeypat
     assert show.separation.distance == 500.0
 
 
-def test_the_command_writes_a_table_that_the_page_prints(compiled, run_showc, tmp_path):
-    log = compiled("swap")
+def test_the_table_is_in_the_log_beside_it_and_on_the_page(
+    compiled, run_showc, tmp_path
+):
+    log = tmp_path / "swap.mcap"
+    log.write_bytes(compiled("swap").read_bytes())
     run = run_showc("abort", log, "--every", "15", "-q", cwd=tmp_path)
     assert run.code == 0, run.err
-    table = log.with_name(f"{log.stem}-abort.json")
+    once = log.read_bytes()
+    table = tmp_path / "swap-abort.json"
     rows = json.loads(table.read_text(encoding="utf-8"))["rows"]
     assert len(rows) == len(run.out.splitlines()) - 1
+    logged = read_log(log)
+    assert [row.time for row in logged.aborts.rows] == [row["time"] for row in rows]
+    # What lies beside the log is for people; the page takes it from the log.
+    table.unlink()
     page = tmp_path / "case.html"
     run_showc("safety", log, "-o", page)
-    assert "Abort table" in page.read_text(encoding="utf-8")
-    content = json.loads(table.read_text(encoding="utf-8"))
-    for wrong in ({"sha256": "0"}, {"rows": [{}]}, {"rows": 3}):
-        table.write_text(json.dumps(content | wrong), encoding="utf-8")
-        assert rows_of(log) == []
-    table.unlink()
-    assert rows_of(log) == []
+    content = page.read_text(encoding="utf-8")
+    assert "Abort table" in content
+    assert all(f"{row['total']:.1f}" in content for row in rows)
+    assert run_showc("abort", log, "--every", "15", "-q").code == 0
+    assert log.read_bytes() == once
+
+
+def test_the_message_has_every_row_and_every_flight(logged, options, monkeypatch):
+    table, flown, _ = planned(logged, options, monkeypatch)
+    message = table.to_message("0" * 64)
+    assert len(message.rows) == len(table.rows)
+    assert len(message.legs) == len(flown)
+    assert len(message.flights) == len(flown) * logged.drones
+    for row, one in zip(table.rows, message.rows, strict=True):
+        assert len(one.changes) * message.period == pytest.approx(row.stop)
+        assert [message.legs[k].name for k in one.legs] == [
+            flight.leg.name for flight in row.legs
+        ]
+        # The clock slows from its whole rate to none.
+        assert sum(one.changes) * message.period == pytest.approx(-1.0)

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from showc.log import showc_pb2 as pb
 from showc.log.reader import read_log
+from showc.log.schema import ABORT_NAME
 from showc.safety.assessment import safety_case, show_of
 from showc.safety.energy import current, flight_energy, hover_endurance
 from showc.safety.pieces import flight_pieces
@@ -119,9 +121,20 @@ def test_too_small_a_battery_is_found(logged):
     assert "SAF131" not in {item.code for item in safety_case(logged, show).findings}
 
 
+def taking(time):
+    """Return an abort table whose longest row takes ``time`` [s]."""
+    table = pb.AbortTable(period=0.5)
+    table.rows.add(changes=[-1.0, -1.0], duration=time - 1.0)
+    table.rows.add(duration=0.5)
+    return table.SerializeToString()
+
+
 def test_a_longer_abort_takes_more(logged):
     show = show_of(logged)
-    short, long = (safety_case(logged, show, abort).energy for abort in (10.0, 40.0))
+    short, long = (
+        safety_case(replace(logged, added={ABORT_NAME: taking(abort)})).energy
+        for abort in (10.0, 40.0)
+    )
     assert long.abort == pytest.approx(4.0 * short.abort)
     # Hovering for 40 s: its power at the voltage of the pack.
     hover = Power.of(show.battery, show.vehicle, show.site.altitude)

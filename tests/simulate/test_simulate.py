@@ -10,9 +10,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from showc.cli.beside import WIND, place_of, write_beside
-from showc.cli.simulate import wind_of
 from showc.log.reader import read_log
+from showc.log.schema import WIND_NAME
 from showc.progress import Silent
 from showc.safety.assessment import safety_case, show_of
 from showc.script import load_show
@@ -28,7 +27,8 @@ from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
 from showc.simulate.results import WANTED, Campaign, Weather
 from showc.simulate.tracking import Course, Gains
 from showc.vehicle import PRESETS
-from showc.view import Beside, render_safety
+from showc.verify import verify_log
+from showc.view import render_safety
 
 VEHICLE = PRESETS["formation-625g"].vehicle
 IDEAL = Imperfections(position=0.0, velocity=0.0, attitude=0.0, rate=0.0)
@@ -253,17 +253,36 @@ def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
     assert found.errors[-50:, 0].max() < 0.02
 
 
-def test_the_command_flies_the_same_again(compiled, run_showc, flown, tmp_path):
+def test_the_command_flies_the_same_again_and_the_log_holds_it(
+    compiled, run_showc, flown, tmp_path
+):
+    log = tmp_path / "swap.mcap"
+    log.write_bytes(compiled("swap").read_bytes())
     place = tmp_path / "wind.json"
     run = run_showc(
-        "simulate", compiled("swap"), "--wind", "8", "--runs", "1", "--json",
-        "-o", place,
-    )  # fmt: skip
+        "simulate", log, "--wind", "8", "--runs", "1", "--json", "-o", place
+    )
     assert run.code == 0, run.err
     found = flown(8.0, Model())
     assert json.loads(run.out) == found.to_json()
     content = json.loads(place.read_text(encoding="utf-8"))
     assert Campaign.from_json(content).to_json() == found.to_json()
+    # The report takes it from the log, wherever the file is.
+    place.unlink()
+    logged = read_log(log)
+    assert Campaign.of(logged).to_json() == found.to_json()
+    page = render_safety(logged, safety_case(logged))
+    assert f"{found.whole.radius:.2f}" in page
+    assert "8 m/s" in page
+    checked = verify_log(log, missions=False)
+    assert checked.proved
+    assert "nothing of them is proved" in "".join(checked.check("VRF108").notes)
+
+
+@pytest.mark.parametrize("content", [b"{}", b"[]", b"3", b'{"legs": []}', b"\xff"])
+def test_what_holds_no_flights_is_passed_over(compiled, content):
+    logged = replace(read_log(compiled("swap")), added={WIND_NAME: content})
+    assert Campaign.of(logged) is None
 
 
 def test_legs_say_how_near_drones_came_and_whether_rotors_could(flown):
@@ -274,22 +293,6 @@ def test_legs_say_how_near_drones_came_and_whether_rotors_could(flown):
     swap = next(leg for leg in legs if leg.name == "The swap")
     assert 0.0 < swap.closest < min(leg.closest for leg in legs if leg is not swap)
     assert 0.0 <= whole.saturated <= max(leg.saturated for leg in legs)
-
-
-def test_the_report_prints_the_tubes_of_this_log_alone(flown, compiled, tmp_path):
-    log = tmp_path / "swap.mcap"
-    log.write_bytes(compiled("swap").read_bytes())
-    found = flown(8.0, Model())
-    write_beside(log, place_of(log, WIND), found.to_json())
-    assert wind_of(log).to_json() == found.to_json()
-    logged = read_log(log)
-    case = safety_case(logged)
-    page = render_safety(logged, case, Beside(wind=wind_of(log)))
-    assert f"{found.whole.radius:.2f}" in page
-    assert "8 m/s" in page
-    with log.open("ab") as stream:
-        stream.write(b"another")
-    assert wind_of(log) is None
 
 
 SCRIPT = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import wave
+from dataclasses import replace
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from showc.log.schema import WIND_NAME
 from showc.simulate.results import Campaign, Tube, Weather
 from showc.view import render_leg, render_page, render_report
 from showc.view.digest import digest, tightest
@@ -493,7 +495,8 @@ def test_tubes_of_simulated_wind_are_drawn_about_the_drones(tab, tmp_path, glidi
         Weather(8.0, "moderate", 3), tuple(tubes), "flatness", observer=True
     )
     path = tmp_path / "windy.html"
-    path.write_text(render_page(gliding_log, wind=wind), "utf-8")
+    windy = replace(gliding_log, added={WIND_NAME: json.dumps(wind.to_json()).encode()})
+    path.write_text(render_page(windy), "utf-8")
     tab.open(path, "t=17&play=0&drone=1")
     plain = picture(tab)
     key(tab, "w")

@@ -35,6 +35,7 @@ GROUPS = {
     "VRF32": "separation",
     "VRF33": "choreography",
     "VRF34": "certificates",
+    "VRF35": "abort table",
     "VRF4": "missions",
 }
 """Heading of the checks of one log, by what their codes begin with."""

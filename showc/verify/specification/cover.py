@@ -16,7 +16,7 @@ from showc.log.facts import (
     media_type,
     metadata_of,
 )
-from showc.log.schema import LAYOUT_NAME, MANIFEST_NAME, PREDICTED
+from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
 from showc.verify.report import agreement, checked
 from showc.verify.specification.compare import read_json, unlike
@@ -92,7 +92,7 @@ def read_anchor(
     inputs = {
         key: data
         for key, data in attached.items()
-        if key not in {MANIFEST_NAME, LAYOUT_NAME} and data is not None
+        if key not in {MANIFEST_NAME, LAYOUT_NAME, *ADDITIONS} and data is not None
     }
     bad: list[str] = []
     if content is None:
@@ -171,8 +171,9 @@ def _attachments(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     manifest = log.attachment(MANIFEST_NAME) or b""
     wanted = attachments_of(script, manifest, plots=plots)
     found = [one.name for one in log.attachments]
-    if found != [*wanted]:
-        yield f"the log carries {found}, the show has {[*wanted]}"
+    names = [*wanted, *(one for one in ADDITIONS if one in found)]
+    if found != names:
+        yield f"the log carries {found}, the show has {names}"
     for entry in log.attachments:
         media = media_type(entry.name)
         if entry.media_type != media:

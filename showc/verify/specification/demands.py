@@ -161,7 +161,7 @@ class _Walk:
         show, dark = self.show, np.zeros((self.show.drones, 3))
         launch, landing = show.launch, show.landing
         up = self._raised(f"above {show.pads}", launch.altitude)
-        climb = _upright(show.limits, launch.climb_speed)
+        climb = upright(show.limits, launch.climb_speed)
         segment = self._leg("launch", "launch", up, limits=climb)
         self._own(segment, self.formations[up])
         self._arrive(segment, dark)
@@ -173,7 +173,7 @@ class _Walk:
             self._chapter(part)
         self._approach(self._raised(f"above {show.pads} to land", landing.altitude))
         self._shine(self._hold("reaching the pads", landing.hold), self.lit)
-        sink = _upright(show.limits, landing.descent_speed)
+        sink = upright(show.limits, landing.descent_speed)
         segment = self._leg("land", "land", show.pads, limits=sink)
         # Straight down: the pad below.
         self._reach(segment, self.position - np.array([0.0, 0.0, landing.altitude]))
@@ -591,7 +591,7 @@ def _one_to_one(
     return found if np.unique(found).size == found.size else None
 
 
-def _upright(limits: Limits, speed: float) -> Limits:
+def upright(limits: Limits, speed: float) -> Limits:
     """Limits of a launch or a landing that is not faster than ``speed`` [m/s].
 
     It is upright, so that x and y are held.
@@ -603,6 +603,11 @@ def _upright(limits: Limits, speed: float) -> Limits:
         velocity_min=(low[0], low[1], max(low[2], -speed)),
         velocity_max=(high[0], high[1], min(high[2], speed)),
     )
+
+
+def limits_message(limits: Limits) -> pb.Limits:
+    """Return limits as a log has them."""
+    return _message(pb.Limits, limits)
 
 
 def _rules(
@@ -627,7 +632,7 @@ def _rules(
             pb.Formation(name=name, points=np.ravel(points).tolist())
             for name, points in formations.items()
         ],
-        limits=[_message(pb.Limits, one) for one in limits],
+        limits=list(map(limits_message, limits)),
     )
 
 

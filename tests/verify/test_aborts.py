@@ -1,0 +1,170 @@
+"""The abort table in a log is proved: each lie in it is found by its check."""
+
+import shutil
+
+import pytest
+
+from showc.log import showc_pb2 as pb
+from showc.log.additions import add, digest_of
+from showc.log.reader import read_log
+from showc.log.schema import ABORT_NAME
+from showc.verify import DamagedLogError, verify_log
+from showc.verify.decode import read_show
+from showc.verify.mcap import open_log
+from showc.verify.specification.aborts import Aborts
+from showc.verify.specification.cover import read_anchor
+
+PROVED = {"VRF108", "VRF351", "VRF352", "VRF353", "VRF354", "VRF355"}
+
+
+@pytest.fixture(scope="module")
+def aborted(compiled, run_showc, tmp_path_factory):
+    """A log with an abort table."""
+    log = tmp_path_factory.mktemp("aborted") / "swap.mcap"
+    shutil.copyfile(compiled("swap"), log)
+    run = run_showc("abort", log, "--every", 7, "-q")
+    assert run.code == 0, run.err
+    return log
+
+
+def told(aborted, place, change):
+    """Prove a table that was changed, and its binding to the log."""
+    log = place / aborted.name
+    shutil.copyfile(aborted, log)
+    message = pb.AbortTable()
+    message.CopyFrom(read_log(log).aborts)
+    change(message)
+    content = message.SerializeToString(deterministic=True)
+    add(log, ABORT_NAME, content, digest_of(log))
+    file = open_log(log)
+    with file.reported():
+        script = read_anchor(file, dict(file.metadata)["showc"]).show
+        proof = Aborts(file, read_show(file), script)
+    rows, stated = proof.checks([part() for part in proof.parts()])
+    return rows, {rows.code: rows.verdict != "fail"} | {
+        one.code: one.holds for one in stated
+    }
+
+
+def test_every_row_is_proved_from_the_bytes(aborted):
+    found = verify_log(aborted, missions=False)
+    assert found.proved
+    verdicts = {c.code: c.verdict for c in found.checks if c.code in PROVED}
+    assert verdicts == dict.fromkeys(PROVED, "pass")
+    nearest = found.check("VRF354")
+    rows = read_log(aborted).aborts.legs
+    least = min(leg.certificate.closest.distance for leg in rows)
+    assert nearest.value == pytest.approx(least, abs=1e-4)
+    assert nearest.limit == 1.0
+
+
+def last_leg(table):
+    return table.legs[table.rows[2].legs[-1]]
+
+
+def shifted(table):
+    """A drone goes down a metre beside its place, on a path of its own."""
+    for number, one in enumerate(table.flights):
+        if one.segment == 0 and one.drone == 0:
+            for at in range(0, len(one.state), 12):
+                table.flights[number].state[at] += 1.0
+    table.legs[0].goals[0] += 1.0
+
+
+def faster(table):
+    """All flights of a leg in half of their time."""
+    leg = last_leg(table)
+    leg.duration *= 0.5
+    for one in table.flights:
+        if one.segment == leg.index:
+            one.breaks[:] = [0.5 * time for time in one.breaks]
+
+
+def nearer(table):
+    """Two drones of a leg fly as one."""
+    first, second = (
+        one for one in table.flights if one.segment == 1 and one.drone in {0, 1}
+    )
+    second.state[:] = first.state
+    second.control[:] = first.control
+
+
+def unproved(table):
+    for row in table.rows:
+        row.way = pb.AbortRow.BACK_ALONG_THE_PLAN
+        del row.legs[:]
+
+
+LIES = {
+    "a row is missing": ("VRF351", lambda t: t.rows.pop()),
+    "a row is of another time": ("VRF351", lambda t: setattr(t.rows[1], "time", 8.0)),
+    "the fleet stands elsewhere": (
+        "VRF351",
+        lambda t: setattr(t.rows[1], "rest", t.rows[1].rest + 0.5),
+    ),
+    "the clock stops too late": ("VRF351", lambda t: t.rows[1].changes.pop()),
+    "the clock runs back": ("VRF351", lambda t: t.rows[1].changes.append(-1.0)),
+    "rows have each other's ways": (
+        "VRF351",
+        lambda t: t.rows[1].legs.__setitem__(0, t.rows[2].legs[0]),
+    ),
+    "in the air, it is on the ground": (
+        "VRF351",
+        lambda t: (t.rows[1].legs.pop(), setattr(t.rows[1], "way", 0)),
+    ),
+    "it goes home, and does not": ("VRF351", lambda t: setattr(t.rows[1], "way", 2)),
+    "nothing is known of the way": ("VRF351", lambda t: setattr(t.rows[1], "way", 9)),
+    "a landing with the limits of a move": (
+        "VRF351",
+        lambda t: setattr(t.legs[0], "limits", 0),
+    ),
+    "farther apart than they are": (
+        "VRF351",
+        lambda t: setattr(t.legs[1].certificate.closest, "distance", 9.0),
+    ),
+    "it takes less time": ("VRF355", lambda t: setattr(t.rows[2], "duration", 1.0)),
+    "it ends higher": ("VRF355", lambda t: t.legs[1].goals.__setitem__(2, 1.0)),
+    "a drone beside its place": ("VRF351", shifted),
+    "twice as fast": ("VRF352", faster),
+    "two drones in one place": ("VRF354", nearer),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_lie_in_the_table_is_found(aborted, tmp_path, lie):
+    code, change = LIES[lie]
+    _, holds = told(aborted, tmp_path, change)
+    assert holds[code] is False
+
+
+def test_a_lie_in_the_table_makes_the_verdict_not_proved(aborted, tmp_path):
+    told(aborted, tmp_path, faster)
+    found = verify_log(tmp_path / aborted.name, missions=False)
+    assert not found.proved
+    assert {"VRF352"} <= found.failures() <= PROVED
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.flights.pop(),
+        lambda t: t.rows[1].legs.append(99),
+        lambda t: setattr(t, "every", 0.0),
+        lambda t: setattr(t, "period", float("nan")),
+        lambda t: t.legs[0].drones.pop(),
+        lambda t: setattr(t.rows[1], "rest", float("inf")),
+    ],
+)
+def test_a_table_that_contradicts_itself_is_damage(aborted, tmp_path, change):
+    with pytest.raises(DamagedLogError, match="abort table"):
+        told(aborted, tmp_path, change)
+
+
+def test_ways_back_along_the_plan_are_named_as_not_proved(aborted, tmp_path):
+    def change(table):
+        unproved(table)
+        del table.legs[:], table.flights[:]
+
+    found, _ = told(aborted, tmp_path, change)
+    assert found.verdict == "warning"
+    assert "which is not proved" in found.notes[0]
