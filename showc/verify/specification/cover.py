@@ -180,7 +180,7 @@ def _attachments(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
             yield f"{entry.name!r} has the type {entry.media_type!r}, not {media!r}"
         if not entry.log_time == entry.create_time == show.epoch:
             yield f"{entry.name!r} is not from the time of the show"
-        if log.attachment(entry.name) != wanted.get(entry.name):
+        if wanted.get(entry.name) not in {None, log.attachment(entry.name)}:
             yield f"the content of {entry.name!r} is not the one of the show"
 
 
