@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from showc.script.formations import FormationError
+from showc.script.diagnostic import ScriptError
 from showc.vehicle import Separation
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ def tracking_of(settings: Settings, files: InputFiles, reader: Reader) -> float:
         whole = json.loads(files.read(name, "results"))["legs"][-1]
         radius, share = float(whole["radius"]), float(whole["share"])
         sound = 0.0 <= radius <= MOST_TRACKING and 0.0 <= share <= 1.0
-    except FormationError as fault:
-        reader.say(fault.code, str(fault), mark, help_text=fault.help)
+    except ScriptError as fault:
+        reader.refuse(fault, mark)
         return 0.0
     except (ValueError, KeyError, IndexError, TypeError, RecursionError):
         sound = False

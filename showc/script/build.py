@@ -18,9 +18,8 @@ from showc.script.aircraft import (
 )
 from showc.script.apart import separation_of, tracking_of
 from showc.script.colours import linear_light
-from showc.script.diagnostic import Label
+from showc.script.diagnostic import Label, ScriptError
 from showc.script.fleet import fleet_size, groups_of, needed_counts
-from showc.script.formations import FormationError
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
 from showc.script.lights import lights_of
 from showc.script.motions import formations_of, motions_of
@@ -246,11 +245,9 @@ class Builder:
                 colours.setflags(write=False)
             if "effect" in settings:
                 effect = effect_of(settings.section("effect"), self.music)
-        except FormationError as fault:
+        except ScriptError as fault:
             key = "colour" if "effect" not in settings else "effect"
-            self.reader.say(
-                fault.code, str(fault), settings.mark_of(key), help_text=fault.help
-            )
+            self.reader.refuse(fault, settings.mark_of(key))
             return None
         at, start, duration = self._times(settings)
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
@@ -281,9 +278,9 @@ class Builder:
         """Return what a formation does over its hold, if that can be done."""
         try:
             motion = motions_of(settings, self.files)
-        except FormationError as fault:
+        except ScriptError as fault:
             mark = settings.mark_of("motion")
-            self.reader.say(fault.code, str(fault), mark, help_text=fault.help)
+            self.reader.refuse(fault, mark)
             return ()
         for name in formations_of(settings):
             other = sketch.formations.get(name)

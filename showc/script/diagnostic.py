@@ -65,6 +65,46 @@ class Diagnostic:
     """What it is about, if that is places of one formation."""
 
 
+class ScriptError(ValueError):
+    """Something in a script is wrong, found where its place is not known.
+
+    Parameters
+    ----------
+    code
+        Code of the diagnostic.
+    message
+        What is wrong.
+    key
+        Key of the section at which it stands; empty: the value or section at hand.
+    help_text
+        What to do.
+    fix
+        Text to put in its place, if that is certain.
+    notes
+        The numbers.
+    """
+
+    def __init__(
+        self,
+        code: str,
+        message: str,
+        *,
+        key: str = "",
+        help_text: str = "",
+        fix: str = "",
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(message)
+        self.code, self.key, self.help = code, key, help_text
+        self.fix, self.notes = fix, notes
+
+    def of(self, what: str, code: str = "") -> ScriptError:
+        """Return the same, said of a key or the like, under another code if asked."""
+        return ScriptError(
+            code or self.code, f"{what}: {self}", help_text=self.help, fix=self.fix
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Suppressed:
     """A finding that the script asks to pass over."""

@@ -6,7 +6,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from showc.files import OutsideFolderError, UnreadableFileError, inside, read_file
-from showc.script.formations.shape import FormationError
+from showc.script.diagnostic import ScriptError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -80,7 +80,7 @@ class InputFiles:
 
         Raises
         ------
-        FormationError
+        ScriptError
             If it cannot be read, is too large, or lies outside the script's folder.
         """
         if name in self.contents:
@@ -95,10 +95,10 @@ class InputFiles:
                     path = inside(path, self._folder)
                 content = read_file(path, most)
         except UnreadableFileError as fault:
-            raise FormationError(
+            raise ScriptError(
                 "SHW109",
                 f"`{name}` cannot be read: {fault.reason}",
-                key,
+                key=key,
                 help_text="put it beside the script, or give the option "
                 "--allow-outside if it may lie elsewhere"
                 if isinstance(fault, OutsideFolderError)
@@ -106,11 +106,11 @@ class InputFiles:
             ) from None
         total = sum(map(len, self.contents.values())) + len(content)
         if total > TOTAL_BYTES:
-            raise FormationError(
+            raise ScriptError(
                 "SHW119",
                 f"`{name}` brings the script's files to {total} bytes, at most "
                 f"{TOTAL_BYTES} are read",
-                key,
+                key=key,
             )
         self.contents[name] = content
         return content

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from showc.script.diagnostic import Label
-from showc.script.formations import SHAPES, FormationError, Request
+from showc.script.diagnostic import Label, ScriptError
+from showc.script.formations import SHAPES, Request
 from showc.script.placing import colours_in, paint, transform, unit_vector
 from showc.script.scalars import certain, suggestion
 from showc.script.settings import Setting, Settings
@@ -58,26 +58,26 @@ def effect_of(settings: Settings, music: Music | None) -> Effect:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If its direction has no length, its beats have no tempo, or what runs has no
         colours.
     """
     x, y, z = (float(part) for part in unit_vector(settings, "direction"))
     kind = cast("EffectKind", settings.text("kind"))
     if kind == "run" and "colours" not in settings:
-        raise FormationError(
+        raise ScriptError(
             "SHW102",
             "the effect `run` needs `colours`",
-            "effect",
+            key="effect",
             help_text="add `colours: [deepskyblue, magenta]`",
         )
     period, beat = settings.number("period"), None
     if "beats" in settings:
         if music is None or music.bpm is None:
-            raise FormationError(
+            raise ScriptError(
                 "SHW121",
                 "the effect counts beats, and the music has no tempo",
-                "effect",
+                key="effect",
                 help_text="add `music: {bpm: 120}`",
             )
         period = settings.number("beats") * 60.0 / music.bpm
@@ -117,8 +117,8 @@ class Gallery:
         self._open: list[str] = []
         self._deep = _deep(table)
         self._own: dict[int, int | None] = {}
-        self._failed: dict[int, FormationError] = {}
-        self._uncounted: list[tuple[Settings, FormationError]] = []
+        self._failed: dict[int, ScriptError] = {}
+        self._uncounted: list[tuple[Settings, ScriptError]] = []
         self._spent = 0
         self.counts: dict[str, int] = {}
         """Number of places wanted of formations that do not fix one themselves."""
@@ -155,7 +155,7 @@ class Gallery:
         if id(settings) not in self._own:
             try:
                 self._own[id(settings)] = self._counted(settings)
-            except FormationError as fault:
+            except ScriptError as fault:
                 # Raised through others, it stands where it was raised first.
                 if fault not in self._failed.values():
                     self._uncounted.append((settings, fault))
@@ -237,7 +237,7 @@ class Gallery:
         """Return the count of settings at hand; None also when a file is unreadable."""
         try:
             return self._count(settings)
-        except FormationError:
+        except ScriptError:
             return None
 
     def pads(self, name: str, settings: Settings, count: int) -> Picture | None:
@@ -252,17 +252,13 @@ class Gallery:
     ) -> Picture | None:
         try:
             return self._drawing(settings, count, floor)
-        except FormationError as fault:
+        except ScriptError as fault:
             self._report(settings, fault)
             return None
 
-    def _report(self, settings: Settings, fault: FormationError) -> None:
-        self._reader.say(
-            fault.code,
-            str(fault),
-            settings.mark_of(fault.key) if fault.key else settings.mark,
-            notes=fault.notes,
-            help_text=fault.help,
+    def _report(self, settings: Settings, fault: ScriptError) -> None:
+        self._reader.refuse(
+            fault, settings.mark_of(fault.key) if fault.key else settings.mark
         )
 
     def _drawing(
@@ -311,13 +307,13 @@ class Gallery:
     def _spend(self, count: int) -> None:
         """Take places from what the script may ask for."""
         if count > MAX_PLACES:
-            raise FormationError(
+            raise ScriptError(
                 "SHW119",
                 f"a formation of {count} places, at most {MAX_PLACES} are drawn",
             )
         self._spent += count
         if self._spent > MAX_DRAWN:
-            raise FormationError(
+            raise ScriptError(
                 "SHW119",
                 f"the formations up to here, parts included, have {self._spent} "
                 f"places, at most {MAX_DRAWN} are drawn",
@@ -378,11 +374,11 @@ class Gallery:
         missing = sum(1 for number in own if number is None)
         rest = count - sum(number or 0 for number in own)
         if missing and rest < missing:
-            raise FormationError(
+            raise ScriptError(
                 "SHW205",
                 f"{count} places are needed, and the parts with a number of places "
                 f"of their own leave {max(rest, 0)} for {missing} others",
-                "parts",
+                key="parts",
             )
         inside = None if "centre" in settings else floor
         pictures, given = [], 0
@@ -476,18 +472,18 @@ def _demand_near(points: FloatArray, key: str) -> None:
 
     Raises
     ------
-    FormationError
+    ScriptError
         Naming the first such place.
     """
     # A comparison with what is no number is false.
     near = np.all(np.abs(points) <= FARTHEST, axis=1)
     if not near.all():
         place = int(np.argmin(near))
-        raise FormationError(
+        raise ScriptError(
             "SHW104",
             f"place {place + 1} lies at {points[place].tolist()} m, at most "
             f"{number_text(FARTHEST)} m along each axis are allowed",
-            key,
+            key=key,
         )
 
 

@@ -13,7 +13,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from showc.script.quantity import NUMBER, QuantityError, parse_quantity
+from showc.script.diagnostic import ScriptError
+from showc.script.quantity import NUMBER, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,17 +44,6 @@ _CUE = re.compile(r"@\s*([^\W\d][\w-]*)")
 _COUNTED = re.compile(r"(bar|beat)\s*-\s*\d+")
 _SHIFTED = re.compile(r"(?!(?:bar|beat)\s+[+-])(.*[\w\s])\s([+-])\s*(\S.*)")
 _LENGTH = re.compile(rf"({NUMBER})\s*(beats?|bars?)")
-
-
-class InstantError(ValueError):
-    """A text is no time, or one that cannot be worked out."""
-
-    def __init__(self, code: str, message: str, help_text: str = "") -> None:
-        super().__init__(message)
-        self.code = code
-        """Code of the diagnostic."""
-        self.help = help_text
-        """What to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +81,14 @@ def parse_instant(text: str) -> Instant:
 
     Raises
     ------
-    InstantError
+    ScriptError
         If it is none; the message says why.
     """
     whole = text.strip()
     if len(whole) > _LONGEST:
-        raise InstantError("SHW103", f"{len(whole)} characters are no time", FORMS)
+        raise ScriptError(
+            "SHW103", f"{len(whole)} characters are no time", help_text=FORMS
+        )
     head, shift, unit = whole, 0.0, "s"
     match = _SHIFTED.fullmatch(whole)
     if match is not None:
@@ -120,9 +112,9 @@ def _length(text: str) -> tuple[float, str]:
 def _seconds(text: str) -> float:
     try:
         return parse_quantity(text, "s", plain=False)
-    except QuantityError as fault:
+    except ScriptError as fault:
         if fault.code == "SHW105" and ":" not in text:
-            raise InstantError(fault.code, str(fault), fault.help) from None
+            raise
         said = _COUNTED.fullmatch(text)
         if said is not None:
             why = f"`{text}`: {said.group(1)}s count from 1"
@@ -131,7 +123,7 @@ def _seconds(text: str) -> float:
         else:
             why = f"`{text}` is no time"
         cue = f'a cue is written `"@{text}"`; ' if _CUE.fullmatch(f"@{text}") else ""
-        raise InstantError("SHW103", why, cue + FORMS) from None
+        raise ScriptError("SHW103", why, help_text=cue + FORMS) from None
 
 
 def _term(text: str) -> tuple[Base, float, float, str]:
@@ -144,7 +136,7 @@ def _term(text: str) -> tuple[Base, float, float, str]:
         hours, minutes, seconds = match.groups()
         if hours is not None and int(minutes) > 59:
             why = f"`{text}` is no time: minutes and seconds end at 59"
-            raise InstantError("SHW103", why, FORMS)
+            raise ScriptError("SHW103", why, help_text=FORMS)
         total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
         return "seconds", total, 1.0, ""
     match = _BAR.fullmatch(text)
@@ -170,32 +162,34 @@ def _time_code(match: re.Match[str]) -> float:
     count = 3600 * hours + 60 * minutes + seconds
     if match.group(4) == ";":
         if rate not in {None, DROP}:
-            raise InstantError(
+            raise ScriptError(
                 "SHW103",
                 f"`{match.group()}`: a `;` is drop-frame time code, which runs at "
                 f"{DROP} frames per second",
-                f"write `@{DROP}`, or `:` before the frames",
+                help_text=f"write `@{DROP}`, or `:` before the frames",
             )
         whole = 60 * hours + minutes
         if frames >= 30 or (frames < 2 and seconds == 0 and minutes % 10):
-            raise InstantError(
+            raise ScriptError(
                 "SHW103",
                 f"`{match.group()}`: there is no such frame",
-                "frames go from 0 to 29; a minute begins with frame 2, unless it is a "
-                "multiple of ten",
+                help_text="frames go from 0 to 29; a minute begins with frame 2, "
+                "unless it is a multiple of ten",
             )
         number = 30 * count + frames - 2 * (whole - whole // 10)
         return number * 1001.0 / 30000.0
     if rate not in RATES:
         known = ", ".join(f"`@{one}`" for one in RATES)
-        raise InstantError(
+        raise ScriptError(
             "SHW103",
             f"`{match.group()}`: the frames per second of a time code are wanted",
-            f"end it with one of {known}, or write `00:01:20;12@{DROP}`",
+            help_text=f"end it with one of {known}, or write `00:01:20;12@{DROP}`",
         )
     if frames >= RATES[rate]:
-        raise InstantError(
-            "SHW103", f"`{match.group()}`: a second has {rate} frames, from 0", FORMS
+        raise ScriptError(
+            "SHW103",
+            f"`{match.group()}`: a second has {rate} frames, from 0",
+            help_text=FORMS,
         )
     return count + frames / RATES[rate]
 
@@ -217,16 +211,16 @@ def music_time(instant: Instant, music: Music | None) -> float:
 
     Raises
     ------
-    InstantError
+    ScriptError
         If it needs a tempo or a cue that is not there.
     """
     if music is not None and not music.sound and instant.needs_music:
         return math.nan
     if instant.musical and (music is None or music.bpm is None):
-        raise InstantError(
+        raise ScriptError(
             "SHW121",
             f"`{instant.text}` counts beats, and the music has no tempo",
-            "add `music: {bpm: 120}`",
+            help_text="add `music: {bpm: 120}`",
         )
     beat = 60.0 / music.bpm if music is not None and music.bpm is not None else 0.0
     bar = beat * (music.beats_per_bar if music is not None else 0)
@@ -253,10 +247,10 @@ def _cue(name: str, cues: Mapping[str, float]) -> float:
 
     near = suggestion(name, cues)
     shown = ", ".join(list(cues)[:12]) or "none"
-    raise InstantError(
+    raise ScriptError(
         "SHW107",
         f"there is no cue `{name}`",
-        f"did you mean `@{near}`?" if near else f"cues: {shown}",
+        help_text=f"did you mean `@{near}`?" if near else f"cues: {shown}",
     )
 
 
@@ -269,7 +263,7 @@ def read_cues(content: bytes, name: str) -> list[tuple[str, Instant]]:
 
     Raises
     ------
-    InstantError
+    ScriptError
         If a line has no name or no time; the message names it.
     """
     import csv  # noqa: PLC0415 - start-up counts
@@ -277,7 +271,7 @@ def read_cues(content: bytes, name: str) -> list[tuple[str, Instant]]:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InstantError("SHW110", f"`{name}` is not UTF-8 text") from None
+        raise ScriptError("SHW110", f"`{name}` is not UTF-8 text") from None
     lines = text.splitlines()
     if any("\t" in line for line in lines[:1]):
         rows = [line.split("\t") for line in lines]
@@ -297,7 +291,7 @@ def read_cues(content: bytes, name: str) -> list[tuple[str, Instant]]:
                 continue
         found.append(_row(cells, columns, taken, f"`{name}`, line {number}"))
     if not found:
-        raise InstantError("SHW110", f"`{name}` has no cue")
+        raise ScriptError("SHW110", f"`{name}` has no cue")
     return found
 
 
@@ -316,7 +310,7 @@ def _columns(cells: list[str]) -> tuple[tuple[int, int], bool]:
 def _timed(text: str) -> bool:
     try:
         _file_instant(text)
-    except InstantError:
+    except ScriptError:
         return False
     return True
 
@@ -337,7 +331,7 @@ def _row(
     cells: list[str], columns: tuple[int, int], taken: dict[str, int], where: str
 ) -> tuple[str, Instant]:
     if len(cells) <= max(columns):
-        raise InstantError("SHW110", f"{where}: a name and a time are wanted")
+        raise ScriptError("SHW110", f"{where}: a name and a time are wanted")
     label, written = cells[columns[0]], cells[columns[1]]
     name = re.sub(r"\W+", "_", label).strip("_") or "cue"
     name = name if not name[0].isdigit() else f"cue_{name}"
@@ -346,5 +340,5 @@ def _row(
         name = f"{name}_{taken[name]}"
     try:
         return name, _file_instant(written)
-    except InstantError as fault:
-        raise InstantError("SHW110", f"{where}: {fault}", fault.help) from None
+    except ScriptError as fault:
+        raise fault.of(where, "SHW110") from None

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.colours import linear_light
-from showc.script.formations.shape import FormationError
-from showc.script.instants import InstantError, music_time
+from showc.script.diagnostic import ScriptError
+from showc.script.instants import music_time
 from showc.script.placing import paint
 from showc.script.settings import Settings
 from showc.script.show import LightKey
@@ -60,8 +60,8 @@ def lights_of(
             count = len(formation.points)
             rows = timed_rows(content, given.value, "lights", _ranges(count), _HELP)
             return _keys(rows, count, given.value)
-        except FormationError as fault:
-            reader.say(fault.code, str(fault), given.mark, help_text=fault.help)
+        except ScriptError as fault:
+            reader.refuse(fault, given.mark)
             return ()
     found = []
     for item in settings.items("lights"):
@@ -70,13 +70,13 @@ def lights_of(
             continue
         try:
             time, absolute = _moment(own, music)
-            colours = linear_light(paint(own.section("colour"), formation.points))
-        except InstantError as fault:
-            reader.say(fault.code, f"`at`: {fault}", own.mark_of("at"),
-                       help_text=fault.help)  # fmt: skip
+        except ScriptError as fault:
+            reader.refuse(fault.of("`at`"), own.mark_of("at"))
             continue
-        except FormationError as fault:
-            reader.say(fault.code, str(fault), own.mark_of("colour"))
+        try:
+            colours = linear_light(paint(own.section("colour"), formation.points))
+        except ScriptError as fault:
+            reader.refuse(fault, own.mark_of("colour"))
             continue
         if math.isnan(time):
             continue
@@ -102,11 +102,11 @@ def _keys(values: FloatArray, places: int, name: str) -> tuple[LightKey, ...]:
     """Return one key for each time, with what is not known yet not a number."""
     times = np.unique(values[:, 0])
     if times.size * places > _MOST:
-        raise FormationError(
+        raise ScriptError(
             "SHW119",
             f"`{name}` has {times.size} times for {places} places, at most {_MOST} "
             "values are read",
-            "lights",
+            key="lights",
         )
     colours = np.full((times.size, places, 3), np.nan)
     own = values[:, 1].astype(int) - 1

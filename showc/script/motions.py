@@ -58,7 +58,7 @@ def motions_of(transition: Settings, files: InputFiles) -> tuple[Motion, ...]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If an axis has no length, or a file no frames.
     """
     return tuple(_motion(item, files) for item in _items(transition))

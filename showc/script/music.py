@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from showc.script.formations import FormationError
-from showc.script.instants import InstantError, music_time, read_cues
+from showc.script.diagnostic import ScriptError
+from showc.script.instants import music_time, read_cues
 from showc.script.settings import Settings
 from showc.script.show import Music
 
@@ -48,8 +48,8 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
     try:
         if file is not None:
             files.read(file, "file")
-    except FormationError as fault:
-        _refused(fault, section.mark_of("file"), reader)
+    except ScriptError as fault:
+        reader.refuse(fault, section.mark_of("file"))
     found = _cues(section, files, reader)
     if found is None:
         return replace(music, sound=False)
@@ -57,14 +57,10 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
         # A cue may count from one before it.
         try:
             cues[name] = music_time(instant, music)
-        except InstantError as fault:
+        except ScriptError as fault:
             cues[name] = math.nan  # said once, here
-            reader.say(fault.code, f"cue `{name}`: {fault}", mark, help_text=fault.help)
+            reader.refuse(fault.of(f"cue `{name}`"), mark)
     return music
-
-
-def _refused(fault: FormationError, mark: Mark, reader: Reader) -> None:
-    reader.say(fault.code, str(fault), mark, help_text=fault.help)
 
 
 def _cues(
@@ -82,11 +78,8 @@ def _cues(
     name = section.text("cues")
     try:
         found = read_cues(files.read(name, "cues"), name)
-    except FormationError as fault:
-        _refused(fault, mark, reader)
-        return None
-    except InstantError as fault:
-        reader.say(fault.code, str(fault), mark, help_text=fault.help)
+    except ScriptError as fault:
+        reader.refuse(fault, mark)
         return None
     return [(cue, instant, mark) for cue, instant in found]
 
@@ -108,8 +101,8 @@ def asked_time(
     mark = settings.mark_of(key)
     try:
         time = music_time(settings.instant(key), music)
-    except InstantError as fault:
-        reader.say(fault.code, f"`{key}`: {fault}", mark, help_text=fault.help)
+    except ScriptError as fault:
+        reader.refuse(fault.of(f"`{key}`"), mark)
         return None
     if math.isnan(time):
         return None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.colours import Colour, gradient, linear_light
-from showc.script.formations.shape import FormationError
+from showc.script.diagnostic import ScriptError
 from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def unit_vector(settings: Settings, key: str) -> FloatArray:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If its length is zero.
     """
     value = settings.values[key].value
@@ -31,7 +31,7 @@ def unit_vector(settings: Settings, key: str) -> FloatArray:
     direction = np.array(settings.vector(key))
     largest = float(np.abs(direction).max())
     if largest == 0.0:
-        raise FormationError("SHW104", f"`{key}` is a direction of length zero", key)
+        raise ScriptError("SHW104", f"`{key}` is a direction of length zero", key=key)
     direction = direction / largest  # its square may vanish otherwise
     return np.asarray(direction / np.linalg.norm(direction), dtype=np.float64)
 

@@ -13,6 +13,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from showc.script.diagnostic import ScriptError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from fractions import Fraction
@@ -141,21 +143,6 @@ _LONGEST = 100
 """Longest text that is looked at [characters]: a number of 64 bits has 24."""
 
 
-class QuantityError(ValueError):
-    """A text is not the quantity that was wanted."""
-
-    def __init__(
-        self, code: str, message: str, help_text: str = "", fix: str = ""
-    ) -> None:
-        super().__init__(message)
-        self.fix = fix
-        """Text to put in its place, if that is certain."""
-        self.code = code
-        """Code of the diagnostic."""
-        self.help = help_text
-        """What to do."""
-
-
 def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> float:
     """Read a number, with or without a unit.
 
@@ -177,28 +164,28 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
 
     Raises
     ------
-    QuantityError
+    ScriptError
         If it is no number, not finite, ambiguous in YAML, or has a unit of another
         dimension or an unknown one.
     """
     stripped = text.strip()
     if len(stripped) > _LONGEST:
-        raise QuantityError(
+        raise ScriptError(
             "SHW103",
             f"{len(stripped)} characters are no number",
-            f"give a number in {unit}" if unit else "give a number",
+            help_text=f"give a number in {unit}" if unit else "give a number",
         )
     if _NOT_FINITE.fullmatch(stripped):
-        raise QuantityError(
+        raise ScriptError(
             "SHW005",
             f"`{stripped}` is not a finite number",
-            f"give a number in {unit}" if unit else "give a number",
+            help_text=f"give a number in {unit}" if unit else "give a number",
         )
     if plain and _AMBIGUOUS.fullmatch(stripped):
-        raise QuantityError(
+        raise ScriptError(
             "SHW007",
             f"`{stripped}` is read differently by different YAML readers",
-            "write an ordinary decimal number",
+            help_text="write an ordinary decimal number",
         )
     _other_signs(stripped)
     if _NUMBER.fullmatch(stripped):
@@ -207,7 +194,9 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
         match = _QUANTITY.fullmatch(stripped)
         if match is None:
             wanted = f"a number in {unit}" if unit else "a number"
-            raise QuantityError("SHW103", f"`{text}` is not a number", f"give {wanted}")
+            raise ScriptError(
+                "SHW103", f"`{text}` is not a number", help_text=f"give {wanted}"
+            )
         value, written = float(match.group(1)), match.group(2)
     found = _unit(written, unit, stripped)
     result = value
@@ -215,7 +204,7 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
         target = UNITS[store] if store else _ONE
         result = _converted(match_number(stripped), found, target)
     if not math.isfinite(result):
-        raise QuantityError("SHW005", f"`{stripped}` is not a finite number")
+        raise ScriptError("SHW005", f"`{stripped}` is not a finite number")
     return result
 
 
@@ -224,32 +213,32 @@ def _other_signs(stripped: str) -> None:
 
     Raises
     ------
-    QuantityError
+    ScriptError
         If there are any.
     """
     if _MINUS.match(stripped):
         right = f"-{stripped[1:]}"
-        raise QuantityError(
+        raise ScriptError(
             "SHW103",
             f"`{stripped}` begins with a dash that is no minus sign",
-            f"write `{right}`",
-            right,
+            help_text=f"write `{right}`",
+            fix=right,
         )
     if _DECIMAL_COMMA.match(stripped):
         raise comma_fault(stripped)
 
 
-def comma_fault(text: str) -> QuantityError:
+def comma_fault(text: str) -> ScriptError:
     """Say what is wrong with a number that has one comma: of decimals, or thousands."""
     right = text.replace(",", ".", 1)
     if _THOUSANDS.match(text):
-        return QuantityError(
+        return ScriptError(
             "SHW103",
             f"`{text}` has a comma, of decimals or of thousands",
-            f"write `{right}` or `{text.replace(',', '', 1)}`",
+            help_text=f"write `{right}` or `{text.replace(',', '', 1)}`",
         )
     message = f"`{text}` has a decimal comma"
-    return QuantityError("SHW103", message, f"write `{right}`", right)
+    return ScriptError("SHW103", message, help_text=f"write `{right}`", fix=right)
 
 
 def match_number(text: str) -> str:
@@ -281,23 +270,26 @@ def _unit(written: str, unit: str, text: str) -> Unit:
     meant = _MEANT.get(written.lower().rstrip("."), "")
     if found is None and meant in units_of(unit):
         right = f"{match_number(text)} {meant}"
-        raise QuantityError(
-            "SHW105", f"unknown unit `{written}` in `{text}`", f"write `{right}`", right
-        )
-    if found is None:
-        raise QuantityError(
+        raise ScriptError(
             "SHW105",
             f"unknown unit `{written}` in `{text}`",
-            f"units here: {', '.join(units_of(unit))}"
+            help_text=f"write `{right}`",
+            fix=right,
+        )
+    if found is None:
+        raise ScriptError(
+            "SHW105",
+            f"unknown unit `{written}` in `{text}`",
+            help_text=f"units here: {', '.join(units_of(unit))}"
             if unit
             else "give a number without a unit",
         )
     if found.dimension != wanted:
         what = f"{_article(wanted)} in {unit}" if unit else "a number without a unit"
-        raise QuantityError(
+        raise ScriptError(
             "SHW105",
             f"`{text}` is {_article(found.dimension)}, {what} is wanted",
-            f"units here: {', '.join(units_of(unit))}",
+            help_text=f"units here: {', '.join(units_of(unit))}",
         )
     return found
 

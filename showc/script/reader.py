@@ -10,7 +10,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.diagnostic import Diagnostic, Label, ScriptError, Severity
 from showc.script.document import (
     MAX_FOUND,
     Entry,
@@ -42,7 +42,7 @@ from showc.script.meaning import (
     spaced,
     with_commas,
 )
-from showc.script.scalars import ScalarError, certain, read_scalar, suggestion
+from showc.script.scalars import certain, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
 from showc.script.wording import counted, form_of, shortened, wanted_text
 
@@ -109,6 +109,17 @@ class Reader:
                 help=shortened(help_text),
                 fix=fix,
             )
+        )
+
+    def refuse(self, fault: ScriptError, span: Mark) -> None:
+        """Add an error that was found where its place was not known."""
+        self.say(
+            fault.code,
+            str(fault),
+            span,
+            notes=fault.notes,
+            help_text=fault.help,
+            fix=fault.fix,
         )
 
     def _bad(self, code: str, message: str, span: Mark, **more: str) -> _BadValueError:
@@ -333,14 +344,9 @@ class Reader:
                     )
                 try:
                     return read_scalar(kind, node, key)
-                except ScalarError as fault:
-                    raise self._bad(
-                        fault.code,
-                        str(fault),
-                        _first_line(node.mark),
-                        help_text=fault.help,
-                        fix=fault.fix,
-                    ) from None
+                except ScriptError as fault:
+                    self.refuse(fault, _first_line(node.mark))
+                    raise _BadValueError from None
 
     def _empty(self, node: Scalar, span: Mark, key: str, kind: Kind) -> None:
         if node.plain and node.text in {"", "~", "null", "Null", "NULL"}:

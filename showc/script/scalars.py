@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from showc.script.colours import COLOUR_NAMES, parse_colour
-from showc.script.instants import Instant, InstantError, parse_instant
+from showc.script.diagnostic import ScriptError
+from showc.script.instants import Instant, parse_instant
 from showc.script.kinds import (
     Choice,
     File,
@@ -21,7 +22,7 @@ from showc.script.kinds import (
     Text,
     Time,
 )
-from showc.script.quantity import QuantityError, parse_quantity
+from showc.script.quantity import parse_quantity
 from showc.script.wording import form_of, number_text, wanted_text
 
 if TYPE_CHECKING:
@@ -41,21 +42,6 @@ _MOST_NAMES = 300
 _CLEARLY = 0.1
 """By how much more a word must be like one than like the next, as difflib's ratio
 measures it: one letter more of ten in common."""
-
-
-class ScalarError(ValueError):
-    """A single value is not what its kind wants."""
-
-    def __init__(
-        self, code: str, message: str, help_text: str = "", fix: str = ""
-    ) -> None:
-        super().__init__(message)
-        self.code = code
-        """Code of the diagnostic."""
-        self.help = help_text
-        """What to do."""
-        self.fix = fix
-        """Text to put in its place, if that is certain."""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -106,7 +92,7 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - on
 
     Raises
     ------
-    ScalarError
+    ScriptError
         If it is not what is wanted.
     """
     _yes_or_no(kind, node, key)
@@ -133,7 +119,7 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - on
         case _:
             pass
     if value is None:
-        raise ScalarError(
+        raise ScriptError(
             "SHW103", f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted"
         )
     return value
@@ -146,18 +132,18 @@ def _yes_or_no(kind: Kind, node: Scalar, key: str) -> None:
     if isinstance(kind, Choice) and node.text in kind.options:
         return
     if isinstance(kind, Quantity | Integer | Moment | Time):
-        raise ScalarError(
+        raise ScriptError(
             "SHW103",
             f"`{key}` is `{node.text}`, {wanted_text(kind)} is wanted",
-            f"give {wanted_text(kind)}",
+            help_text=f"give {wanted_text(kind)}",
         )
     truth = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
     fix = truth if isinstance(kind, Flag) else f'"{node.text}"'
-    raise ScalarError(
+    raise ScriptError(
         "SHW006",
         f"`{node.text}` is a truth value to some YAML readers and a word to others",
-        f"write {fix}",
-        fix,
+        help_text=f"write {fix}",
+        fix=fix,
     )
 
 
@@ -169,15 +155,13 @@ def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
         stored = parse_quantity(
             node.text, kind.unit, plain=node.plain, store=kind.store
         )
-    except QuantityError as fault:
-        raise ScalarError(
-            fault.code, f"`{key}`: {fault}", fault.help, fault.fix
-        ) from None
+    except ScriptError as fault:
+        raise fault.of(f"`{key}`") from None
     below = kind.minimum is not None and written < kind.minimum
     above = kind.maximum is not None and written > kind.maximum
     if below or above or (kind.positive and written <= 0.0):
         unit = f" {kind.unit}" if kind.unit else ""
-        raise ScalarError(
+        raise ScriptError(
             "SHW104",
             f"`{key}` is {number_text(written)}{unit}, {wanted_text(kind)} is wanted",
         )
@@ -187,13 +171,13 @@ def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
 def _integer(kind: Integer, node: Scalar, key: str) -> int:
     try:
         value = parse_quantity(node.text, "", plain=node.plain)
-    except QuantityError as fault:
+    except ScriptError as fault:
         code = "SHW103" if fault.code == "SHW105" else fault.code
-        raise ScalarError(code, f"`{key}`: {fault}", fault.help, fault.fix) from None
+        raise fault.of(f"`{key}`", code) from None
     if not value.is_integer():
-        raise ScalarError("SHW103", f"`{key}` is {node.text}, a whole number is wanted")
+        raise ScriptError("SHW103", f"`{key}` is {node.text}, a whole number is wanted")
     if not kind.minimum <= value <= kind.maximum:
-        raise ScalarError(
+        raise ScriptError(
             "SHW104", f"`{key}` is {number_text(value)}, {wanted_text(kind)} is wanted"
         )
     return int(value)
@@ -201,16 +185,16 @@ def _integer(kind: Integer, node: Scalar, key: str) -> int:
 
 def _text(kind: Text, node: Scalar, key: str) -> str:
     if len(node.text) > kind.max_length:
-        raise ScalarError(
+        raise ScriptError(
             "SHW104",
             f"`{key}` has {len(node.text)} characters, at most {kind.max_length} are "
             "allowed",
         )
     if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
-        raise ScalarError(
+        raise ScriptError(
             "SHW103",
             f"`{key}` is `{node.text}`, {kind.says} is wanted",
-            f"give {kind.says}",
+            help_text=f"give {kind.says}",
         )
     return node.text
 
@@ -219,12 +203,12 @@ def _choice(kind: Choice, node: Scalar, key: str) -> str:
     if node.text in kind.options:
         return node.text
     near = suggestion(node.text, kind.options)
-    raise ScalarError(
+    raise ScriptError(
         "SHW106",
         f"`{key}` cannot be `{node.text}`",
-        (f"did you mean `{near}`? " if near else "")
+        help_text=(f"did you mean `{near}`? " if near else "")
         + f"words: {', '.join(kind.options)}",
-        certain(node.text, kind.options),
+        fix=certain(node.text, kind.options),
     )
 
 
@@ -235,13 +219,13 @@ def _moment(kind: Moment, node: Scalar, key: str) -> datetime:
             moment = moment.replace(tzinfo=UTC)
         moment = moment.astimezone(UTC)
     except (ValueError, OverflowError):
-        raise ScalarError(
+        raise ScriptError(
             "SHW103",
             f"`{key}` is `{node.text}`, a date and time is wanted",
-            "write it like 2025-06-01T21:30:00Z",
+            help_text="write it like 2025-06-01T21:30:00Z",
         ) from None
     if not kind.earliest <= moment.year <= kind.latest:
-        raise ScalarError(
+        raise ScriptError(
             "SHW104",
             f"`{key}` is in the year {moment.year}, a log holds the years "
             f"{kind.earliest} to {kind.latest}",
@@ -252,19 +236,19 @@ def _moment(kind: Moment, node: Scalar, key: str) -> datetime:
 def _time(node: Scalar, key: str) -> Instant:
     try:
         return parse_instant(node.text)
-    except InstantError as fault:
-        raise ScalarError(fault.code, f"`{key}`: {fault}", fault.help) from None
+    except ScriptError as fault:
+        raise fault.of(f"`{key}`") from None
 
 
 def _paint(node: Scalar) -> tuple[float, float, float]:
     colour = parse_colour(node.text)
     if colour is None:
         near = suggestion(node.text.strip(), COLOUR_NAMES)
-        raise ScalarError(
+        raise ScriptError(
             "SHW114",
             f"`{node.text}` is no colour",
-            (f"did you mean `{near}`? " if near else "")
+            help_text=(f"did you mean `{near}`? " if near else "")
             + 'a CSS name, `[255, 136, 0]`, or hexadecimal in quotes: "#ff8800"',
-            certain(node.text.strip(), COLOUR_NAMES),
+            fix=certain(node.text.strip(), COLOUR_NAMES),
         )
     return colour

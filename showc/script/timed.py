@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.formations.shape import FormationError
+from showc.script.diagnostic import ScriptError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,18 +59,18 @@ def timed_rows(
 
     Raises
     ------
-    FormationError
+    ScriptError
         Naming the first faulty line.
     """
     try:
         lines = content.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError:
-        raise FormationError("SHW110", f"`{name}` is not UTF-8", key) from None
+        raise ScriptError("SHW110", f"`{name}` is not UTF-8", key=key) from None
     if len(lines) > MOST_LINES:
-        raise FormationError(
+        raise ScriptError(
             "SHW119",
             f"`{name}` has {len(lines)} lines, at most {MOST_LINES} are read",
-            key,
+            key=key,
         )
     numbers = [
         number
@@ -82,10 +82,10 @@ def timed_rows(
     heads = heads_of(first.split(separator), name, key)
     lacking = [one for one in ranges if one not in heads]
     if lacking:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` has no column {lacking[0]}",
-            key,
+            key=key,
             help_text=f"the first line names the columns {', '.join(ranges)}; "
             f"{help_text}",
         )
@@ -98,11 +98,11 @@ def timed_rows(
             good &= found % 1.0 == 0.0
         if not good.all():
             row = int(np.argmin(good))
-            raise FormationError(
+            raise ScriptError(
                 "SHW110",
                 f"`{name}`, line {numbers[row + 1] + 1}: {column} is no number from "
                 f"{low:g} to {high:g}",
-                key,
+                key=key,
                 help_text=help_text,
             )
     shares = [at for at, one in enumerate(ranges) if one in _COLOURS]
@@ -119,7 +119,7 @@ def heads_of(cells: list[str], file: str, key: str) -> list[str]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If a unit is not the one that the column is in.
     """
     found = []
@@ -127,10 +127,10 @@ def heads_of(cells: list[str], file: str, key: str) -> list[str]:
         name, unit = head_of(cell)
         wanted, units = _UNITS.get(name, ("", {unit}))
         if unit and unit not in units:
-            raise FormationError(
+            raise ScriptError(
                 "SHW110",
                 f"`{file}` has the column {name} in {unit}, {wanted} are wanted",
-                key,
+                key=key,
                 help_text=f"change its numbers to {wanted}, and its head",
             )
         found.append(name)
@@ -149,14 +149,14 @@ def refuse_shares(colours: FloatArray, file: str, key: str) -> None:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If there is a fraction among them, and none above 1.
     """
     if colours.size and colours.max() <= 1.0 and (colours % 1.0).any():
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{file}` has colours from 0 to 1, 0 to 255 are wanted",
-            key,
+            key=key,
             help_text="multiply red, green and blue by 255",
         )
 

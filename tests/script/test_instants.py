@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from showc.script import read_show
-from showc.script.instants import InstantError, music_time, parse_instant, read_cues
+from showc.script.diagnostic import ScriptError
+from showc.script.instants import music_time, parse_instant, read_cues
 from showc.script.show import Music
 
 MUSIC = Music(None, 20.0, 120.0, 4, 0.5, {"chorus": 12.25})
@@ -69,20 +70,20 @@ def test_every_form_of_time(text, time):
     ],
 )
 def test_what_is_no_time_is_refused(text, code):
-    with pytest.raises(InstantError) as refused:
+    with pytest.raises(ScriptError) as refused:
         seconds(text)
     assert refused.value.code == code
 
 
 def test_beats_need_a_tempo():
-    with pytest.raises(InstantError) as refused:
+    with pytest.raises(ScriptError) as refused:
         seconds("bar 3", None)
     assert refused.value.code == "SHW121"
 
 
 @given(st.text(max_size=30))
 def test_any_text_is_a_time_or_refused(text):
-    with suppress(InstantError):
+    with suppress(ScriptError):
         assert isfinite(parse_instant(text).value)
 
 
@@ -115,7 +116,7 @@ def test_cues_are_read_from_what_musicians_have():
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"chorus\n", b"chorus,soon\n"])
 def test_a_file_without_cues_is_refused(content):
-    with pytest.raises(InstantError) as refused:
+    with pytest.raises(ScriptError) as refused:
         read_cues(content, "cues.csv")
     assert refused.value.code == "SHW110"
 

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from showc.script.quantity import UNITS, QuantityError, parse_quantity, units_of
+from showc.script.diagnostic import ScriptError
+from showc.script.quantity import UNITS, parse_quantity, units_of
 
 
 @pytest.mark.parametrize(
@@ -65,7 +66,7 @@ def test_degrees_may_be_kept():
     ],
 )
 def test_what_is_refused(text, unit, code, words):
-    with pytest.raises(QuantityError, match=words) as caught:
+    with pytest.raises(ScriptError, match=words) as caught:
         parse_quantity(text, unit, plain=True)
     assert caught.value.code == code
 
@@ -86,7 +87,7 @@ def test_every_unit_there_and_back(value, unit):
 def test_any_text_is_a_finite_number_or_refused(text, unit, plain):
     try:
         value = parse_quantity(text, unit, plain=plain)
-    except QuantityError as fault:
+    except ScriptError as fault:
         assert fault.code.startswith("SHW")  # noqa: PT017 - either outcome is right
     else:
         assert math.isfinite(value)

@@ -11,7 +11,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.formations.shape import Drawing, Request, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -32,4 +32,4 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
 )
 """Every shape, by the word that ``type`` gives."""
 
-__all__ = ["SHAPES", "Drawing", "FormationError", "Request", "Shape"]
+__all__ = ["SHAPES", "Drawing", "Request", "Shape"]

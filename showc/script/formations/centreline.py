@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.contours import bounds, winding
-from showc.script.formations.shape import FormationError
 from showc.script.formations.skeleton import Pixel, thinned, traced
 from showc.script.formations.wire import Wire, string
 
@@ -37,16 +37,16 @@ def centreline(contours: Sequence[Contour], count: int) -> FloatArray:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If the contours enclose nothing.
     """
     closed = [contour for contour in contours if contour.closed]
     width = _stroke_width(closed) if closed else 0.0
     if width <= 0.0:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             "the drawing encloses no area",
-            "draw",
+            key="draw",
             help_text="use `draw: outline`",
         )
     low, high = bounds(closed)

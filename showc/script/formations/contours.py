@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.evenly import candidates_for, spread_evenly
-from showc.script.formations.shape import FormationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,16 +49,16 @@ def fitted(contours: Sequence[Contour], size: float, axis: int) -> tuple[Contour
 
     Raises
     ------
-    FormationError
+    ScriptError
         If the drawing has no extent along that axis.
     """
     low, high = bounds(contours)
     extent = float((high - low)[axis])
     if extent <= 0.0:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"the drawing has no {('width', 'height')[axis]} to scale by",
-            ("width", "height")[axis],
+            key=("width", "height")[axis],
         )
     middle = (low + high) / 2.0
     scale = size / extent
@@ -131,16 +131,16 @@ def fill(contours: Sequence[Contour], count: int) -> tuple[FloatArray, IntArray]
 
     Raises
     ------
-    FormationError
+    ScriptError
         If the contours enclose nothing.
     """
     closed = [contour for contour in contours if contour.closed]
     inside = _inside_points(closed, candidates_for(count)) if closed else None
     if inside is None or len(inside) < count:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             "the drawing encloses no area to fill",
-            "draw",
+            key="draw",
             help_text="use `draw: outline`",
         )
     points = inside[spread_evenly(inside, count)]

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.diagnostic import ScriptError
+from showc.script.formations.shape import Drawing, Request, Shape
 from showc.script.kinds import Field, File, Section
 from showc.script.timed import head_of, heads_of, refuse_shares
 
@@ -40,20 +41,20 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         Naming the first faulty line, and how many there are.
     """
     lines_there = content.count(b"\n") + 1
     if lines_there > MAX_LINES:
-        raise FormationError(
+        raise ScriptError(
             "SHW119",
             f"`{name}` has {lines_there} lines, at most {MAX_LINES} are read",
-            "file",
+            key="file",
         )
     try:
         lines = content.decode("utf-8-sig").split("\n")
     except UnicodeDecodeError:
-        raise FormationError("SHW110", f"`{name}` is not UTF-8", "file") from None
+        raise ScriptError("SHW110", f"`{name}` is not UTF-8", key="file") from None
     kept = (line for line in lines if line.strip() and not line.startswith("#"))
     first = next(kept, "")
     separator = max(";\t,", key=first.count)
@@ -64,7 +65,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not table:
-        raise FormationError("SHW110", f"`{name}` has no lines", "file")
+        raise ScriptError("SHW110", f"`{name}` has no lines", key="file")
     columns = _columns(table[0][1], name)
     if columns is not None:
         table = table[1:]
@@ -75,16 +76,16 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     values, faults = _values(table, columns)
     if faults:
         more = (f"{len(faults)} lines are faulty",) if len(faults) > 1 else ()
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}`, line {faults[0][0]}: {faults[0][1]}",
-            "file",
+            key="file",
             notes=more,
             help_text="x, y and z are numbers in metres with a decimal point, colours "
             "0 to 255",
         )
     if not values:
-        raise FormationError("SHW110", f"`{name}` has no places", "file")
+        raise ScriptError("SHW110", f"`{name}` has no places", key="file")
     rows = np.array(values, dtype=np.float64)
     rows.setflags(write=False)
     refuse_shares(rows[:, 3:6], name, "file")
@@ -97,26 +98,26 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it names others than a table of places has.
     """
     names = [head_of(cell)[0] for cell in cells]
     if "time" in names and {"x", "y", "z"} <= set(names):
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{file}` has a column of times: its rows are where one drone is at "
             "several instants, and not where several drones are",
-            "file",
+            key="file",
             help_text="give one row for each drone, with the columns x, y and z; or "
             "take `type: frames`, with a column `place` as well",
         )
     if not {"x", "y", "z"} <= set(names):
         lacking = sorted({"x", "y", "z"} - set(names))
         if len(lacking) < 3:
-            raise FormationError(
+            raise ScriptError(
                 "SHW110",
                 f"`{file}` has no column {lacking[0]}",
-                "file",
+                key="file",
                 help_text="x and y are across the ground, z is the height, in metres",
             )
         return None
@@ -172,10 +173,10 @@ def draw(settings: Settings, request: Request) -> Drawing:
     name = settings.text("file")
     points, colours = rows_of(request.read(name, "file"), name)
     if len(points) < request.count:
-        raise FormationError(
+        raise ScriptError(
             "SHW205",
             f"`{name}` has {len(points)} places, {request.count} are needed",
-            "file",
+            key="file",
         )
     cut = request.count
     return Drawing(points[:cut], colours[:cut] if colours is not None else None)

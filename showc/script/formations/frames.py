@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import DamagedFileError
-from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.diagnostic import ScriptError
+from showc.script.formations.shape import Drawing, Request, Shape
 from showc.script.kinds import Field, File, Section
 from showc.script.timed import LONGEST, timed_rows
 
@@ -70,7 +71,7 @@ def frames_of(name: str, key: str, read: Callable[[str, str], bytes]) -> Frames:
 
     Raises
     ------
-    FormationError
+    ScriptError
         Naming the first faulty line, the place without rows, or what else is wrong.
     """
     content = read(name, key)
@@ -91,7 +92,7 @@ def _table(content: bytes, name: str, key: str) -> Frames:
 
     Raises
     ------
-    FormationError
+    ScriptError
         Naming the first faulty line, or the place without rows.
     """
     ranges = dict.fromkeys(COLUMNS, (-_FURTHEST, _FURTHEST))
@@ -103,17 +104,17 @@ def _table(content: bytes, name: str, key: str) -> Frames:
     again = np.flatnonzero((np.diff(rows[:, 0]) <= 0.0) & (np.diff(owner) == 0))
     if again.size:
         place, time = owner[again[0]] + 1, rows[again[0], 0]
-        raise FormationError(
-            "SHW110", f"`{name}` has place {place} twice at {time:g} s", key,
+        raise ScriptError(
+            "SHW110", f"`{name}` has place {place} twice at {time:g} s", key=key,
             help_text="give each place one row at each moment",
         )  # fmt: skip
     if counts.min() < 2:
         place = int(np.argmax(counts < 2)) + 1
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` has {counts.min()} rows of place {place}, "
             f"{owner.max(initial=0) + 1} places are counted",
-            key,
+            key=key,
             help_text=_HELP,
         )
     steps = max(int(counts.max()), _FEWEST)
@@ -136,7 +137,7 @@ def _scene(content: bytes, name: str, key: str, read: Callable[[str], bytes]) ->
 
     Raises
     ------
-    FormationError
+    ScriptError
         If there are none, or the scene is not what its format wants.
     """
     from showc.documents.gltf import Document  # noqa: PLC0415 - few scripts need it
@@ -145,10 +146,10 @@ def _scene(content: bytes, name: str, key: str, read: Callable[[str], bytes]) ->
     try:
         found = dict(Scene(Document(name, content, read)).moves())
     except DamagedFileError as fault:
-        raise FormationError("SHW110", str(fault), key) from None
+        raise ScriptError("SHW110", str(fault), key=key) from None
     if not found:
-        raise FormationError(
-            "SHW110", f"`{name}` has no node whose translation is animated", key
+        raise ScriptError(
+            "SHW110", f"`{name}` has no node whose translation is animated", key=key
         )
     nodes = [found[node] for node in sorted(found)]
     steps = max(_FEWEST, *(keys.times.size for keys in nodes))
@@ -156,7 +157,7 @@ def _scene(content: bytes, name: str, key: str, read: Callable[[str], bytes]) ->
     begin = min(float(keys.times[0]) for keys in nodes)
     end = max(float(keys.times[-1]) for keys in nodes)
     if not end > begin:
-        raise FormationError("SHW110", f"`{name}` has one moment only", key)
+        raise ScriptError("SHW110", f"`{name}` has one moment only", key=key)
     times = np.linspace(begin, end, steps)
     points = np.stack([_sampled(keys, times) for keys in nodes], axis=1)
     points.setflags(write=False)
@@ -190,11 +191,11 @@ def _sampled(keys: Keys, times: FloatArray) -> FloatArray:
 
 def _demand_few(steps: int, places: int, name: str, key: str) -> None:
     if steps * places > _MOST:
-        raise FormationError(
+        raise ScriptError(
             "SHW119",
             f"`{name}` has {steps} frames of {places} places, at most {_MOST} points "
             "are read",
-            key,
+            key=key,
         )
 
 
@@ -208,10 +209,10 @@ def draw(settings: Settings, request: Request) -> Drawing:
     name = settings.text("file")
     points = frames_of(name, "file", request.read).points[0]
     if len(points) < request.count:
-        raise FormationError(
+        raise ScriptError(
             "SHW205",
             f"`{name}` has {len(points)} places, {request.count} are needed",
-            "file",
+            key="file",
         )
     return Drawing(points[: request.count])
 

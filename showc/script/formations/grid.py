@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import (
     PLANES,
     Drawing,
-    FormationError,
     Request,
     Shape,
     centred,
@@ -89,7 +89,7 @@ def lattice(settings: Settings, request: Request, plane: str) -> FloatArray:
     rows, columns = _size(settings, count)
     layers = settings.integer("layers")
     if rows * columns * layers < count:
-        raise FormationError(
+        raise ScriptError(
             "SHW205",
             f"a grid of {rows} x {columns} x {layers} has {rows * columns * layers} "
             f"places, {count} are needed",

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.evenly import candidates_for, spread_evenly
 from showc.script.formations.shape import (
     Drawing,
-    FormationError,
     Request,
     Shape,
     any_count,
@@ -81,7 +81,7 @@ def picture_of(content: bytes, name: str) -> Image:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it is no picture, damaged or too large.
     """
     from PIL import Image  # noqa: PLC0415 - takes time
@@ -99,15 +99,15 @@ def picture_of(content: bytes, name: str) -> Image:
     except Image.DecompressionBombError:
         pixels = 0
     except Exception:  # noqa: BLE001 - decoders of pictures raise anything
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` is not a picture showc reads, or it is damaged",
-            "file",
+            key="file",
             help_text=f"formats: {', '.join(_FORMATS)}",
         ) from None
     size = f"{pixels} pixels" if pixels else "hundreds of millions of pixels"
-    raise FormationError(
-        "SHW119", f"`{name}` has {size}, at most {MAX_PIXELS} are read", "file"
+    raise ScriptError(
+        "SHW119", f"`{name}` has {size}, at most {MAX_PIXELS} are read", key="file"
     )
 
 
@@ -147,10 +147,10 @@ def draw(settings: Settings, request: Request) -> Drawing:
         side = int(np.ceil(side * np.sqrt(wanted / found) * 1.05))
     if found < request.count:
         keep = settings.text("keep")
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` has {found} pixels that count as {keep}",
-            "keep",
+            key="keep",
             help_text="change `keep` or `threshold`",
         )
     row, column = np.nonzero(counts)

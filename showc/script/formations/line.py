@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import (
     Drawing,
-    FormationError,
     Request,
     Shape,
     any_count,
@@ -43,7 +43,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     direction = np.array(settings.vector("direction"))
     size = float(np.linalg.norm(direction))
     if size == 0.0:
-        raise FormationError("SHW104", "a direction of length zero", "direction")
+        raise ScriptError("SHW104", "a direction of length zero", key="direction")
     gaps = max(request.count - 1, 1)
     length = settings.optional("length")
     step = request.spacing if length is None else length / gaps

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.evenly import candidates_for, spread_evenly
 from showc.script.formations.shape import (
     Drawing,
-    FormationError,
     Request,
     Shape,
     any_count,
@@ -82,15 +82,15 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it is no model of its kind, or has no surface.
     """
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` is no model showc reads",
-            "file",
+            key="file",
             help_text=f"endings: {', '.join(_SUFFIXES)}",
         )
     judge(content, name, suffix)
@@ -118,7 +118,7 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
         raise _too_much(name, len(corners))
     corners = corners[np.all(np.abs(corners) <= _FARTHEST, axis=(1, 2))]
     if not len(corners) or not float(_areas(corners).sum()) > 0.0:
-        raise FormationError("SHW110", f"`{name}` has no surface", "file")
+        raise ScriptError("SHW110", f"`{name}` has no surface", key="file")
     return corners
 
 
@@ -127,7 +127,7 @@ def judge(content: bytes, name: str, suffix: str) -> None:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it is too large once decoded, or counts what is not there.
     """
     match suffix:
@@ -178,19 +178,19 @@ def _gltf_size(content: bytes, name: str, suffix: str) -> int:
     return max([copies, len(nodes), *counts], default=0)
 
 
-def _unreadable(name: str, suffix: str) -> FormationError:
-    return FormationError(
+def _unreadable(name: str, suffix: str) -> ScriptError:
+    return ScriptError(
         "SHW110",
         f"`{name}` cannot be read as {suffix[1:].upper()}, or it is damaged",
-        "file",
+        key="file",
     )
 
 
-def _too_much(name: str, number: int) -> FormationError:
-    return FormationError(
+def _too_much(name: str, number: int) -> ScriptError:
+    return ScriptError(
         "SHW119",
         f"`{name}` has {number} corners or triangles, at most {MAX_TRIANGLES} are read",
-        "file",
+        key="file",
     )
 
 

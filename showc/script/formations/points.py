@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.diagnostic import ScriptError
+from showc.script.formations.shape import Drawing, Request, Shape
 from showc.script.kinds import Field, Items, Quantity, Section
 from showc.script.settings import as_numbers
 
@@ -41,10 +42,10 @@ def draw(settings: Settings, request: Request) -> Drawing:
     """Return the points as they are, the first ``count`` of them."""
     rows = [as_numbers(item) for item in settings.items("points")]
     if len(rows) < request.count:
-        raise FormationError(
+        raise ScriptError(
             "SHW205",
             f"{len(rows)} points are written, {request.count} are needed",
-            "points",
+            key="points",
             help_text="add points",
         )
     return Drawing(np.array(rows[: request.count], dtype=np.float64))

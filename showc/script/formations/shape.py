@@ -27,29 +27,6 @@ PLANES: dict[str, FloatArray] = {
 """Directions of a flat drawing's right and up in the show frame."""
 
 
-class FormationError(Exception):
-    """A formation cannot be drawn; becomes a diagnostic at one of its keys."""
-
-    def __init__(
-        self,
-        code: str,
-        message: str,
-        key: str = "",
-        *,
-        help_text: str = "",
-        notes: tuple[str, ...] = (),
-    ) -> None:
-        super().__init__(message)
-        self.code = code
-        """Code of the diagnostic."""
-        self.key = key
-        """Key of the shape's section at which it stands; empty: the section."""
-        self.help = help_text
-        """What to do."""
-        self.notes = notes
-        """The numbers."""
-
-
 @dataclass(frozen=True, slots=True)
 class Request:
     """What a shape is asked for."""

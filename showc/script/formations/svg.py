@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.contours import Contour, fill, fitted, follow
 from showc.script.formations.shape import (
     Drawing,
-    FormationError,
     Request,
     Shape,
     any_count,
@@ -64,7 +64,7 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it is not SVG, or has no curves.
     """
     import svgelements  # noqa: PLC0415 - takes time
@@ -73,17 +73,17 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
     try:
         drawing = svgelements.SVG.parse(BytesIO(content), reify=True)
         contours = _contours(drawing)
-    except FormationError:
+    except ScriptError:
         raise
     except Exception:  # noqa: BLE001 - damaged drawings end in anything
-        raise FormationError(
-            "SHW110", f"`{name}` is not SVG, or it is damaged", "file"
+        raise ScriptError(
+            "SHW110", f"`{name}` is not SVG, or it is damaged", key="file"
         ) from None
     if not contours:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"`{name}` has no curves",
-            "file",
+            key="file",
             help_text="texts and bitmaps in a drawing must be made into paths first",
         )
     return contours
@@ -103,10 +103,10 @@ def _contours(drawing: Any) -> list[Contour]:  # noqa: ANN401 - a library withou
         for part in svgelements.Path(element).as_subpaths():
             points = _flatten(svgelements.Path(part))
             if not np.all(np.abs(points) <= _FARTHEST):
-                raise FormationError(
+                raise ScriptError(
                     "SHW110",
                     "the drawing has a point that is no number, or too far away",
-                    "file",
+                    key="file",
                 )
             if len(points) > 1 and float(np.ptp(points, axis=0).max()) > 0.0:
                 contours.append(Contour(points * [1.0, -1.0], colour))
@@ -121,7 +121,7 @@ def judge(content: bytes, name: str) -> None:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If it is no XML, nested too deep, has too many elements, or copies itself.
     """
     from xml.etree.ElementTree import ParseError  # noqa: PLC0415 - takes time
@@ -131,8 +131,8 @@ def judge(content: bytes, name: str) -> None:
     except (ParseError, ValueError, LookupError) as fault:
         line = getattr(fault, "position", (0, 0))[0]
         where = f", line {line}" if line else ""
-        raise FormationError(
-            "SHW110", f"`{name}`{where}: it is not XML", "file"
+        raise ScriptError(
+            "SHW110", f"`{name}`{where}: it is not XML", key="file"
         ) from None
     size, depth = outline.measured()
     if depth >= _ENDLESS:
@@ -147,10 +147,10 @@ def judge(content: bytes, name: str) -> None:
         found = f"has more than {MAX_CHANGES} characters of `transform`"
     else:
         return
-    raise FormationError(
+    raise ScriptError(
         "SHW119",
         f"`{name}` {found}, copies and what is inherited counted",
-        "file",
+        key="file",
         help_text="convert the drawing to plain paths",
     )
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations.centreline import centreline
 from showc.script.formations.contours import Contour, fill, fitted, follow
 from showc.script.formations.shape import (
     Drawing,
-    FormationError,
     Request,
     Shape,
     any_count,
@@ -90,9 +90,9 @@ def _font(settings: Settings, request: Request) -> TTFont:
     return font
 
 
-def _damaged(name: str) -> FormationError:
-    return FormationError(
-        "SHW110", f"`{name}` is not a font showc reads, or it is damaged", "font"
+def _damaged(name: str) -> ScriptError:
+    return ScriptError(
+        "SHW110", f"`{name}` is not a font showc reads, or it is damaged", key="font"
     )
 
 
@@ -101,13 +101,13 @@ def outlines(font: TTFont, text: str, name: str) -> list[Contour]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If the font lacks a letter, is damaged, or its letters are too large.
     """
     try:
         _judge(font, text)
         contours = letters(font, text)
-    except FormationError:
+    except ScriptError:
         raise
     except Exception:  # noqa: BLE001 - damaged fonts end in anything
         raise _damaged(name) from None
@@ -134,11 +134,11 @@ def _judge(font: TTFont, text: str) -> None:
 
     for sign in set(text) - {"\n"}:
         if ord(sign) in names and size(names[ord(sign)], 0) > _LARGEST_LETTER:
-            raise FormationError(
+            raise ScriptError(
                 "SHW119",
                 f"a letter of the font is composed of more than {_LARGEST_LETTER} "
                 f"others, or more than {_COMPOSED} deep",
-                "font",
+                key="font",
             )
 
 
@@ -149,7 +149,7 @@ def letters(font: TTFont, text: str) -> list[Contour]:
 
     Raises
     ------
-    FormationError
+    ScriptError
         If the font lacks a letter.
     """
     from fontTools.pens.recordingPen import (  # noqa: PLC0415 - takes time
@@ -159,10 +159,10 @@ def letters(font: TTFont, text: str) -> list[Contour]:
     glyphs, names = font.getGlyphSet(), font.getBestCmap()
     missing = sorted({sign for sign in text if sign != "\n" and ord(sign) not in names})
     if missing:
-        raise FormationError(
+        raise ScriptError(
             "SHW110",
             f"the font has no `{missing[0]}`",
-            "text",
+            key="text",
             help_text="name a font file that has it with `font:`",
         )
     head, metrics = font["head"], font["hhea"]
@@ -241,7 +241,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     name = settings.text("font")
     contours = outlines(_font(settings, request), settings.text("text"), name)
     if not contours:
-        raise FormationError("SHW104", "the text has no visible letters", "text")
+        raise ScriptError("SHW104", "the text has no visible letters", key="text")
     drawn = fitted(contours, settings.number("height"), axis=1)
     match settings.text("draw"):
         case "centreline":

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.diagnostic import ScriptError
 from showc.script.formations import grid
-from showc.script.formations.shape import Drawing, FormationError, Request, Shape
+from showc.script.formations.shape import Drawing, Request, Shape
 from showc.script.kinds import Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     direction = np.array(settings.numbers("direction"))
     size = float(np.linalg.norm(direction))
     if size == 0.0:
-        raise FormationError("SHW104", "a direction of length zero", "direction")
+        raise ScriptError("SHW104", "a direction of length zero", key="direction")
     way = points[:, :2] @ direction / size
     angle = tau * way / settings.number("wavelength") + settings.number("phase")
     points[:, 2] += settings.number("amplitude") * np.sin(angle)
