@@ -313,46 +313,6 @@ class LightProgram:
         """Screen (sRGB) bytes of the same light at ``times`` (T,) [s]."""
         return srgb_bytes(self.linear(times))
 
-    def changes(
-        self, drone: int, *, step: float = 0.1, tolerance: int = 8
-    ) -> tuple[FloatArray, ByteArray]:
-        """Light of one drone as steps, for receivers that can only set a colour.
-
-        Parameters
-        ----------
-        drone
-            Counting from 0.
-        step
-            Shortest time between two changes within one span [s].
-        tolerance
-            Greatest difference of a drive value, of 255, that is let stand within a
-            span; the colour at the end of each span is met exactly.
-
-        Returns
-        -------
-        times, colours
-            Show times (n,) [s], increasing from 0, and the linear drive values (n, 3)
-            that hold from there on.
-        """
-        times, colours = [0.0], [np.zeros(3, dtype=np.uint8)]
-        for span in self.spans:
-            position = int(np.searchsorted(span.drones, drone))
-            if position == span.drones.size or span.drones[position] != drone:
-                continue
-            count = max(1, int(np.ceil(span.duration / step - 1e-9)))
-            elapsed = span.duration * np.arange(count + 1) / count
-            moment = span.start + elapsed
-            shown = drive_bytes(span.linear(elapsed)[:, position])
-            for index, colour in enumerate(shown):
-                limit = 0 if index in (0, count) else tolerance
-                if np.abs(colour.astype(int) - colours[-1]).max() > limit:
-                    if times[-1] == moment[index]:
-                        colours[-1] = colour
-                    else:
-                        times.append(float(moment[index]))
-                        colours.append(colour)
-        return np.array(times), np.array(colours)
-
 
 def shown(one: Transition, formation: Formation, places: IntArray) -> FloatArray:
     """Linear colours that a transition gives to places (n,); those parked are dark."""

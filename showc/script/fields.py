@@ -11,26 +11,8 @@ import tomllib
 from importlib import resources
 from typing import Any
 
+from showc.script import kinds
 from showc.script.formations import SHAPES
-from showc.script.kinds import (
-    Choice,
-    Either,
-    Field,
-    File,
-    Flag,
-    Integer,
-    Items,
-    Kind,
-    Moment,
-    Named,
-    Paint,
-    Quantity,
-    Reference,
-    Section,
-    Table,
-    Text,
-    Time,
-)
 from showc.vehicle.presets import PRESETS
 
 FORMAT_VERSION = 1
@@ -55,11 +37,11 @@ less 4 bytes."""
 
 _WORDS = {"presets": PRESETS, "shapes": SHAPES, "boards": BOARDS}
 """Choices whose words are the names of what other tables hold."""
-_PLAIN: dict[str, Kind] = {
-    "flag": Flag(),
-    "moment": Moment(),
-    "time": Time(),
-    "colour": Paint(),
+_PLAIN: dict[str, kinds.Kind] = {
+    "flag": kinds.Flag(),
+    "moment": kinds.Moment(),
+    "time": kinds.Time(),
+    "colour": kinds.Paint(),
 }
 
 
@@ -67,11 +49,11 @@ class _Sections:
     """Builds the sections of the table, each once, those within it first."""
 
     def __init__(self, table: dict[str, Any]) -> None:
-        self.kinds = table.pop("kinds")
+        self.named = table.pop("kinds")
         self.table = table
-        self.built: dict[str, Section | None] = {}
+        self.built: dict[str, kinds.Section | None] = {}
 
-    def section(self, name: str) -> Section | Named:
+    def section(self, name: str) -> kinds.Section | kinds.Named:
         """Return a section; inside itself, its name."""
         if name not in self.built:
             self.built[name] = None
@@ -82,25 +64,25 @@ class _Sections:
             if "tag" in said:
                 said["variants"] = tuple(shape.section for shape in SHAPES.values())
             fields = tuple(self.field(key, **entry) for key, entry in keys.items())
-            self.built[name] = Section(name, fields=fields, **said)
-        return self.built[name] or Named(name)
+            self.built[name] = kinds.Section(name, fields=fields, **said)
+        return self.built[name] or kinds.Named(name)
 
-    def field(self, key: str, kind: str | dict[str, Any], **said: Any) -> Field:  # noqa: ANN401 - as the table says it
+    def field(self, key: str, kind: str | dict[str, Any], **said: Any) -> kinds.Field:  # noqa: ANN401 - as the table says it
         """Return a key of a section."""
         found = self.kind(kind)
-        if isinstance(found, Section):
+        if isinstance(found, kinds.Section):
             said.setdefault("description", found.description)
         said["examples"] = tuple(said.get("examples", ()))
-        return Field(key, found, **said)
+        return kinds.Field(key, found, **said)
 
-    def kind(self, said: str | dict[str, Any]) -> Kind:  # noqa: C901, PLR0911 - one case a kind
+    def kind(self, said: str | dict[str, Any]) -> kinds.Kind:  # noqa: C901, PLR0911 - one case a kind
         """Return a kind, by its name or as the table describes it."""
         if isinstance(said, str):
-            return _PLAIN[said] if said in _PLAIN else self.kind(self.kinds[said])
+            return _PLAIN[said] if said in _PLAIN else self.kind(self.named[said])
         match said:
             case {"unit": unit}:
                 low = said.get("above", said.get("from"))
-                return Quantity(
+                return kinds.Quantity(
                     unit,
                     None if low is None else float(low),
                     float(said["to"]) if "to" in said else None,
@@ -108,28 +90,30 @@ class _Sections:
                     store=said.get("store", ""),
                 )
             case {"whole": [least, most]}:
-                return Integer(least, most)
+                return kinds.Integer(least, most)
             case {"words": words}:
-                return Choice(tuple(_WORDS[words] if isinstance(words, str) else words))
+                return kinds.Choice(
+                    tuple(_WORDS[words] if isinstance(words, str) else words)
+                )
             case {"text": length}:
-                return Text(length, said.get("pattern", ""), said.get("says", ""))
+                return kinds.Text(length, said.get("pattern", ""), said.get("says", ""))
             case {"list": item}:
-                return Items(self.kind(item), *said.get("of", ()))
-            case {"either": kinds}:
-                return Either(tuple(self.kind(one) for one in kinds))
+                return kinds.Items(self.kind(item), *said.get("of", ()))
+            case {"either": options}:
+                return kinds.Either(tuple(self.kind(one) for one in options))
             case {"file": endings}:
-                return File(tuple(endings))
+                return kinds.File(tuple(endings))
             case {"name_of": what}:
-                return Reference(what)
+                return kinds.Reference(what)
             case {"table": item, "of": what}:
-                return Table(self.kind(item), what)
+                return kinds.Table(self.kind(item), what)
             case {"section": name}:
                 return self.section(name)
             case _:
                 raise TypeError(f"there is no kind {said!r}")
 
 
-def _sections() -> dict[str, Section]:
+def _sections() -> dict[str, kinds.Section]:
     """Return every section by its name."""
     text = resources.files(__package__).joinpath("fields.toml").read_text("utf-8")
     read = _Sections(tomllib.loads(text))
@@ -142,6 +126,6 @@ SECTIONS = _sections()
 """Every section of a script by its name; types of formations are variants of one."""
 
 
-def resolve(kind: Kind) -> Kind:
+def resolve(kind: kinds.Kind) -> kinds.Kind:
     """Return the section a name stands for; other kinds as they are."""
-    return SECTIONS[kind.name] if isinstance(kind, Named) else kind
+    return SECTIONS[kind.name] if isinstance(kind, kinds.Named) else kind

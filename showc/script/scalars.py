@@ -6,22 +6,10 @@ import re
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from showc.script import kinds
 from showc.script.colours import COLOUR_NAMES, parse_colour
 from showc.script.diagnostic import ScriptError
 from showc.script.instants import Instant, parse_instant
-from showc.script.kinds import (
-    Choice,
-    File,
-    Flag,
-    Integer,
-    Kind,
-    Moment,
-    Paint,
-    Quantity,
-    Reference,
-    Text,
-    Time,
-)
 from showc.script.quantity import parse_quantity
 from showc.script.wording import form_of, number_text, wanted_text
 
@@ -78,7 +66,7 @@ def _near(word: str, lower: Iterable[str]) -> list[str]:
     return get_close_matches(word.lower(), list(lower), n=2, cutoff=0.6)
 
 
-def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - one case a kind
+def read_scalar(kind: kinds.Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - one case a kind
     """Read a single value.
 
     Parameters
@@ -98,23 +86,23 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - on
     _yes_or_no(kind, node, key)
     value: Value = None
     match kind:
-        case Quantity():
+        case kinds.Quantity():
             value = _quantity(kind, node, key)
-        case Integer():
+        case kinds.Integer():
             value = _integer(kind, node, key)
-        case Text():
+        case kinds.Text():
             value = _text(kind, node, key)
-        case Choice():
+        case kinds.Choice():
             value = _choice(kind, node, key)
-        case Moment():
+        case kinds.Moment():
             value = _moment(kind, node, key)
-        case Time():
+        case kinds.Time():
             value = _time(node, key)
-        case Paint():
+        case kinds.Paint():
             value = _paint(node)
-        case Flag():
+        case kinds.Flag():
             value = _TRUTH.get(node.text.lower()) if node.plain else None
-        case File() | Reference():
+        case kinds.File() | kinds.Reference():
             value = node.text if node.text.strip() else None
         case _:
             pass
@@ -125,20 +113,20 @@ def read_scalar(kind: Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - on
     return value
 
 
-def _yes_or_no(kind: Kind, node: Scalar, key: str) -> None:
+def _yes_or_no(kind: kinds.Kind, node: Scalar, key: str) -> None:
     """Refuse a plain yes, no, on or off, unless it is a word of a choice."""
     if not node.plain or node.text.lower() not in _YES_NO:
         return
-    if isinstance(kind, Choice) and node.text in kind.options:
+    if isinstance(kind, kinds.Choice) and node.text in kind.options:
         return
-    if isinstance(kind, Quantity | Integer | Moment | Time):
+    if isinstance(kind, kinds.Quantity | kinds.Integer | kinds.Moment | kinds.Time):
         raise ScriptError(
             "SHW103",
             f"`{key}` is `{node.text}`, {wanted_text(kind)} is wanted",
             help_text=f"give {wanted_text(kind)}",
         )
     truth = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
-    fix = truth if isinstance(kind, Flag) else f'"{node.text}"'
+    fix = truth if isinstance(kind, kinds.Flag) else f'"{node.text}"'
     raise ScriptError(
         "SHW006",
         f"`{node.text}` is a truth value to some YAML readers and a word to others",
@@ -147,7 +135,7 @@ def _yes_or_no(kind: Kind, node: Scalar, key: str) -> None:
     )
 
 
-def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
+def _quantity(kind: kinds.Quantity, node: Scalar, key: str) -> float:
     try:
         written = parse_quantity(
             node.text, kind.unit, plain=node.plain, store=kind.unit
@@ -168,7 +156,7 @@ def _quantity(kind: Quantity, node: Scalar, key: str) -> float:
     return stored
 
 
-def _integer(kind: Integer, node: Scalar, key: str) -> int:
+def _integer(kind: kinds.Integer, node: Scalar, key: str) -> int:
     try:
         value = parse_quantity(node.text, "", plain=node.plain)
     except ScriptError as fault:
@@ -183,7 +171,7 @@ def _integer(kind: Integer, node: Scalar, key: str) -> int:
     return int(value)
 
 
-def _text(kind: Text, node: Scalar, key: str) -> str:
+def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
     if len(node.text) > kind.max_length:
         raise ScriptError(
             "SHW104",
@@ -199,7 +187,7 @@ def _text(kind: Text, node: Scalar, key: str) -> str:
     return node.text
 
 
-def _choice(kind: Choice, node: Scalar, key: str) -> str:
+def _choice(kind: kinds.Choice, node: Scalar, key: str) -> str:
     if node.text in kind.options:
         return node.text
     near = suggestion(node.text, kind.options)
@@ -212,7 +200,7 @@ def _choice(kind: Choice, node: Scalar, key: str) -> str:
     )
 
 
-def _moment(kind: Moment, node: Scalar, key: str) -> datetime:
+def _moment(kind: kinds.Moment, node: Scalar, key: str) -> datetime:
     try:
         moment = datetime.fromisoformat(node.text.strip())
         if moment.tzinfo is None:

@@ -10,28 +10,9 @@ import json
 import re
 from typing import TYPE_CHECKING
 
+from showc.script import kinds
 from showc.script.colours import COLOUR_NAMES
 from showc.script.fields import SECTIONS
-from showc.script.kinds import (
-    NAME,
-    Choice,
-    Either,
-    Field,
-    File,
-    Flag,
-    Integer,
-    Items,
-    Kind,
-    Moment,
-    Named,
-    Paint,
-    Quantity,
-    Reference,
-    Section,
-    Table,
-    Text,
-    Time,
-)
 from showc.script.quantity import NUMBER, units_of
 from showc.script.wording import range_text, wanted_text
 
@@ -65,7 +46,7 @@ def show_schema() -> Schema:
     }
 
 
-def _object(section: Section, definitions: dict[str, Schema]) -> Schema:
+def _object(section: kinds.Section, definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a section as a mapping."""
     schema: Schema = {
         "description": section.description,
@@ -120,7 +101,7 @@ def _formation(definitions: dict[str, Schema]) -> Schema:
     return {"description": _FORMATION.description, "anyOf": alternatives}
 
 
-def _property(field: Field, definitions: dict[str, Schema]) -> Schema:
+def _property(field: kinds.Field, definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a key, its meaning, default and examples included."""
     schema = dict(_kind(field.kind, definitions))
     text = field.description
@@ -138,43 +119,46 @@ def _property(field: Field, definitions: dict[str, Schema]) -> Schema:
     return schema
 
 
-def _details(field: Field) -> str:
+def _details(field: kinds.Field) -> str:
     """Return unit, range and default in words."""
     parts = []
     kind = field.kind
-    if isinstance(kind, Quantity):
+    if isinstance(kind, kinds.Quantity):
         if kind.unit:
             parts.append(f"in {kind.unit}")
         if range_text(kind):
             parts.append(range_text(kind))
-    elif isinstance(kind, Either | Items):
+    elif isinstance(kind, kinds.Either | kinds.Items):
         parts.append(wanted_text(kind))
     if field.default_text:
         parts.append(f"default: {field.default_text}")
     return "; ".join(parts)
 
 
-def _kind(kind: Kind, definitions: dict[str, Schema]) -> Schema:
+def _kind(kind: kinds.Kind, definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a kind."""
     schema: Schema
     match kind:
-        case Named():
+        case kinds.Named():
             schema = {"$ref": f"#/definitions/{kind.name}"}
-        case Section():
+        case kinds.Section():
             schema = _section(kind, definitions)
-        case Either():
+        case kinds.Either():
             schema = _any_of(_kind(item, definitions) for item in kind.options)
-        case Items():
+        case kinds.Items():
             schema = {
                 "type": "array",
                 "items": _kind(kind.item, definitions),
                 "minItems": kind.least,
                 "maxItems": kind.most,
             }
-        case Table():
+        case kinds.Table():
             schema = {
                 "type": "object",
-                "propertyNames": {"pattern": f"^{NAME.pattern}$", "maxLength": 60},
+                "propertyNames": {
+                    "pattern": f"^{kinds.NAME.pattern}$",
+                    "maxLength": 60,
+                },
                 "additionalProperties": _kind(kind.item, definitions),
             }
         case _:
@@ -182,7 +166,7 @@ def _kind(kind: Kind, definitions: dict[str, Schema]) -> Schema:
     return schema
 
 
-def _section(kind: Section, definitions: dict[str, Schema]) -> Schema:
+def _section(kind: kinds.Section, definitions: dict[str, Schema]) -> Schema:
     if kind is _FORMATION:
         return {"$ref": "#/definitions/formation"}
     if kind.name not in definitions:
@@ -209,46 +193,46 @@ def _any_of(options: Iterable[Schema]) -> Schema:
     return {"anyOf": flat}
 
 
-def _scalar(kind: Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901, PLR0912 - one case a kind
+def _scalar(kind: kinds.Kind, definitions: dict[str, Schema]) -> Schema:  # noqa: C901, PLR0912 - one case a kind
     schema: Schema
     match kind:
-        case Quantity():
+        case kinds.Quantity():
             schema = _quantity(kind, definitions)
-        case Integer():
+        case kinds.Integer():
             schema = {
                 "type": "integer",
                 "minimum": kind.minimum,
                 "maximum": kind.maximum,
             }
-        case Text():
+        case kinds.Text():
             schema = {"type": ["string", "number"], "maxLength": kind.max_length}
             if kind.pattern:
                 schema["type"] = "string"
                 schema["pattern"] = f"^({kind.pattern})$"
                 if re.fullmatch(kind.pattern, "1"):
                     schema = {"anyOf": [schema, {"type": "integer", "minimum": 1}]}
-        case Choice():
+        case kinds.Choice():
             schema = {"type": "string", "enum": list(kind.options)}
-        case Flag():
+        case kinds.Flag():
             schema = {"type": "boolean"}
-        case Moment():
+        case kinds.Moment():
             schema = {"type": "string", "pattern": r"^\d{4}-\d{2}-\d{2}"}
-        case Time():
+        case kinds.Time():
             definitions.setdefault("time", _time())
             schema = {"$ref": "#/definitions/time"}
-        case Paint():
+        case kinds.Paint():
             definitions.setdefault("colour_value", _paint())
             schema = {"$ref": "#/definitions/colour_value"}
-        case File():
+        case kinds.File():
             schema = {"type": "string", "minLength": 1}
-        case Reference():
-            schema = {"type": "string", "pattern": f"^{NAME.pattern}$"}
+        case kinds.Reference():
+            schema = {"type": "string", "pattern": f"^{kinds.NAME.pattern}$"}
         case _:
             raise TypeError(f"no schema for {kind!r}")
     return schema
 
 
-def _quantity(kind: Quantity, definitions: dict[str, Schema]) -> Schema:
+def _quantity(kind: kinds.Quantity, definitions: dict[str, Schema]) -> Schema:
     number: Schema = {"type": "number"}
     if kind.positive:
         number["exclusiveMinimum"] = 0

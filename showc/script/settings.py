@@ -90,11 +90,6 @@ class Settings:
         """Return a text."""
         return self._typed(key, str)
 
-    def number_or_text(self, key: str) -> float | str:
-        """Return a quantity, or a word in its place."""
-        value = self.values[key].value
-        return value if isinstance(value, str) else self.number(key)
-
     def flag(self, key: str) -> bool:
         """Return a truth value."""
         return self._typed(key, bool)

@@ -4,25 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from showc.script import kinds
 from showc.script.document import Mapping, Node, Sequence
 from showc.script.fields import resolve
-from showc.script.kinds import (
-    Choice,
-    Either,
-    File,
-    Flag,
-    Integer,
-    Items,
-    Kind,
-    Moment,
-    Paint,
-    Quantity,
-    Reference,
-    Section,
-    Table,
-    Text,
-    Time,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -76,10 +60,10 @@ def form_of(node: Node) -> str:
     return f"`{node.text}`"
 
 
-def range_text(kind: Quantity | Integer) -> str:
+def range_text(kind: kinds.Quantity | kinds.Integer) -> str:
     """Say what range a number has, or nothing."""
     low, high = kind.minimum, kind.maximum
-    if isinstance(kind, Quantity) and kind.positive and low in {0.0, None}:
+    if isinstance(kind, kinds.Quantity) and kind.positive and low in {0.0, None}:
         start = "above 0"
         return f"{start}, at most {number_text(high)}" if high is not None else start
     if low is not None and high is not None:
@@ -89,40 +73,40 @@ def range_text(kind: Quantity | Integer) -> str:
     return f"at most {number_text(high)}" if high is not None else ""
 
 
-def wanted_text(kind: Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
+def wanted_text(kind: kinds.Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
     """Say what a kind wants, with its unit and range."""
     kind = resolve(kind)
     match kind:
-        case Quantity() | Integer():
+        case kinds.Quantity() | kinds.Integer():
             text = _number_text(kind)
-        case Text():
+        case kinds.Text():
             text = kind.says or "a text"
-        case Choice():
+        case kinds.Choice():
             text = words(f"`{option}`" for option in kind.options)
-        case Flag():
+        case kinds.Flag():
             text = "`true` or `false`"
-        case Moment():
+        case kinds.Moment():
             text = "a date and time"
-        case Time():
+        case kinds.Time():
             text = "a time"
-        case Paint():
+        case kinds.Paint():
             text = "a colour"
-        case File():
+        case kinds.File():
             text = f"a file ({words(kind.suffixes)})"
-        case Reference():
+        case kinds.Reference():
             text = f"the name of a {kind.to}"
-        case Items():
+        case kinds.Items():
             text = _items_text(kind)
-        case Section():
+        case kinds.Section():
             named = f"a mapping of {kind.name} keys"
             field = kind.field(kind.short) if kind.short else None
             text = f"{wanted_text(field.kind)} or {named}" if field else named
-        case Table():
+        case kinds.Table():
             text = f"a mapping from the name of each {kind.what}"
-        case Either():
+        case kinds.Either():
             each = [
                 [f"`{word}`" for word in option.options]
-                if isinstance(option, Choice)
+                if isinstance(option, kinds.Choice)
                 else [wanted_text(option)]
                 for option in kind.options
             ]
@@ -132,25 +116,27 @@ def wanted_text(kind: Kind) -> str:  # noqa: C901, PLR0912 - one case a kind
     return text
 
 
-def _number_text(kind: Quantity | Integer) -> str:
+def _number_text(kind: kinds.Quantity | kinds.Integer) -> str:
     bounds = range_text(kind)
-    if isinstance(kind, Integer):
+    if isinstance(kind, kinds.Integer):
         return f"a whole number, {bounds}"
     unit = f" in {kind.unit}" if kind.unit else ""
     return f"a number{unit}" + (f", {bounds}" if bounds else "")
 
 
-def _items_text(kind: Items) -> str:
+def _items_text(kind: kinds.Items) -> str:
     inner = resolve(kind.item)
-    if isinstance(inner, Section):
+    if isinstance(inner, kinds.Section):
         of = f"{inner.name}s"
-    elif isinstance(inner, Items):
+    elif isinstance(inner, kinds.Items):
         of = f"lists of {inner.least}"
-    elif isinstance(inner, Quantity | Integer):
+    elif isinstance(inner, kinds.Quantity | kinds.Integer):
         of = "numbers" + (
-            f" in {inner.unit}" if isinstance(inner, Quantity) and inner.unit else ""
+            f" in {inner.unit}"
+            if isinstance(inner, kinds.Quantity) and inner.unit
+            else ""
         )
-    elif isinstance(inner, Paint):
+    elif isinstance(inner, kinds.Paint):
         of = "colours"
     else:
         of = "elements"

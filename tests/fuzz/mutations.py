@@ -7,22 +7,8 @@ import struct
 import yaml
 from fuzz.seeds import FILES, SCRIPTS
 
+from showc.script import kinds
 from showc.script.fields import SECTIONS, resolve
-from showc.script.kinds import (
-    Choice,
-    Either,
-    File,
-    Flag,
-    Integer,
-    Items,
-    Moment,
-    Paint,
-    Quantity,
-    Reference,
-    Section,
-    Table,
-    Text,
-)
 from showc.script.quantity import units_of
 
 JUNK = [
@@ -47,14 +33,14 @@ def _fields(kind, found):
         return
     found["seen"][id(kind)] = kind
     match kind:
-        case Section():
+        case kinds.Section():
             sections = (kind, *kind.variants)
             for field in (field for section in sections for field in section.fields):
                 found["kinds"].setdefault(field.key, []).append(field.kind)
                 _fields(field.kind, found)
-        case Items() | Table():
+        case kinds.Items() | kinds.Table():
             _fields(kind.item, found)
-        case Either():
+        case kinds.Either():
             for option in kind.options:
                 _fields(option, found)
         case _:
@@ -70,7 +56,7 @@ def number(kind, chance):
     """A number at, inside or just beyond the ends of its range, some with a unit."""
     low = kind.minimum if kind.minimum is not None else -1e6
     high = kind.maximum if kind.maximum is not None else 1e6
-    if isinstance(kind, Integer):
+    if isinstance(kind, kinds.Integer):
         few = [low, low - 1, min(high, low + 5), min(high, 200), high, high + 1]
         # The largest fleets are sound, and a matter of patience: one in a while.
         return chance.choice(few[:4] * 8 + few)
@@ -90,32 +76,32 @@ def value(kind, chance, depth=0):
         return copy.deepcopy(chance.choice(JUNK))
     made = None
     match kind:
-        case Quantity() | Integer():
+        case kinds.Quantity() | kinds.Integer():
             made = number(kind, chance)
-        case Choice():
+        case kinds.Choice():
             made = chance.choice(kind.options)
-        case Flag():
+        case kinds.Flag():
             made = chance.random() < 0.5
-        case Text():
+        case kinds.Text():
             made = chance.choice(["A", "HI", "2-7", "1-4", "long" * 30, "\u00df\n?"])
-        case Paint():
+        case kinds.Paint():
             made = chance.choice(["red", "#12f", "#ff880000", "nocolour"])
-        case Moment():
+        case kinds.Moment():
             made = chance.choice(["2026-01-01", "1969-12-31", "9999-12-31T23:59:59-12"])
-        case File():
+        case kinds.File():
             made = chance.choice([*FILES, "none.csv", "../up.csv", ".", "a\0b"])
-        case Reference():
+        case kinds.Reference():
             made = chance.choice(["ring", "twin", "both", "word", "left", "me", "pads"])
-        case Items():
+        case kinds.Items():
             most = min(kind.most, 12)
             count = chance.choice([kind.least, most, chance.randint(0, most + 1)])
             made = [value(kind.item, chance, depth + 1) for _ in range(count)]
-        case Table():
+        case kinds.Table():
             names = chance.sample(["ring", "twin", "me", "you", "left"], 2)
             made = {name: value(kind.item, chance, depth + 1) for name in names}
-        case Either():
+        case kinds.Either():
             made = value(chance.choice(kind.options), chance, depth)
-        case Section():
+        case kinds.Section():
             made = section(kind, chance, depth)
         case _:
             pass

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from synthetic import gliding_flight, vertical_flight
+from synthetic import vertical_flight
 
 from showc.flight import Flight
 from showc.light import LightProgram, srgb_bytes
@@ -141,30 +141,6 @@ def test_bytes_never_wrap(values):
     for encoded in (drive_bytes(values), srgb_bytes(values)):
         assert np.all(encoded[values <= 0.0] == 0)
         assert np.all(encoded[values >= 1.0] == 255)
-
-
-def test_changes_follow_the_light():
-    flight = gliding_flight(9)
-    program = LightProgram.of(flight)
-    for drone in (0, 5):
-        times, colours = program.changes(drone, step=0.1, tolerance=8)
-        assert times[0] == 0.0 and np.all(np.diff(times) > 0.0)
-        every = np.arange(0.0, flight.duration, 0.02)
-        held = colours[np.searchsorted(times, every, side="right") - 1].astype(int)
-        shown = program.sample(every)[:, drone].astype(int)
-        # Within one step of 0.1 s the light itself may move: compare to its range.
-        for index, time in enumerate(every):
-            near = program.sample(np.linspace(time - 0.1, time, 11))[:, drone]
-            low = np.minimum(near.min(axis=0), shown[index]).astype(int) - 8
-            high = np.maximum(near.max(axis=0), shown[index]).astype(int) + 8
-            assert np.all((held[index] >= low) & (held[index] <= high))
-        assert not colours[-1].any()
-
-
-def test_changes_are_few_while_nothing_changes():
-    times, _ = PROGRAM.changes(0)
-    holding = (times > STARTS[FIRST_HOLD]) & (times < STARTS[SECOND])
-    assert not holding.any()
 
 
 def played(kind, turns):
