@@ -1,10 +1,13 @@
 """Changed flights in closed form: exactly the sum, or none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.deconfliction.changed import fly_changed
+from showc.fleet.shared_profile.flat import JOINT
 from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.single_drone.audit import greatest_excess
@@ -60,3 +63,15 @@ def test_a_changed_flight_is_the_sum_and_keeps_what_a_flight_must(aircraft, stra
 
 def test_a_change_beyond_the_limits_is_not_flown(aircraft, straight):
     assert fly_changed(aircraft, [straight], bump(30.0)) == [None]
+
+
+@pytest.mark.parametrize("last", [0.02, 0.004])
+def test_a_changed_flight_hovers_at_its_ends(aircraft, straight, last):
+    far = np.array([70.0, -50.0, 90.0])
+    split = straight.state.split([last, DURATION - last])
+    moved = split.coefficients + np.append(far, np.zeros(9))
+    flight = replace(straight, state=PiecewisePolynomial(split.breaks, moved))
+    (found,) = fly_changed(aircraft, [flight], bump(0.3))
+    assert found is not None
+    ends = found.state.coefficients[[0, -1], [0, -1]]
+    assert np.abs(ends[:, 3:]).max() < JOINT
