@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.autopilot.parameters import parameters_for
-from showc.autopilot.stage import StageBuilder
 from showc.autopilot.timing import Timing, tube
 from showc.errors import ExportError
-from showc.geodesy import SiteFrame
+from showc.mission.clock import MissionClock
 from showc.mission.encode import leg_colours, lights_left_out
+from showc.mission.fleet import builder_of, cue_notes, items_of
+from showc.progress import Silent
+from showc.schedule.course import Course
 from showc.schedule.encodings import choose_encoding
 from showc.schedule.surroundings import Surroundings
+from showc.schedule.timeline import build_timeline
 from showc.script.missions import (
     ALWAYS,
     UNMOVED,
@@ -29,6 +31,11 @@ from showc.script.missions import (
 
 if TYPE_CHECKING:
     from showc.plan.itinerary import Itinerary
+
+
+BENDS_MAY_HELP = (
+    "before the solve it is not known whether a bend along the solved flight helps"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +59,8 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     show = itinerary.show
     if not show.mission.wanted:
         return MissionOutlook(("the script wants none",), ())
-    found = [one.message for one in refusals(show, _most_items(itinerary))]
+    least = _most_items(itinerary)
+    found = [f"{one.message}; {one.help}" for one in refusals(show, least)]
     notes = list(lights_left_out(show))
     if show.mission.autopilot == "px4":
         return MissionOutlook((), (*notes, *found))
@@ -61,7 +69,7 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     except ExportError as error:
         found.append(str(error))
     if not found:
-        notes += _of_legs(itinerary)
+        notes += _likely(itinerary)
     return MissionOutlook(tuple(found), tuple(notes))
 
 
@@ -83,29 +91,39 @@ def _most_items(itinerary: Itinerary) -> int:
     return int(count.max())
 
 
-def _of_legs(itinerary: Itinerary) -> list[str]:
-    """Name legs that no encoding carries but a bend along the solved flight."""
+def _likely(itinerary: Itinerary) -> list[str]:
+    """Say what is found when missions are laid out on straight flights.
+
+    Legs are named that no encoding carries but a bend along the solved flight.
+    """
     show = itinerary.show
-    frame = SiteFrame.of(show.site)
-    pads = np.asarray(show.formations[show.pads].points[: show.drones])
-    altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
-    builder = StageBuilder(frame, altitude, parameters_for(show))
-    everyone = np.arange(show.drones)
-    _, places = builder.on_grid(everyone, pads)
-    timing, found = Timing(wind=show.site.wind), []
-    for leg in itinerary.legs:
-        if leg.kind in {"transition", "approach"}:
-            around = Surroundings(
-                places, show.separation, show.site, timing, show.mission.slack
-            )
-            try:
-                choose_encoding(leg, None, builder, around)
-            except ExportError as error:
-                found.append(
-                    f"{error}; before the solve it is not known whether a bend along "
-                    "the solved flight helps"
-                )
-        if leg.kind != "hold":
-            places = places.copy()
-            _, places[leg.drones] = builder.on_grid(leg.drones, leg.goal)
+    try:
+        course = Course.planned(itinerary)
+    except ExportError as error:
+        return [str(error)]
+    builder, altitude = builder_of(show)
+    _, places = builder.on_grid(np.arange(show.drones), course.launch.goal)
+    timing, found = Timing(wind=show.site.wind), list[str]()
+    for move in (move for step in course.steps for move in step.moves):
+        # Where others fly meanwhile, the timeline says more.
+        around = Surroundings(
+            places, show.separation, show.site, timing, show.mission.slack
+        )
+        drones = move.leg.drones
+        try:
+            if drones.size == show.drones:
+                choose_encoding(move.leg, None, builder, around)
+        except ExportError as error:
+            found.append(f"{error}; {BENDS_MAY_HELP}")
+        places = places.copy()
+        _, places[drones] = builder.on_grid(drones, move.leg.goal)
+    if found:
+        return found
+    try:
+        timeline = build_timeline(show, course, builder, Silent())
+        found += cue_notes(timeline, show.music)
+        clock = MissionClock.of(None, show.mission.start_minute)
+        items_of(show, timeline, altitude, clock, "ardupilot")
+    except ExportError as error:
+        found.append(f"{error}; {BENDS_MAY_HELP}")
     return found

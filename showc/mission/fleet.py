@@ -19,21 +19,26 @@ from showc.mission.items import check_budget, waypoint_file
 from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.progress import Silent
+from showc.schedule.course import Course
 from showc.schedule.timeline import MANY, build_timeline
 
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from showc.arrays import FloatArray
     from showc.flight import Flight
     from showc.mission.items import Mission
     from showc.progress import Progress
     from showc.schedule.timeline import Timeline
-    from showc.script.show import Show
+    from showc.script.show import Music, Show
 
 
 Autopilot = Literal["ardupilot", "px4"]
 
 SILENT = Silent()
+
+ON_TIME = 0.1
+"""A slot that is off its time by less is on it [s]: slots are multiples of this."""
 
 LEAST_SLACK = 2.0
 """Slack before a clock slot that calm air needs [s]."""
@@ -100,21 +105,12 @@ def mission_files(
     show = flight.itinerary.show
     minute = show.mission.start_minute if start_minute is None else start_minute
     clock = MissionClock.of(start, minute)
-    frame = SiteFrame.of(show.site)
-    parameters = parameters_for(show)
-    pads = np.asarray(show.formations[show.pads].points[: show.drones])
-    home_altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
-    builder = StageBuilder(frame, home_altitude, parameters)
-    timeline = build_timeline(flight, builder, progress, jobs)
-    if autopilot == "ardupilot":
-        clock.check_span(timeline.land_start)
-    encoder = Encoder(show, timeline, parameters, home_altitude, clock, autopilot)
-    missions = encoder.missions()
+    builder, home_altitude = builder_of(show)
+    parameters = builder.parameters
+    course = Course.of(show, [item.leg for item in flight.legs], flight)
+    timeline = build_timeline(show, course, builder, progress, jobs)
+    missions = items_of(show, timeline, home_altitude, clock, autopilot)
     home_row = autopilot == "ardupilot"
-    for mission in missions:
-        check_budget(
-            len(mission.items) + home_row, autopilot, show.mission.board, mission.drone
-        )
     files = {
         f"missions/{drone_name(mission.drone)}.waypoints": waypoint_file(
             mission, home_row=home_row
@@ -137,6 +133,39 @@ def mission_files(
         _warnings(flight, timeline, prediction, clock),
         PredictedFlight(timeline, parameters),
     )
+
+
+def builder_of(show: Show) -> tuple[StageBuilder, FloatArray]:
+    """Return what stages are built with, and altitudes of homes, (drones,) [m]."""
+    frame = SiteFrame.of(show.site)
+    pads = np.asarray(show.formations[show.pads].points[: show.drones])
+    altitude = np.round(frame.to_geodetic(pads)[:, 2], 2)
+    return StageBuilder(frame, altitude, parameters_for(show)), altitude
+
+
+def items_of(
+    show: Show,
+    timeline: Timeline,
+    home_altitude: FloatArray,
+    clock: MissionClock,
+    autopilot: Autopilot,
+) -> list[Mission]:
+    """Return the missions of a timeline; ``home_altitude`` has shape (drones,) [m].
+
+    Raises
+    ------
+    ExportError
+        If one has more items than its board holds, or slots would come round again.
+    """
+    if autopilot == "ardupilot":
+        clock.check_span(timeline.land_start)
+    parameters = parameters_for(show)
+    encoder = Encoder(show, timeline, parameters, home_altitude, clock, autopilot)
+    missions = encoder.missions()
+    for mission in missions:
+        count = len(mission.items) + (autopilot == "ardupilot")
+        check_budget(count, autopilot, show.mission.board, mission.drone)
+    return missions
 
 
 def fleet_token(files: dict[str, bytes]) -> str:
@@ -204,7 +233,7 @@ def _warnings(
                 f"slack is {show.mission.slack:g} s; drones were measured to need "
                 f"{LEAST_SLACK:g} s before a slot, 3 s in wind"
             )
-    found += _late_cues(timeline)
+    found += cue_notes(timeline, show.music)
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
     if changed:
         longest = max(changed, key=lambda leg: leg["duration"])
@@ -216,23 +245,27 @@ def _warnings(
     return tuple(found)
 
 
-def _late_cues(timeline: Timeline) -> list[str]:
-    """Say by how much missions miss the times that the script asks for."""
-    off = {
-        item.leg.name: item.finish - item.leg.arrive
-        for item in timeline.legs
-        if item.leg.arrive is not None
-    }
-    if not off:
+def cue_notes(timeline: Timeline, music: Music | None) -> list[str]:
+    """Say how missions keep the times that the script asks for."""
+    if timeline.shift is None:
         return []
-    worst = max(off, key=lambda name: abs(off[name]))
-    when = f"{abs(off[worst]):.1f} s {'late' if off[worst] > 0.0 else 'early'}"
-    return [
-        (
-            f"the missions keep slots of their own: “{worst}” arrives {when}, the most "
-            f"of {len(off)} given times; `showc stream` keeps them"
+    found = []
+    if timeline.shift or music is not None:
+        begins = timeline.shift + (0.0 if music is None else music.offset)
+        what = "the show's time 0" if music is None else "the music"
+        found.append(
+            f"slots follow the script's times: {what} is {begins:.1f} s after the "
+            "start of the missions"
         )
-    ]
+    worst = max(timeline.legs, key=lambda one: one.late)
+    if worst.late > ON_TIME:
+        late = sum(one.late > ON_TIME for one in timeline.legs)
+        more = f", as are {late - 1} more" if late > 1 else ""
+        found.append(
+            f"“{worst.leg.name}” is {worst.late:.1f} s late in the missions, whose "
+            f"legs need longer than the flight{more}; `showc stream` keeps all times"
+        )
+    return found
 
 
 __all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]

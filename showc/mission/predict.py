@@ -202,13 +202,8 @@ def prediction_summary(
     """
     from showc.autopilot.parameters import FIRMWARE  # noqa: PLC0415
 
-    solved = {item.leg.index: item for item in flight.legs}
-
     legs = side_by_side(
-        [
-            partial(_leg_entry, scheduled, solved[scheduled.leg.index], clock)
-            for scheduled in timeline.legs
-        ],
+        [partial(_leg_entry, scheduled, clock) for scheduled in timeline.legs],
         jobs,
     )
     return {
@@ -244,14 +239,14 @@ def _latest(timeline: Timeline) -> float | None:
     """Latest mission time at which a mission may be started and still make slot 1."""
     if not timeline.legs:
         return None
-    return round(timeline.legs[0].releases[0] - timeline.staged, 3)
+    first = min(leg.releases[0] for leg in timeline.legs)
+    return round(first - timeline.staged, 3)
 
 
-def _leg_entry(
-    scheduled: ScheduledLeg, solved: LegFlight, clock: MissionClock
-) -> dict[str, Any]:
+def _leg_entry(scheduled: ScheduledLeg, clock: MissionClock) -> dict[str, Any]:
     """One leg of the summary."""
-    late = CLOCK_LIKELY
+    late, solved = CLOCK_LIKELY, scheduled.move.flight
+    assert solved is not None  # noqa: S101 - what is predicted was solved
     arrivals = arrival_times(scheduled, late)
     position, arrival = _difference(scheduled, solved, late, arrivals)
     closest = [
@@ -269,8 +264,8 @@ def _leg_entry(
         "durations": [round(stage.duration, 3) for stage in scheduled.encoding.stages],
         "slot": round(scheduled.releases[0], 3),
         "duration": round(scheduled.finish - scheduled.releases[0], 3),
-        "optimal_start": round(scheduled.planned_start, 3),
-        "optimal_duration": round(scheduled.planned_duration, 3),
+        "optimal_start": round(scheduled.move.start, 3),
+        "optimal_duration": round(scheduled.move.duration, 3),
         "drones": [int(drone) + 1 for drone in scheduled.leg.drones],
         "delays": [round(float(value), 3) for value in _delays(scheduled)],
         "arrivals": [round(float(value), 3) for value in arrivals],

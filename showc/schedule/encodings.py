@@ -77,24 +77,18 @@ def choose_encoding(
     best: Encounter | None = None
     outside: int | None = None
     for worked in candidates(leg, flight, builder, around):
-        closest, positions = [], around.positions
+        closest, encounters = [], around.closest(worked.stages)
         for stage in worked.stages:
             out = stage.drones[leaves(stage, around.site)]
             if out.size:
                 outside = outside or int(out[0]) + 1
                 break
-            found = closest_encounter(
-                stage_motion(stage, positions, around.timing),
-                around.separation,
-                enough=around.required,
-            )
+            found = next(encounters)
             closest.append(found)
             if found is not None and found.distance < around.required:
                 if best is None or found.distance > best.distance:
                     best = found
                 break
-            positions = positions.copy()
-            positions[stage.drones] = stage.end
         else:
             return Encoding(worked.name, worked.stages, tuple(closest))
     raise _refusal(leg, best, around.separation.distance, outside)

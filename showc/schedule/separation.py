@@ -84,7 +84,7 @@ def closest_encounter(
     moving = np.any(motion.begin != motion.end, axis=1)
     if motion.begin.shape[0] < 2 or not np.any(moving):
         return None
-    best = _nearest_at_rest(motion, separation, moving)
+    best = _nearest_at_ends(motion, separation, moving)
     if best.distance < enough:
         return best
     everywhere = np.nextafter(best.distance, np.inf)
@@ -262,15 +262,18 @@ def _relative_speed(
     return np.asarray(np.sqrt(greatest))
 
 
-def _nearest_at_rest(
+def _nearest_at_ends(
     motion: Motion, separation: Separation, moving: BoolArray
 ) -> Encounter:
-    """Nearest pair before the window's legs begin or after they end."""
-    before, after = (
-        Encounter(*found[:2], time, found[2])
-        for found, time in (
-            (nearest_pair(motion.begin, separation, moving), motion.window[0]),
-            (nearest_pair(motion.end, separation, moving), motion.window[1]),
-        )
-    )
+    """Nearest pair at the window's first and last instant, all as late as expected."""
+    length = np.where(motion.profile.length > 0.0, motion.profile.length, 1.0)
+    found = []
+    for time in motion.window:
+        since = law_time(motion.level, time - motion.start)
+        part = motion.profile.distance(since) / length
+        places = motion.begin + part[:, None] * (motion.end - motion.begin)
+        there = np.where(part[:, None] < 1.0, places, motion.end)
+        one, other, distance = nearest_pair(there, separation, moving)
+        found.append(Encounter(one, other, time, distance))
+    before, after = found
     return after if after.distance < before.distance else before

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.autopilot.following import SETTLING, time_followed
 from showc.autopilot.s_curve import LegProfile
+from showc.autopilot.timing import CLOCK_LAG
 from showc.geodesy import POSITION_RESOLUTION
 from showc.schedule.distances import segment_distance
-from showc.schedule.separation import TOLERANCE, Motion
+from showc.schedule.releases import STEP
+from showc.schedule.separation import TOLERANCE, Motion, closest_encounter
 
 if TYPE_CHECKING:
-    from showc.arrays import BoolArray, FloatArray
+    from collections.abc import Iterator, Sequence
+
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.autopilot.stage import Stage
     from showc.autopilot.timing import Timing
+    from showc.flight import Encounter
     from showc.script.show import Site
     from showc.vehicle import Separation
 
@@ -34,6 +41,54 @@ class Surroundings:
     """How surely legs are flown on time."""
     pause: float = 0.0
     """Least time between the latest end of a stage and the next release [s]."""
+    others: tuple[tuple[float, Stage], ...] = ()
+    """Stages that other drones fly meanwhile, with their releases since that of the
+    leg's first stage [s]."""
+
+    def following(self, release: float, stage: Stage) -> float:
+        """Return the release after ``stage``, a multiple of 0.1 s; both [s]."""
+        late = stage.finish(self.timing.late(stage.profile.speed))
+        return tick(release + late + CLOCK_LAG + self.pause)
+
+    def closest(self, stages: Sequence[Stage]) -> Iterator[Encounter | None]:
+        """Yield the nearest encounter of each stage, one after the other.
+
+        Times count from its release [s]. The last one that is too near ends the search
+        early, as :func:`closest_encounter` says.
+        """
+        if not self.others:
+            positions = self.positions
+            for stage in stages:
+                motion = stage_motion(stage, positions, self.timing)
+                yield closest_encounter(motion, self.separation, enough=self.required)
+                positions = positions.copy()
+                positions[stage.drones] = stage.end
+            return
+        release, flown = 0.0, list(self.others)
+        for stage in stages:
+            flown.append((release, stage))
+            found = self.nearest(flown, release)
+            yield None if found is None else replace(found, time=found.time - release)
+            release = self.following(release, stage)
+
+    def nearest(
+        self,
+        flown: Sequence[tuple[float, Stage]],
+        begin: float,
+        end: float = np.inf,
+    ) -> Encounter | None:
+        """Nearest encounter while stages are ``flown`` at their releases.
+
+        From the release ``begin`` on until ``end``, as late as may be [s].
+        """
+        best = None
+        for motion in fleet_motions(flown, self.positions, self.timing, (begin, end)):
+            found = closest_encounter(motion, self.separation, enough=self.required)
+            if found is not None and (best is None or found.distance < best.distance):
+                best = found
+            if best is not None and best.distance < self.required:
+                break
+        return best
 
     @property
     def required(self) -> float:
@@ -44,6 +99,11 @@ class Surroundings:
         tolerance.
         """
         return self.separation.distance - POSITION_RESOLUTION - TOLERANCE
+
+
+def tick(time: float) -> float:
+    """Return the first slot that is not before a time [s]."""
+    return round(ceil(time / STEP - 1e-6) * STEP, 6)
 
 
 def stage_motion(
@@ -73,6 +133,76 @@ def stage_motion(
         np.append(beyond, 0.0)[rank],
         (start - float(spread.max(initial=0.0)), start + last),
     )
+
+
+def fleet_motions(
+    flown: Sequence[tuple[float, Stage]],
+    places: FloatArray,
+    timing: Timing,
+    window: tuple[float, float],
+) -> Iterator[Motion]:
+    """Yield the motion of the fleet, cut so that each drone flies one leg in each.
+
+    Parameters
+    ----------
+    flown
+        Stages, each drone's in order, and their releases [s].
+    places
+        Where everyone is before the first of them, shape (drones, 3) [m].
+    timing
+        How surely they are flown on time.
+    window
+        The release from which on, and the time until which, motions are wanted [s].
+    """
+    spreads = [timing.spread(stage.profile.speed) for _, stage in flown]
+    begins = [
+        release - float(spread.max(initial=0.0))
+        for (release, _), spread in zip(flown, spreads, strict=True)
+    ]
+    resting = float(timing.spread(np.zeros(1))[0])
+    none = np.zeros(len(places))
+    still = LegProfile(*([none] * len(LegProfile.__dataclass_fields__)))
+    now = Motion(places, places, still, none, none, none + resting, none, (0.0, 0.0))
+    over = np.full(len(places), -np.inf)
+    order = sorted(range(len(flown)), key=lambda number: begins[number])
+    first = min(
+        (
+            begin
+            for begin, one in zip(begins, flown, strict=True)
+            if one[0] >= window[0]
+        ),
+        default=window[0],
+    )
+    for turn, number in enumerate(order):
+        (release, stage), spread = flown[number], spreads[number]
+        last = stage_motion(stage, now.end, timing, release)
+        now = _joined(now, last, stage.drones)
+        late = time_followed(stage.level, stage.profile.duration + spread)
+        over[stage.drones] = release + stage.wait + late + SETTLING
+        until = begins[order[turn + 1]] if turn + 1 < len(order) else np.inf
+        low = max(begins[number], first)
+        high = min(until, window[1], float(over.max()))
+        if high > low:
+            yield replace(now, window=(low, high))
+
+
+def _joined(now: Motion, last: Motion, drones: IntArray) -> Motion:
+    """Return what everyone does ``now``, but ``drones`` what they do ``last``."""
+    new = np.zeros(now.start.size, dtype=np.bool_)
+    new[drones] = True
+    names = ("start", "level", "spread", "overshoot")
+    rows = {
+        name: np.where(new, getattr(last, name), getattr(now, name)) for name in names
+    }
+    for name in ("begin", "end"):
+        rows[name] = np.where(new[:, None], getattr(last, name), getattr(now, name))
+    profile = LegProfile(
+        *(
+            np.where(new, getattr(last.profile, name), getattr(now.profile, name))
+            for name in LegProfile.__dataclass_fields__
+        )
+    )
+    return replace(now, profile=profile, **rows)
 
 
 def with_rest(profile: LegProfile) -> LegProfile:

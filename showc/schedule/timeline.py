@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +28,7 @@ from showc.processes import side_by_side
 from showc.schedule.encodings import Encoding, choose_encoding
 from showc.schedule.releases import STEP
 from showc.schedule.separation import Motion, closest_encounter
-from showc.schedule.surroundings import Surroundings, stage_motion
+from showc.schedule.surroundings import Surroundings, stage_motion, tick
 from showc.schedule.tubes import BESIDE, room_used
 
 if TYPE_CHECKING:
@@ -38,9 +37,11 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.autopilot.stage import Stage, StageBuilder
     from showc.autopilot.tracking import Tracks
-    from showc.flight import Encounter, Flight, LegFlight
+    from showc.flight import Encounter
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
+    from showc.schedule.course import Course, Move, Step
+    from showc.script.show import Show
 
 
 MANY = 200
@@ -60,6 +61,16 @@ swings by less than the rest."""
 SLOWER = 0.95
 """Part of the room that a slowed drone is to use: swings grow with speed."""
 
+CLEAR = 1.0
+"""So long after the latest end of others' stage, and what follows it, a move that waits
+for them is released [s]: it may be early by less."""
+
+LONG_AGO = 2.0
+"""What was released so long before has begun, however early a move is [s]."""
+
+MOST_ADJUSTED = 4
+"""So often is a release adjusted to what the move that is flown takes."""
+
 MOST_SLOWINGS = 12
 """So often are drones slowed; once or twice is enough for most."""
 
@@ -68,18 +79,23 @@ MOST_SLOWINGS = 12
 class ScheduledLeg:
     """One timed leg of the show with its stages on the mission clock."""
 
-    leg: Leg
-    """What the show wants."""
+    move: Move
+    """What the show wants, and the solved flight."""
     encoding: Encoding
     """How it is flown."""
     releases: tuple[float, ...]
     """Mission time at which each stage is released, multiples of 0.1 s [s]."""
-    planned_start: float
-    """Show time at which the solved leg starts [s]."""
-    planned_duration: float
-    """Time of the solved leg [s]."""
+    arrival: float
+    """Mission time at which its last drone most likely arrives [s]."""
+    late: float
+    """By how much it misses the time that the script asks for, if it does [s]."""
     tracks: tuple[Tracks, ...] = ()
     """How each stage is likely to be flown."""
+
+    @property
+    def leg(self) -> Leg:
+        """What the show wants."""
+        return self.move.leg
 
     @property
     def finish(self) -> float:
@@ -110,7 +126,11 @@ class Timeline:
     staging: Stage
     """The rest of the climb, untimed, straight after it."""
     legs: tuple[ScheduledLeg, ...]
-    """Everything timed, in order."""
+    """Everything timed, in the order of the show: groups that have times of their own
+    may be flown in another."""
+    shift: float | None
+    """Mission time of show time 0, by which slots follow the times that the script asks
+    for [s]; None: it asks for none."""
     landing_pause: float
     """Hover between the last arrival and the landing [s]."""
     land: Stage
@@ -130,12 +150,13 @@ class Timeline:
 
 
 def build_timeline(
-    flight: Flight,
+    show: Show,
+    course: Course,
     builder: StageBuilder,
     progress: Progress,
     jobs: int | None = None,
 ) -> Timeline:
-    """Lay out the missions of ``flight``.
+    """Lay out the missions of a show that fly a ``course``.
 
     Legs of many drones are looked at in ``jobs`` processes (None: one for each core),
     which changes nothing in what is found.
@@ -143,47 +164,9 @@ def build_timeline(
     Raises
     ------
     ExportError
-        If the predicted flights of a leg cannot be kept apart, or the show is not one
-        launch, transitions and one landing.
+        If the predicted flights of a leg cannot be kept apart.
     """
-    refuse_motions([item.leg for item in flight.legs])
-    moves = [item for item in flight.legs if item.leg.kind != "hold"]
-    if (
-        len(moves) < 2
-        or moves[0].leg.kind != "launch"
-        or moves[-1].leg.kind != "land"
-        or any(item.leg.kind in {"launch", "land"} for item in moves[1:-1])
-    ):
-        raise ExportError(
-            "a mission goes from one launch of all drones to one landing of all; "
-            f"found {', '.join(item.leg.kind for item in moves)}"
-        )
-    return _Layout(flight, builder, progress, jobs).run(moves)
-
-
-def refuse_motions(legs: Sequence[Leg]) -> None:
-    """Refuse formations that move while held, and groups with times of their own.
-
-    Raises
-    ------
-    ExportError
-        If there is one: a mission has straight legs and slots for all, nothing else.
-    """
-    moving = [leg.name for leg in legs if leg.kind == "motion"]
-    if moving:
-        more = f", and {len(moving) - 1} more" if len(moving) > 1 else ""
-        raise ExportError(
-            f"a mission cannot carry a formation that moves: “{moving[0]}”{more}; fly "
-            "the log with `showc stream`"
-        )
-    apart = [leg.name for leg in legs if leg.parts]
-    if apart:
-        more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
-        raise ExportError(
-            f"a mission cannot carry groups with times of their own: “{apart[0]}”"
-            f"{more}; fly the log with `showc stream`, or give groups that are flown "
-            "together the same times"
-        )
+    return _Layout(show, course, builder, progress, jobs).run()
 
 
 class _Layout:
@@ -191,37 +174,47 @@ class _Layout:
 
     def __init__(
         self,
-        flight: Flight,
+        show: Show,
+        course: Course,
         builder: StageBuilder,
         progress: Progress,
         jobs: int | None,
     ) -> None:
-        self.flight = flight
+        self.show = show
+        self.course = course
+        self.moves = [move for step in course.steps for move in step.moves]
         self.builder = builder
         self.progress = progress
         self.jobs = jobs
-        self.show = flight.itinerary.show
         # Drones settle before others fly, however little slack the show gives.
         self.pause = max(self.show.mission.slack, SETTLING)
         self.timing = Timing(wind=self.show.site.wind)
-        self.fastest = np.full((0, self.show.drones), np.inf)
+        self.fastest = np.full((len(self.moves), show.drones), np.inf)
+        self.places: list[FloatArray] = []
+        # Which move is the first of those that are flown with each one.
+        self.first = [
+            sum(len(one.moves) for one in course.steps[:number])
+            for number, step in enumerate(course.steps)
+            for _ in step.moves
+        ]
+        self.shift: float | None = None
         self.arrival = 0.0
         self.free = 0.0
 
-    def run(self, moves: list[LegFlight]) -> Timeline:
-        launch, land = moves[0].leg, moves[-1].leg
+    def run(self) -> Timeline:
+        launch, land = self.course.launch, self.course.land
         everyone = np.arange(self.show.drones)
         _, pads = self.builder.on_grid(everyone, launch.start)
-        self.progress.stage("missions", len(moves))
+        self.progress.stage("missions", len(self.moves) + 2)
         takeoff, staging, launch_closest = self._launch(launch, pads)
         positions = pads.copy()
         positions[takeoff.drones] = takeoff.end
         positions[staging.drones] = staging.end
         self.progress.advance()
-        places = self._places(moves[1:-1], positions)
+        self.places = self._places(positions)
         climbed = LIFT_OFF + takeoff.finish() + staging.finish()
-        legs = self._scheduled(moves[1:-1], places, climbed)
-        positions = places[-1]
+        legs = self._scheduled(climbed)
+        positions = self.places[-1]
         pause = max(self.show.landing.hold, 1.0)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
@@ -235,6 +228,7 @@ class _Layout:
             takeoff,
             staging,
             tuple(legs),
+            self.shift,
             pause,
             descent,
             land_start,
@@ -242,9 +236,7 @@ class _Layout:
             land_closest,
         )
 
-    def _scheduled(
-        self, moves: list[LegFlight], places: list[FloatArray], climbed: float
-    ) -> list[ScheduledLeg]:
+    def _scheduled(self, climbed: float) -> list[ScheduledLeg]:
         """Encode the timed legs and put them on the clock, from ``climbed`` [s] on.
 
         A drone that would leave the room beside its line flies that leg more slowly.
@@ -255,28 +247,27 @@ class _Layout:
         ExportError
             If a leg cannot be kept apart, or is left however slowly it is flown.
         """
-        self.fastest = np.full((len(moves), self.show.drones), np.inf)
         encodings: dict[int, Encoding] = {}
-        some = list(range(len(moves)))
+        some = list(range(len(self.moves)))
         for _ in range(MOST_SLOWINGS):
-            encodings |= self._encodings(moves, places, some)
-            legs = self._tracked(self._on_clock(moves, encodings, climbed))
-            some = self._slowed(moves, legs)
+            encodings |= self._encodings(some)
+            legs = self._tracked(self._on_clock(encodings, climbed))
+            some = self._slowed(legs)
             if not some:
                 return legs
             self.progress.stage("missions, slower where drones swing", len(some))
         raise ExportError(
-            f"{moves[some[0]].leg.name}: drones leave their lines by more than "
+            f"{self.moves[some[0]].leg.name}: drones leave their lines by more than "
             f"{BESIDE:g} m, slowed down {MOST_SLOWINGS} times; fly the show with "
             "`showc stream`"
         )
 
-    def _slowed(self, moves: list[LegFlight], legs: list[ScheduledLeg]) -> list[int]:
+    def _slowed(self, legs: list[ScheduledLeg]) -> list[int]:
         """Slow drones that leave their lines; return on which of the moves they are."""
-        number = {item.leg.index: number for number, item in enumerate(moves)}
+        number = {id(move): number for number, move in enumerate(self.moves)}
         found = set()
         for leg in legs:
-            move = number[leg.leg.index]
+            move = number[id(leg.move)]
             for _, stage, track in leg.tracked:
                 used = room_used(stage, track, self.timing)
                 over = np.flatnonzero(used > FULL)
@@ -288,24 +279,208 @@ class _Layout:
         return sorted(found)
 
     def _on_clock(
-        self, moves: list[LegFlight], encodings: dict[int, Encoding], climbed: float
+        self, encodings: dict[int, Encoding], climbed: float
     ) -> list[ScheduledLeg]:
-        """Release the stages one after the other, the first once all have climbed."""
-        number = {item.leg.index: number for number, item in enumerate(moves)}
-        self._reached(climbed, climbed + UNSURE)
-        legs = []
-        for item, start in zip(self.flight.legs, self.flight.starts, strict=True):
-            if item.leg.kind == "hold":
-                self.free = max(self.free, self.arrival + item.duration)
-            elif item.leg.index in number:
-                encoding = encodings[number[item.leg.index]]
-                scheduled = self._timed(item, float(start), encoding)
-                if scheduled is not None:
-                    legs.append(scheduled)
+        """Release the stages one after the other, the first once all have climbed.
+
+        Moves of groups that have times of their own are encoded here: when others fly
+        is known no sooner.
+        """
+        self.shift = None
+        self.arrival = climbed
+        self.free = max(climbed + UNSURE + self.pause, climbed + self.course.hold)
+        number, legs = 0, []
+        for step in self.course.steps:
+            if len(step.moves) > 1:
+                legs += self._beside(number, step)
+            elif encodings[number].stages:
+                release = self._release(number, encodings[number].stages, self.free)
+                leg, self.free = self._timed(number, encodings[number], release)
+                self.arrival = leg.arrival
+                legs.append(leg)
+            else:
+                duration = step.moves[0].duration
+                self.free = max(self.free, self.arrival + duration)
+            number += len(step.moves)
+            self.free = max(self.free, self.arrival + step.hold)
         return legs
 
+    def _wanted(self, number: int, stages: Sequence[Stage]) -> float | None:
+        """Show time at which a move is to be released, as the script asks [s]."""
+        cue = self.moves[number].cue
+        if cue is None or not stages:
+            return None
+        time, arrives = cue
+        return time - self._takes(number, stages)[0] if arrives else time
+
+    def _takes(self, number: int, stages: Sequence[Stage]) -> tuple[float, float]:
+        """Time from the first release to the likely arrival, and until all is over."""
+        around, likely, free = self._around(number), 0.0, 0.0
+        for stage in stages:
+            likely = free + stage.finish() + 0.5 * CLOCK_LAG
+            free = around.following(free, stage)
+        return likely, free
+
+    def _release(self, number: int, stages: Sequence[Stage], free: float) -> float:
+        """When a move is released: on time for its cue, not before ``free`` [s]."""
+        soonest, wanted = tick(free), self._wanted(number, stages)
+        if wanted is None:
+            return soonest
+        if self.shift is None:
+            self.shift = max(tick(soonest - wanted), 0.0)
+        return max(round(round((self.shift + wanted) / STEP) * STEP, 6), soonest)
+
+    def _timed(
+        self, number: int, encoding: Encoding, release: float
+    ) -> tuple[ScheduledLeg, float]:
+        """Put a move on the clock; also return when its drones may leave again [s]."""
+        releases = [
+            release + self._takes(number, encoding.stages[:count])[1]
+            for count in range(len(encoding.stages))
+        ]
+        likely, over = self._takes(number, encoding.stages)
+        arrival = release + likely
+        move = self.moves[number]
+        late = 0.0
+        if move.cue is not None and self.shift is not None:
+            time, arrives = move.cue
+            late = (arrival if arrives else release) - self.shift - time
+        rounded = tuple(round(one, 6) for one in releases)
+        leg = ScheduledLeg(move, encoding, rounded, arrival, late)
+        return leg, release + over
+
+    def _beside(self, number: int, step: Step) -> list[ScheduledLeg]:
+        """Encode moves of groups that have times of their own, and release them."""
+        free = np.full(self.show.drones, self.free)
+        legs: list[ScheduledLeg] = []
+        order = sorted(
+            range(len(step.moves)), key=lambda place: (step.moves[place].start, place)
+        )
+        if self.shift is None:
+            # The first move of each group is to be on time.
+            seen: set[int] = set()
+            needs = [0.0]
+            for place in order:
+                first = int(step.moves[place].leg.drones[0])
+                wanted = self._wanted(number + place, self._straight(number + place))
+                if first not in seen and wanted is not None:
+                    needs.append(tick(tick(self.free) - wanted))
+                seen.add(first)
+            self.shift = max(needs)
+        for place in order:
+            leg = step.moves[place].leg
+            mine = float(free[leg.drones].max())
+            found, over = self._among(number + place, legs, mine)
+            legs.append(found)
+            held = 0.0
+            if leg.transition is not None:
+                held = self.show.transitions[leg.transition].hold
+            free[leg.drones] = max(over, found.arrival + held)
+        self.free = float(free.max())
+        self.arrival = max(leg.arrival for leg in legs)
+        flown = [part for leg in legs for part in leg.flown]
+        around = self._around(number)
+        return [_seen_among(leg, flown, around) for leg in legs if leg.releases]
+
+    def _straight(self, number: int) -> tuple[Stage, ...]:
+        """Straight lines of a move in the shortest time, for what they take."""
+        move, start = self.moves[number], self.places[number]
+        drones = move.leg.drones
+        lines = self.builder.lines(
+            drones, start[drones], move.leg.goal, move.leg.limits
+        )
+        return (lines.lasting(max(move.duration, lines.together)),)
+
+    def _among(
+        self, number: int, legs: Sequence[ScheduledLeg], free: float
+    ) -> tuple[ScheduledLeg, float]:
+        """Put a move beside those of other groups; it waits for them if it must.
+
+        Parameters
+        ----------
+        number
+            Of the move.
+        legs
+            What is on the clock already.
+        free
+            Before this it is not released [s].
+
+        Returns
+        -------
+        tuple
+            The move on the clock, and when its drones may leave again [s].
+
+        Raises
+        ------
+        ExportError
+            If it cannot be kept apart even when all others rest.
+        """
+        flown = [part for leg in legs for part in leg.flown]
+        release = self._release(number, self._straight(number), free)
+        found: tuple[Encoding, float] | None = None
+        for _ in range(len(flown) + MOST_ADJUSTED):
+            try:
+                encoding = self._encoded(
+                    number, self._meanwhile(number, flown, release)
+                )
+            except ExportError:
+                if found is not None:
+                    break
+                ends = [self._around(number).following(*one) for one in flown]
+                later = [end + CLEAR for end in ends if end + CLEAR > release]
+                if not later:
+                    raise
+                free = min(later)
+                release = self._release(number, self._straight(number), free)
+                continue
+            found = encoding, release
+            # An encoding that takes longer leaves sooner, if it can.
+            wanted = self._release(number, encoding.stages, free)
+            if wanted == release:
+                break
+            release = wanted
+        assert found is not None  # noqa: S101 - each failure is at a later end
+        return self._timed(number, *found)
+
+    def _around(self, number: int) -> Surroundings:
+        """Return where everyone is before a move, if it is flown by itself."""
+        return Surroundings(
+            self.places[number],
+            self.show.separation,
+            self.show.site,
+            self.timing,
+            self.pause,
+        )
+
+    def _meanwhile(
+        self, number: int, flown: Sequence[tuple[float, Stage]], release: float
+    ) -> Surroundings:
+        """Return what is around a move that is released while stages are flown."""
+        drones = self.moves[number].leg.drones
+        around = self._around(number)
+        places = self.places[self.first[number]].copy()
+        for begin, stage in flown:
+            if begin < release - LONG_AGO:
+                places[stage.drones] = stage.end
+        places[drones] = around.positions[drones]
+        others = tuple((begin - release, stage) for begin, stage in flown)
+        return replace(around, positions=places, others=others)
+
+    def _encoded(self, number: int, around: Surroundings) -> Encoding:
+        """Encode a move; stages in which no drone flies are left out."""
+        move = self.moves[number]
+        builder = replace(self.builder, fastest=self.fastest[number])
+        chosen = choose_encoding(move.leg, move.flight, builder, around)
+        kept = [
+            (stage, closest)
+            for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
+            if stage.drones.size
+        ]
+        stages, closest = zip(*kept, strict=True) if kept else ((), ())
+        return Encoding(chosen.name, stages, closest)
+
     def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
-        """Add how the drones are likely to fly ``legs``, one after the other."""
+        """Add how the drones are likely to fly ``legs``, each drone's in order."""
         flown = [part for leg in legs for part in leg.flown]
         every = iter(
             tracks(flown, self.show.drones, self.builder.parameters, self.jobs)
@@ -349,76 +524,40 @@ class _Layout:
             )
         return found
 
-    def _places(
-        self, moves: list[LegFlight], positions: FloatArray
-    ) -> list[FloatArray]:
+    def _places(self, positions: FloatArray) -> list[FloatArray]:
         """Say where everyone is before and after each move, however it is flown."""
         places = [positions]
-        for item in moves:
+        for move in self.moves:
             after = places[-1].copy()
-            drones = item.leg.drones
-            _, after[drones] = self.builder.on_grid(drones, item.leg.goal)
+            drones = move.leg.drones
+            _, after[drones] = self.builder.on_grid(drones, move.leg.goal)
             places.append(after)
         return places
 
-    def _encodings(
-        self, moves: list[LegFlight], places: list[FloatArray], some: list[int]
-    ) -> dict[int, Encoding]:
-        """Encode ``some`` of the moves; ``places`` are those before and after each."""
-
-        def encode(number: int) -> Encoding:
-            around = Surroundings(
-                places[number],
-                self.show.separation,
-                self.show.site,
-                self.timing,
-                self.pause,
-            )
-            builder = replace(self.builder, fastest=self.fastest[number])
-            item = moves[number]
-            chosen = choose_encoding(item.leg, item, builder, around)
-            kept = [
-                (stage, closest)
-                for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
-                if stage.drones.size
-            ]
-            stages, closest = zip(*kept, strict=True) if kept else ((), ())
-            return Encoding(chosen.name, stages, closest)
-
+    def _encodings(self, some: list[int]) -> dict[int, Encoding]:
+        """Encode those of ``some`` moves beside which no other is flown."""
+        chosen = [one for one in some if self.first.count(self.first[one]) == 1]
         # Small fleets are done sooner than another process has started.
         jobs = self.jobs if self.show.drones >= MANY else 1
-        parts = [partial(encode, number) for number in some]
+        parts = [
+            partial(self._encoded, number, self._around(number)) for number in chosen
+        ]
         found = side_by_side(parts, jobs, self.progress.advance)
-        return dict(zip(some, found, strict=True))
+        return dict(zip(chosen, found, strict=True))
 
-    def _timed(
-        self, item: LegFlight, planned_start: float, encoding: Encoding
-    ) -> ScheduledLeg | None:
-        """Put the stages of one leg on the clock."""
-        if not encoding.stages:
-            self.free = max(self.free, self.arrival + item.duration)
-            return None
-        releases = []
-        for stage in encoding.stages:
-            release = round(ceil(self.free / STEP - 1e-6) * STEP, 6)
-            releases.append(release)
-            speed = stage.profile.speed
-            self._reached(
-                release + stage.finish() + 0.5 * CLOCK_LAG,
-                release + stage.finish(self.timing.late(speed)) + CLOCK_LAG,
-            )
-        return ScheduledLeg(
-            item.leg,
-            encoding,
-            tuple(releases),
-            planned_start,
-            item.duration,
-        )
 
-    def _reached(self, likely: float, latest: float) -> None:
-        """Note an arrival: the next release waits for the slack."""
-        self.arrival = likely
-        self.free = latest + self.pause
+def _seen_among(
+    leg: ScheduledLeg, flown: Sequence[tuple[float, Stage]], around: Surroundings
+) -> ScheduledLeg:
+    """Add the nearest encounter of the fleet while a leg is flown beside others."""
+    first, after = leg.releases[0], leg.releases[-1]
+    last = leg.encoding.stages[-1]
+    spread = around.timing.spread(last.profile.speed)
+    closest = around.nearest(flown, first, after + last.finish(spread) + SETTLING)
+    if closest is not None:
+        closest = replace(closest, time=closest.time - first)
+    none = (None,) * (len(leg.releases) - 1)
+    return replace(leg, encoding=replace(leg.encoding, closest=(closest, *none)))
 
 
 def _at_rest(motion: Motion) -> Motion:

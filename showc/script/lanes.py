@@ -123,3 +123,10 @@ def rest(together: Sequence[Transition]) -> float:
     last = [together[lane[-1]] for lane in lanes(together)]
     held = max((arrival(one) or 0.0) + one.hold for one in last)
     return max(0.0, round(held - ending(together), 3))
+
+
+def least_rest(show: Show, index: int) -> float:
+    """How long what a transition reaches is held after its chapter at least [s]."""
+    members = next(found for found in chapters(show) if index in found)
+    together = [show.transitions[one] for one in members]
+    return rest(together) if own_times(together) else max(one.hold for one in together)

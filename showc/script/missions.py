@@ -100,17 +100,6 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
             ("transitions",),
             moving.mark,
         )
-    for members in chapters(show):
-        together = [show.transitions[index] for index in members]
-        if own_times(together):
-            names = " and ".join(f"`{one.name}`" for one in together[:2])
-            yield Refusal(
-                f"missions cannot carry {names}: their groups have times of their own",
-                f"{without}, or give the groups the same times",
-                ("transitions",),
-                together[0].mark,
-            )
-            break
     if show.mission.autopilot == "px4":
         yield Refusal(
             "how PX4 flies missions is not known: they wait for no clock, and nothing "

@@ -161,7 +161,11 @@ def _missions(show: LoggedShow) -> Course:
     places = np.stack([show.predicted[name] for name in "xyz"], axis=-1, dtype=float)
     everyone = tuple(range(show.drones))
     entries = sorted(prediction["legs"], key=lambda entry: float(entry["slot"]))
-    slots = [float(slot) for entry in entries for slot in entry["slots"]]
+    slots = [
+        (float(slot), frozenset(entry["drones"]))
+        for entry in entries
+        for slot in entry["slots"]
+    ]
     landing = float(prediction["land_start"])
     legs = [
         CourseLeg(
@@ -170,22 +174,24 @@ def _missions(show: LoggedShow) -> Course:
             0.0,
             np.zeros(0),
             np.zeros((0, 3)),
-            min(slots),
+            min(slot for slot, _ in slots),
             _distance(prediction.get("launch")),
         )
     ]
     for entry in entries:
         arrivals = np.array(entry["arrivals"], dtype=np.float64)
-        later = [slot for slot in slots if slot > arrivals.max()]
+        # Groups may fly beside each other: what its own drones fly next ends a leg.
+        own = frozenset(entry["drones"])
+        later = [slot for slot, some in slots if slot > arrivals.max() and some & own]
         drones = tuple(int(drone) - 1 for drone in entry["drones"])
-        flown = show.segments[int(entry["leg"])]
+        end = float(entry["optimal_start"]) + float(entry["optimal_duration"])
         legs.append(
             CourseLeg(
                 str(entry["name"]),
                 drones,
                 min(float(slot) for slot in entry["slots"]),
                 arrivals,
-                _goals(show, drones, flown.start + flown.duration),
+                _goals(show, drones, end),
                 min(later, default=landing),
                 _distance(entry.get("closest")),
             )

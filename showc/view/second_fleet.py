@@ -67,4 +67,5 @@ def _slots(
         pairs.append((logged.segments[-1].start, prediction["land_start"]))
     pairs.sort()
     begins, slots = np.array(pairs).T
-    return begins, slots
+    # Missions of groups may be flown in another order than the solved flights.
+    return begins, np.maximum.accumulate(slots)

@@ -18,6 +18,8 @@ from synthetic import (
     vertical_trajectory,
 )
 
+from showc.fleet.lanes import _flown
+from showc.fleet.timetable import scheduled
 from showc.flight import Certificate, Flight, LegFlight
 from showc.script.show import MissionOptions
 
@@ -117,8 +119,28 @@ def _show(pads, level, first, second, *, options=None, fades=()):
 def formula_flight(itinerary):
     """Fly any itinerary on straight lines, without solving anything."""
     show = itinerary.show
+    times = {
+        leg.index: move_time(leg.start, leg.goal, 4.0)
+        for leg in itinerary.legs
+        if leg.open
+    }
+    itinerary = scheduled(itinerary, times)
     flights, starts, clock = [], [], 0.0
     for leg in itinerary.legs:
+        moves = tuple(
+            LegFlight(
+                part,
+                part.duration,
+                tuple(
+                    gliding_trajectory(
+                        show.vehicle, start, goal, part.duration, show.heading
+                    )
+                    for start, goal in zip(part.start, part.goal, strict=True)
+                ),
+                Certificate(part.duration, 0.0, 0.0, None, None, "made by formula"),
+            )
+            for part in leg.parts
+        )
         held = leg.kind == "hold"
         time = leg.duration or move_time(leg.start, leg.goal, 4.0)
         fly_one = (
@@ -132,8 +154,9 @@ def formula_flight(itinerary):
             else fly_one(show.vehicle, start, goal, time, show.heading)
             for start, goal in zip(leg.start, leg.goal, strict=True)
         )
+        parts = _flown(leg, moves, show) if moves else parts
         certificate = Certificate(time, 0.0, 0.0, None, None, "made by formula")
-        flights.append(LegFlight(leg, time, parts, certificate))
+        flights.append(LegFlight(leg, time, parts, certificate, moves))
         starts.append(clock)
         clock = round(clock + time, 3)
     return Flight(itinerary, tuple(flights), np.array(starts))

@@ -350,15 +350,11 @@ def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
     assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
 
 
-@pytest.mark.parametrize("lie", ["motion", "lanes"])
-def test_missions_of_a_show_that_no_mission_carries_are_not_proved(case, lie):
+def test_missions_of_a_show_that_no_mission_carries_are_not_proved(case):
     segments = list(case.show.segments)
     message = pb.Segment()
     message.CopyFrom(segments[1].message)
-    if lie == "motion":
-        message.kind = pb.Segment.MOTION
-    else:
-        message.moves.add(name="a")
+    message.kind = pb.Segment.MOTION
     segments[1] = replace(segments[1], message=message)
     show = replace(case.show, segments=tuple(segments))
     missions = Missions(case.log, show, case.script, None)

@@ -11,6 +11,7 @@ from showc.autopilot.timing import Timing
 from showc.geodesy import SiteFrame
 from showc.progress import Silent
 from showc.schedule import timeline
+from showc.schedule.course import Course
 from showc.schedule.tubes import room_used
 
 
@@ -32,9 +33,9 @@ def steep_timeline():
     builder = StageBuilder(
         SiteFrame(47.0, 8.0, 400.0, 0.0), np.full(2, 400.0), Parameters()
     )
-    return timeline.build_timeline(
-        replace(flight, legs=legs), builder, Silent(), jobs=1
-    )
+    show = flight.itinerary.show
+    course = Course.of(show, [item.leg for item in legs], replace(flight, legs=legs))
+    return timeline.build_timeline(show, course, builder, Silent(), jobs=1)
 
 
 def most_used(found):

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.log import showc_pb2 as pb
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import xyz
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import CLOCK_LAG, FIRMWARE, SETTLING, SPREAD
 from showc.verify.missions.legs import DAY, HOUR, Clock
+from showc.verify.missions.moves import moves
 from showc.verify.missions.separation import (
     RESOLUTION,
     Nearest,
@@ -35,8 +36,10 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Site
+    from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
+    from showc.verify.missions.moves import Move
     from showc.verify.report import Check, Verdict
 
 
@@ -100,7 +103,7 @@ def mission_clock(described: Mapping[str, Any]) -> Clock:
 
 
 def check_flight(
-    fleet: FleetLegs, show: LoggedShow, described: Mapping[str, Any], slack: float
+    fleet: FleetLegs, show: LoggedShow, described: Mapping[str, Any], script: Show
 ) -> list[Check]:
     """Prove what ArduCopter will make of a fleet's missions.
 
@@ -112,14 +115,14 @@ def check_flight(
         The log's rules and segments.
     described
         What the manifest says of the missions.
-    slack
-        What slots leave after the latest end of a leg, by the script [s].
+    script
+        What it asks for: slack after the latest end of a leg, holds, times.
     """
-    rules = show.rules
-    ends, reached = _check_ends(fleet, show)
+    rules, logged = show.rules, moves(show, script)
+    ends, reached = _check_ends(fleet, show, logged)
     checks = [
         ends,
-        _check_slots(fleet, reached, show, max(slack, SETTLING)),
+        _check_slots(fleet, reached, logged, script),
         _boundary("VRF415", fleet, inside_volume(fleet, rules.site)),
     ]
     fenced = inside_fence(fleet, rules.site)
@@ -128,7 +131,7 @@ def check_flight(
     if fleet.drones < 2:
         note = "one drone flies alone"
         alone = checked("VRF411", "pass", notes=(note,))
-        return [*checks, alone, _as_claimed({}, fleet, show, described)]
+        return [*checks, alone, _as_claimed({}, fleet, show, described, logged)]
     wanted = rules.separation
     try:
         timed = nearest_timed(fleet, wanted)
@@ -143,31 +146,37 @@ def check_flight(
     }
     for code, key in (("VRF411", "legs"), ("VRF412", "launch"), ("VRF413", "land")):
         checks.append(_apart(code, nearest[key], wanted.distance))
-    return [*checks, _as_claimed(nearest, fleet, show, described)]
+    return [*checks, _as_claimed(nearest, fleet, show, described, logged)]
 
 
-def _check_ends(fleet: FleetLegs, show: LoggedShow) -> tuple[Check, IntArray]:
+def _check_ends(
+    fleet: FleetLegs, show: LoggedShow, logged: list[Move]
+) -> tuple[Check, IntArray]:
     """Whether each mission visits the ends of its drone's moves in order.
 
     Also returns which leg each move of each drone ends, (drones, moves); -1 where that
-    was not found.
+    was not found, and for the moves of others.
     """
-    moves = [segment for segment in show.segments if not segment.holds]
-    stops = [move.ends()[1][:, :3] for move in moves]
+    pads = show.segments[0].ends()[0][:, :3]
     first, last = fleet.first[:-1], fleet.first[1:] - 1
-    found = np.full((fleet.drones, len(moves)), -1)
-    start = np.abs(fleet.begin[first] - moves[0].ends()[0][:, :3]) / PLACE_RESOLUTION
+    found = np.full((fleet.drones, len(logged)), -1)
+    stops = np.full((fleet.drones, len(logged), 3), np.nan)
+    for number, move in enumerate(logged):
+        stops[move.drones, number] = move.goals
+    start = np.abs(fleet.begin[first] - pads) / PLACE_RESOLUTION
     worst, drone = float(start.max()), int(start.max(axis=1).argmax())
     note = "" if worst <= 1.0 else "no item flies to the pad in its turn"
     for one in range(fleet.drones) if not note else ():
         begun = first[one]
-        for number, stop in enumerate(stops):
-            off = np.abs(fleet.end[begun : last[one] + 1] - stop[one])
+        for number, stop in enumerate(stops[one]):
+            if np.isnan(stop).any():
+                continue
+            off = np.abs(fleet.end[begun : last[one] + 1] - stop)
             ratio = (off / PLACE_RESOLUTION).max(axis=1)
             fits = np.flatnonzero(ratio <= 1.0)
             if not fits.size:
                 worst, drone = float(ratio.min(initial=np.inf)), one
-                name = moves[number].message.name
+                name = logged[number].name
                 note = f"no item flies to the end of “{name}” in its turn"
                 break
             found[one, number] = begun = begun + fits[0]
@@ -178,7 +187,8 @@ def _check_ends(fleet: FleetLegs, show: LoggedShow) -> tuple[Check, IntArray]:
             note = "flies on after its landing in the log"
         if note:
             break
-    places = f"{found.size:,} places, to 1e-7 degrees and 1.2 cm of height"
+    visited = np.count_nonzero(found >= 0)
+    places = f"{visited:,} places, to 1e-7 degrees and 1.2 cm of height"
     check = checked(
         "VRF404",
         "fail" if note else "pass",
@@ -191,17 +201,6 @@ def _check_ends(fleet: FleetLegs, show: LoggedShow) -> tuple[Check, IntArray]:
     return check, found
 
 
-def _holds(show: LoggedShow) -> FloatArray:
-    """For how long the fleet is held after each move of the log, shape (n,) [s]."""
-    found: list[float] = []
-    for segment in show.segments:
-        if not segment.holds:
-            found.append(0.0)
-        elif found:
-            found[-1] += segment.duration
-    return np.array(found)
-
-
 def _climbs(fleet: FleetLegs) -> FloatArray:
     """Likely time of each drone's take-off and climb, shape (drones,) [s]."""
     likely, first = fleet.profiles.followed(0.0), fleet.first[:-1]
@@ -209,7 +208,7 @@ def _climbs(fleet: FleetLegs) -> FloatArray:
 
 
 def _check_slots(
-    fleet: FleetLegs, reached: IntArray, show: LoggedShow, pause: float
+    fleet: FleetLegs, reached: IntArray, logged: list[Move], script: Show
 ) -> Check:
     """Whether each drone reaches its slots in time, and none waits for nothing.
 
@@ -218,8 +217,9 @@ def _check_slots(
     waits no longer than that, so no slot is an hour late.
     """
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
+    pause, holds = max(script.mission.slack, SETTLING), [one.held for one in logged]
     held = np.zeros(fleet.release.size)
-    held[reached] = np.where(reached < 0, 0.0, _holds(show))
+    held[reached] = np.where(reached < 0, 0.0, holds)
     free = fleet.release + np.maximum(
         flights.followed(flights.late) + CLOCK_LAG + pause,
         flights.followed(0.0) + 0.5 * CLOCK_LAG + held,
@@ -236,8 +236,10 @@ def _check_slots(
     before = np.maximum.accumulate([float(climbed.max()), *free[order]])[:-1]
     idle = fleet.release[order] - before
     longest = float(idle.max(initial=0.0))
-    # Holds of formations, and colours that change while no drone moves.
-    patience = max(one.duration for one in show.segments) + 2.0 * TICK + SPIN_UP
+    # Holds of formations, colours that change while no drone moves, and times to come.
+    ends = [0.0, *(one.start + one.duration for one in logged)]
+    waits = [one - before for before, one in pairwise(sorted(ends))]
+    patience = max(waits) + 2.0 * TICK + SPIN_UP
     note = f"{timed.size:,} slots, at least {pause:g} s after the latest end"
     value = worst if timed.size else 0.0
     verdict: Verdict = "pass"
@@ -341,6 +343,7 @@ def _as_claimed(
     fleet: FleetLegs,
     show: LoggedShow,
     described: Mapping[str, Any],
+    logged: list[Move],
 ) -> Check:
     """Hold what the manifest predicts against what was found here.
 
@@ -348,8 +351,9 @@ def _as_claimed(
     ``land``.
     """
     try:
-        wrong = _unlike_found(described["prediction"], fleet, show, described["start"])
-        off = _off(described["prediction"], nearest)
+        said, start = described["prediction"], described["start"]
+        wrong = _unlike_found(said, fleet, show, start, logged[1:-1])
+        off = _off(said, nearest)
     except (KeyError, TypeError, ValueError, AttributeError):
         wrong, off = ["the prediction is nothing that can be read"], {}
     if wrong:
@@ -367,13 +371,9 @@ def _unlike_found(
     fleet: FleetLegs,
     show: LoggedShow,
     start: str | None,
+    timed: list[Move],
 ) -> list[str]:
     """Say what differs of a prediction besides its encounters."""
-    moves = [
-        one.message
-        for one in show.segments
-        if one.message.kind in {pb.Segment.TRANSITION, pb.Segment.APPROACH}
-    ]
     keys = _LEG if start is None else _LEG | {"slots_utc"}
     # What is free stands here as it is said.
     wanted = {key: said.get(key) for key in _PREDICTED} | {
@@ -384,9 +384,10 @@ def _unlike_found(
         "clock_lag": CLOCK_LAG,
         "required_separation": show.rules.separation.distance,
         "legs": [
-            {key: leg.get(key) for key in keys} | {"leg": move.index, "name": move.name}
+            {key: leg.get(key) for key in keys}
+            | {"leg": move.segment, "name": move.name}
             for leg, move in zip(
-                [*said["legs"], *[{}] * len(moves)], moves, strict=False
+                [*said["legs"], *[{}] * len(timed)], timed, strict=False
             )
         ],
     }

@@ -25,6 +25,7 @@ from showc.verify.missions.language import (
 )
 from showc.verify.missions.law import PARAMETERS, parameter_file
 from showc.verify.missions.legs import fleet_legs, to_show_frame
+from showc.verify.missions.moves import moves
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
 from showc.verify.specification.compare import read_json, unlike
@@ -44,10 +45,6 @@ if TYPE_CHECKING:
     from showc.verify.report import Check, Verdict
 
 MANIFEST = "manifest.json"
-
-STILL = {pb.Segment.HOLD, pb.Segment.MOTION}
-"""Kinds of legs after which lights of missions stay as they are: moves alone change
-them, at once."""
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT values."""
@@ -215,11 +212,9 @@ class Missions:
         """Work out what all drones fly, if that can be said."""
         missions, site = list(self.missions.values()), self.show.rules.site
         legs = [one.message for one in self.show.segments]
-        if any(one.moves or one.kind == pb.Segment.MOTION for one in legs):
-            self.grounded = (
-                "a mission carries no formation that moves, and no group with times of "
-                "its own"
-            )
+        held = [bool(one.motion) for one in self.script.transitions]
+        if any([*held, *(one.kind == pb.Segment.MOTION for one in legs)]):
+            self.grounded = "a mission carries no formation that moves"
             return
         try:
             clock = mission_clock(self.described)
@@ -257,16 +252,17 @@ class Missions:
         """Say which missions show other colours than the moves end in, in order."""
         options = self.script.mission
         dark, full = options.light_pwm
-        ends = [
-            np.rint(dark + np.clip(span.end, 0.0, 1.0) * (full - dark)).astype(int)
-            for span, segment in zip(
-                self.lights.spans, self.show.segments, strict=False
-            )
-            if segment.message.kind not in STILL
-        ]
         servos = options.light_servos or ()
-        for drone, (name, mission) in enumerate(self.missions.items()):
-            every = [[dark] * len(servos), *(end[drone].tolist() for end in ends)]
+        lit = [[[dark] * len(servos)] for _ in range(self.show.drones)]
+        begun = {
+            (round(one.start, 6), one.drones[0]): one.end for one in self.lights.spans
+        }
+        for move in moves(self.show, self.script):
+            end = begun.get((round(move.start, 6), *move.drones[:1]), np.zeros((0, 3)))
+            pulses = np.rint(dark + np.clip(end, 0.0, 1.0) * (full - dark)).astype(int)
+            for drone, own in zip(move.drones, pulses.tolist(), strict=False):
+                lit[drone].append(own)
+        for every, (name, mission) in zip(lit, self.missions.items(), strict=False):
             wanted = [one for one, _ in groupby(every if servos else every[:1])]
             try:
                 shown = _shown(mission, servos, dark)
@@ -301,8 +297,7 @@ class Missions:
         """Check what the missions fly."""
         if self.fleet is None:
             return [checked("VRF410", "fail", notes=(self.grounded,))]
-        slack = self.script.mission.slack
-        return check_flight(self.fleet, self.show, self.described, slack)
+        return check_flight(self.fleet, self.show, self.described, self.script)
 
 
 def check_parameters(found: bytes, wanted: bytes) -> Check:

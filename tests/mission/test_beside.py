@@ -1,0 +1,155 @@
+"""Missions of groups that fly beside each other, at times of their own."""
+
+from itertools import pairwise
+
+import pytest
+from mission.flights import rows
+from mission.planted import Case
+
+from showc.autopilot.timing import Timing
+from showc.fleet import solve_itinerary
+from showc.fleet.options import SolveOptions
+from showc.mission import mission_files
+from showc.mission.feasibility import mission_outlook
+from showc.mission.fleet import builder_of
+from showc.plan import build_itinerary
+from showc.progress import Silent
+from showc.schedule.course import Course
+from showc.schedule.surroundings import fleet_motions
+from showc.schedule.timeline import build_timeline
+from showc.script import read_show
+
+SCRIPT = """\
+showc: 1
+drones: 4
+mission: {light_servos: [9, 10, 11]}
+music: {offset: 4}
+pads: {type: grid, rows: 1, step: 4, count: 4}
+launch: {altitude: 10, hold: 2}
+groups: {left: 1-2, right: 3-4}
+formations:
+  up: {type: points, points: [[-8, 0, 16], [-4, 0, 16]], colour: gold}
+  far: {type: points, points: [[-8, 0, 10], [-4, 0, 10]], colour: red}
+  down: {type: points, points: [[8, 0, 10], [4, 0, 10]], colour: blue}
+transitions:
+  - {to: up, group: left, start: 10, at: 20}
+  - {to: far, group: right, at: 38, duration: 12, hold: 4}
+  - {to: down, group: left, at: 36, duration: 10, hold: 9}
+landing: {altitude: 10}
+"""
+
+
+@pytest.fixture(scope="module")
+def flight():
+    itinerary = build_itinerary(read_show(SCRIPT.encode()).show)
+    return solve_itinerary(itinerary, SolveOptions(), Silent())
+
+
+@pytest.fixture(scope="module")
+def case(flight, tmp_path_factory):
+    return Case(tmp_path_factory.mktemp("beside"), flight)
+
+
+def legs(case):
+    return {leg["name"]: leg for leg in case.missions.prediction["legs"]}
+
+
+def test_groups_fly_at_the_same_time_in_missions_and_all_is_proved(case):
+    assert case.failures() == set()
+    right, left = legs(case)["launch -> far"], legs(case)["up -> down"]
+    assert right["slot"] < left["slot"] + left["duration"]
+    assert left["slot"] < right["slots"][-1] + right["durations"][-1]
+    # The proof of the bytes and that of the plan find the same pair and distance.
+    found = case.checks()["VRF411"]
+    nearest = min(
+        (leg["closest"] for leg in legs(case).values()), key=lambda one: one["distance"]
+    )
+    assert list(found.where.pair) == nearest["drones"]
+    assert found.value == pytest.approx(nearest["distance"], abs=0.01)
+
+
+def test_slots_follow_the_cues_by_one_shift_of_the_clock(case):
+    said = [line for line in case.missions.warnings if "the music is" in line]
+    shift = float(said[0].split("the music is ")[1].split()[0]) - 4.0
+    timeline = case.missions.predicted.timeline
+    assert shift == pytest.approx(timeline.shift, abs=0.05)
+    asked = {"launch -> up": 24.0, "launch -> far": 42.0, "up -> down": 40.0}
+    for leg in timeline.legs:
+        if leg.leg.name in asked:
+            late = leg.arrival - asked[leg.leg.name] - timeline.shift
+            assert late == pytest.approx(leg.late, abs=1e-9)
+            assert abs(late) <= 0.1
+
+
+def test_each_drone_waits_for_the_slots_of_its_own_group(case):
+    slots = {}
+    for drone in (1, 3):
+        table = rows(case.files[f"missions/drone_{drone:04d}.waypoints"])
+        slots[drone] = [row[6] * 60 + row[7] for row in table if row[3] == 93][:-1]
+        assert [int(row[3]) for row in table].count(22) == 1
+    assert slots[1] != slots[3]
+
+
+def test_a_group_that_leaves_into_the_other_is_caught(case):
+    """Slots of one group moved by some seconds, with every hash made to fit."""
+
+    def later(seconds):
+        def change(table):
+            for row in table:
+                # Slots of the leg beside the other group.
+                if row[3] == "93" and row[4] == "-1" and 25 <= int(row[7]) < 50:
+                    row[7] = str(int(row[7]) + seconds)
+            return table
+
+        return change
+
+    for drones, seconds in (((1, 2), -2), ((3, 4), 2)):
+        moved = {}
+        for drone in drones:
+            moved |= case.with_row(drone, later(seconds))
+        assert "VRF411" in case.caught(moved)
+
+
+def test_what_one_group_shows_in_anothers_place_is_caught(case):
+    def dark(table):
+        for row in table:
+            if row[3] == "183" and row[5] == "2000":
+                row[5] = "1000"
+        return table
+
+    assert "VRF409" in case.caught(case.with_row(3, dark))
+
+
+def test_a_move_that_cannot_be_apart_waits_for_the_other_and_is_late():
+    """Without a solved flight there is no bend to go round along."""
+    itinerary = build_itinerary(read_show(SCRIPT.encode()).show)
+    show, course = itinerary.show, Course.planned(itinerary)
+    timeline = build_timeline(show, course, builder_of(show)[0], Silent())
+    right, left = timeline.legs[1:3]
+    assert (right.leg.name, left.leg.name) == ("launch -> far", "up -> down")
+    assert left.arrival < right.releases[0] or right.arrival < left.releases[0]
+    assert max(right.late, left.late) > 1.0
+    (late,) = [one for one in mission_outlook(itinerary).notes if " late in " in one]
+    assert "`showc stream` keeps all times" in late
+
+
+def test_missions_do_not_depend_on_processes(flight, case):
+    again = mission_files(flight, jobs=2)
+    assert again.files == case.missions.files
+
+
+def test_motions_of_the_fleet_are_cut_where_a_stage_begins(case):
+    timeline = case.missions.predicted.timeline
+    beside = [part for leg in timeline.legs[:3] for part in leg.flown]
+    start = timeline.staging.end
+    found = list(fleet_motions(beside, start, Timing(), (0.0, float("inf"))))
+    # Two stages begin at one instant.
+    assert len(found) == len(beside) - 1
+    for before, after in pairwise(found):
+        assert before.window[1] <= after.window[0]
+    for motion in found:
+        assert motion.begin.shape == (4, 3)
+    # At the end all stand where the last of their legs ends.
+    for _, stage in beside:
+        last = next(one for _, one in reversed(beside) if stage.drones[0] in one.drones)
+        assert (found[-1].end[last.drones] == last.end).all()
