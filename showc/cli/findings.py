@@ -58,11 +58,11 @@ def _finding(check: Check, path: str) -> Diagnostic:
     known = codes().get(check.code)
     return Diagnostic(
         check.code,
-        FAULTS.get(check.verdict, Severity.WARNING),
         f"{check.group}: {check.name}{measured}" + (f" ({where})" if where else ""),
         Mark(path, 1, 1, 1, 2),
         notes=check.notes,
         help=known.repair.rstrip(".") if known is not None else "",
+        severity=FAULTS.get(check.verdict, Severity.WARNING),
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
+from showc.script.diagnostic import Diagnostic, Label, Spot
 from showc.script.lanes import arrival, chapters, departure, own_times
 from showc.script.settings import Settings
 from showc.script.spacing import closest_between
@@ -66,7 +66,6 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
         if pair is not None:
             yield Diagnostic(
                 "SHW206",
-                Severity.ERROR,
                 f"place {pair.first + 1} of the parking `{parking.name}` is "
                 f"{number_text(pair.distance)} m from place {pair.second + 1} of "
                 f"`{formation.name}`, the separation is "
@@ -79,7 +78,6 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
     if needs is not None and len(parking.points) < most:
         yield Diagnostic(
             "SHW205",
-            Severity.ERROR,
             f"the parking `{parking.name}` has {len(parking.points)} places, {most} "
             "drones wait there",
             parking.mark,
@@ -112,7 +110,6 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
             if pair is not None:
                 yield Diagnostic(
                     "SHW208",
-                    Severity.ERROR,
                     f"place {pair.first + 1} of `{formation.name}` (group `{group}`) "
                     f"is {number_text(pair.distance)} m from place "
                     f"{pair.second + 1} of `{theirs.name}` (group `{other}`), the "
@@ -171,7 +168,6 @@ def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
                 drone = rows[pair.second]
                 yield Diagnostic(
                     "SHW208",
-                    Severity.ERROR,
                     f"place {pair.first + 1} of `{formation.name}` (group "
                     f"`{transition.group}`) is {number_text(pair.distance)} m from "
                     f"drone {drone + 1}, which stands by, the separation "

@@ -45,8 +45,6 @@ class Diagnostic:
 
     code: str
     """Stable code, ``SHW`` and three digits; never given to anything else later."""
-    severity: Severity
-    """Whether the show can be used at all."""
     message: str
     """What is wrong, in one line without a full stop."""
     span: Mark | None
@@ -63,6 +61,8 @@ class Diagnostic:
     """Text to put in place of the span's, where that is certain; else empty."""
     spot: Spot | None = None
     """What it is about, if that is places of one formation."""
+    severity: Severity = Severity.ERROR
+    """Whether the show can be used at all."""
 
 
 class ScriptError(ValueError):

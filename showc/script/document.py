@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.diagnostic import Diagnostic, Label
 from showc.script.show import Mark
 
 if TYPE_CHECKING:
@@ -145,15 +145,11 @@ def parse_document(
     return root, text, builder.found
 
 
-def _error(code: str, message: str, span: Mark | None, **more: Any) -> Diagnostic:  # noqa: ANN401
-    return Diagnostic(code, Severity.ERROR, message, span, **more)
-
-
 def _decode(content: bytes, path: str) -> tuple[str, list[Diagnostic]]:
     if len(content) > MAX_BYTES:
         message = f"the script has {len(content)} bytes, at most {MAX_BYTES} are read"
         return "", [
-            _error(
+            Diagnostic(
                 "SHW008",
                 message,
                 Mark(path, 1, 1, 1, 2),
@@ -166,7 +162,7 @@ def _decode(content: bytes, path: str) -> tuple[str, list[Diagnostic]]:
         before = content[: fault.start].decode("utf-8")
         line = before.count("\n") + 1
         column = len(before) - (before.rfind("\n") + 1) + 1
-        found = _error(
+        found = Diagnostic(
             "SHW003",
             f"byte {content[fault.start]:#04x} at offset {fault.start} is not UTF-8",
             Mark(path, line, column, line, column + 1),
@@ -187,7 +183,7 @@ def _tabs(text: str, path: str) -> list[Diagnostic]:
                 break
             column = indent.index("\t") + 1
             found.append(
-                _error(
+                Diagnostic(
                     "SHW002",
                     "a tab in the indentation",
                     Mark(path, number, column, number, len(indent) + 1),
@@ -249,7 +245,7 @@ class _Builder:
         return self.root
 
     def _say(self, code: str, message: str, span: Mark, **more: Any) -> None:  # noqa: ANN401
-        self.found.append(_error(code, message, span, **more))
+        self.found.append(Diagnostic(code, message, span, **more))
 
     def _syntax(self, fault: yaml.MarkedYAMLError) -> None:
         # The fallback marks may be of libyaml's type, the stubs know the pure one.

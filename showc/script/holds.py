@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.company import transitions_of
-from showc.script.diagnostic import Diagnostic, Severity, Spot
+from showc.script.diagnostic import Diagnostic, Spot
 from showc.script.lanes import (
     arrival,
     chapters,
@@ -95,7 +95,6 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if time < SHORTEST_MOTION:
             yield Diagnostic(
                 "SHW217",
-                Severity.ERROR,
                 f"`{transition.to}` moves, and is held for "
                 f"{number_text(round(max(time, 0.0), 3))} s",
                 mark,
@@ -107,7 +106,6 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if found := flown.fault(share):
             yield Diagnostic(
                 "SHW217",
-                Severity.ERROR,
                 found.message,
                 mark,
                 help=found.help,

@@ -88,7 +88,6 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
         enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
         yield Diagnostic(
             "SHW216",
-            Severity.WARNING,
             f"the text of `{name}` cannot be read: its letters are "
             f"{number_text(round(stem, 1))} m high, its places "
             f"{number_text(round(apart, 1))} m apart",
@@ -96,6 +95,7 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
             notes=(f"{len(points)} drones write it",),
             help=f"use {enough}, or write less",
             spot=Spot(name, ()),
+            severity=Severity.WARNING,
         )
 
 
@@ -148,12 +148,12 @@ def _mirrored(sketch: Sketch) -> Iterator[Diagnostic]:
             help_text = "turn it round: `transform: [{rotate: 180}]`"
         yield Diagnostic(
             "SHW218",
-            Severity.WARNING,
             f"`{name}` is mirrored for the audience {names}",
             own.mark_of("transform") if "transform" in own else formation.mark,
             notes=(f"it reads from the side of {_side(facing)}",),
             help=help_text,
             spot=Spot(name, ()),
+            severity=Severity.WARNING,
         )
 
 

@@ -107,7 +107,6 @@ def load_show(path: str | Path, *, allow_outside: bool = False) -> LoadResult:
         reason = "a link leads out of its folder" if linked else fault.reason
         found = Diagnostic(
             "SHW010",
-            Severity.ERROR,
             f"`{name}` cannot be read: {reason}",
             None,
             help="give the option --allow-outside if the script may lie elsewhere"
@@ -158,7 +157,6 @@ def read_show(
         mark = Mark(path, 1, 1, 1, 2)
         found = Diagnostic(
             "SHW119",
-            Severity.ERROR,
             f"reading the script takes more than {MAX_SECONDS:g} s of processor time",
             mark,
             help="use fewer places, formations or smaller files",
@@ -200,10 +198,10 @@ def _bounded(found: Sequence[Diagnostic], path: str) -> tuple[Diagnostic, ...]:
     chosen = chosen[:MAX_FOUND]
     more = Diagnostic(
         "SHW119",
-        chosen[0].severity,
         f"there are {MAX_FOUND} findings or more; the rest is left out",
         Mark(path, 1, 1, 1, 2),
         help="mend the first ones and check again",
+        severity=chosen[0].severity,
     )
     return (*sorted(chosen, key=position), more)
 
@@ -218,7 +216,6 @@ def _no_script(path: str, root: Node | None) -> Diagnostic:
     mark = Mark(path, 1, 1, 1, 2)
     return Diagnostic(
         "SHW011",
-        Severity.ERROR,
         f"the script {what}",
         mark,
         help="start from the one that `showc init` writes",

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.diagnostic import Diagnostic
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
 from showc.script.fields import resolve
 from showc.script.kinds import Either, Section
@@ -52,7 +52,6 @@ def decimal_comma(entry: Entry, node: Mapping) -> Diagnostic | None:
     fault = comma_fault(f"{value.text},{entry.key}")
     return Diagnostic(
         fault.code,
-        Severity.ERROR,
         f"`{before.key}`: {fault}",
         replace(first, end_line=behind.end_line, end_column=behind.end_column),
         help=fault.help,

@@ -78,10 +78,10 @@ def mission_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             settings = settings.section(section)
         yield Diagnostic(
             "SHW308",
-            Severity.WARNING,
             found.message,
             found.mark or settings.mark_of(found.key[-1]),
             help=found.help,
+            severity=Severity.WARNING,
         )
 
 

@@ -61,12 +61,12 @@ def _warning(
 ) -> Diagnostic:
     return Diagnostic(
         code,
-        Severity.WARNING,
         message,
         span,
         notes=notes,
         help=help_text,
         secondary=secondary,
+        severity=Severity.WARNING,
     )
 
 

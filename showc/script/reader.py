@@ -10,7 +10,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from showc.script.diagnostic import Diagnostic, Label, ScriptError, Severity
+from showc.script.diagnostic import Diagnostic, Label, ScriptError
 from showc.script.document import (
     MAX_FOUND,
     Entry,
@@ -100,7 +100,6 @@ class Reader:
         self.found.append(
             Diagnostic(
                 code,
-                Severity.ERROR,
                 shortened(message),
                 span,
                 label=label,

@@ -73,7 +73,6 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 notes += ("`distance` and twice `tracking` make the separation",)
             yield Diagnostic(
                 "SHW201",
-                Severity.ERROR,
                 f"{names} are {apart} m apart, the separation is "
                 f"{number_text(distance)} m" + _measure(separation.shape),
                 formation.mark,
@@ -88,7 +87,6 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
             sure = number_text(pair.distance / sqrt(2.0))
             yield Diagnostic(
                 "SHW202",
-                Severity.WARNING,
                 f"{names} are {apart} m apart, less than √2 times the separation "
                 f"of {number_text(distance)} m",
                 formation.mark,
@@ -105,6 +103,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 help="a wider formation is faster to reach, because drones need not "
                 "go around each other",
                 spot=Spot(formation.name, (pair.first, pair.second)),
+                severity=Severity.WARNING,
             )
 
 
@@ -132,7 +131,6 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
         limit = float(high[axis] if above else low[axis])
         yield Diagnostic(
             "SHW203",
-            Severity.ERROR,
             f"place {place + 1} of `{formation.name}`{what} is outside the flight "
             f"volume: {'xyz'[axis]} is {number_text(value)} m, "
             f"{'at most' if above else 'at least'} {number_text(limit)} m is allowed",
@@ -184,7 +182,6 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                 )
             yield Diagnostic(
                 "SHW204",
-                Severity.ERROR,
                 f"place {place + 1} of `{formation.name}` is {where}",
                 formation.mark,
                 secondary=(
@@ -220,7 +217,6 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
             if fence.way(home, points[place]) is None:
                 yield Diagnostic(
                     "SHW212",
-                    Severity.ERROR,
                     f"no way from the pads to place {place + 1} of "
                     f"`{formation.name}` stays {number_text(fence.margin)} m within "
                     "the fence",
@@ -247,7 +243,6 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
         if site.ceiling is not None and points[top, 2] > site.ceiling + _SLACK:
             yield Diagnostic(
                 "SHW214",
-                Severity.ERROR,
                 f"place {top + 1} of `{formation.name}`{what} is "
                 f"{number_text(float(points[top, 2]))} m high, the ceiling is "
                 f"{number_text(site.ceiling)} m",
@@ -281,7 +276,6 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                 place = int(np.argmax(met))
                 yield Diagnostic(
                     "SHW215",
-                    Severity.ERROR,
                     f"place {place + 1} of `{formation.name}`{what} is {where} "
                     f"`{name}`",
                     formation.mark,
@@ -304,7 +298,6 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
     if pads is not None and len(pads.points) < drones:
         yield Diagnostic(
             "SHW205",
-            Severity.ERROR,
             f"the pads `{pads.name}` have {counted(len(pads.points), 'place')} for "
             f"{counted(drones, 'drone')}",
             pads.mark,
@@ -322,7 +315,6 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
         if places > flying or (places < flying and sketch.parking is None):
             yield Diagnostic(
                 "SHW205",
-                Severity.ERROR,
                 f"`{formation.name}` has {counted(places, 'place')} for {flown}",
                 item.mark_of("to"),
                 secondary=(Label(formation.mark, counted(places, "place")),),
@@ -352,8 +344,8 @@ def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
         if name not in used and not broken:
             yield Diagnostic(
                 "SHW118",
-                Severity.WARNING,
                 f"nothing uses the formation `{name}`",
                 setting.key_mark,
                 help="fly to it in a transition, or remove it",
+                severity=Severity.WARNING,
             )

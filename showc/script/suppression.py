@@ -109,9 +109,9 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
 def _faulty(message: str, mark: Mark) -> Diagnostic:
     return Diagnostic(
         "SHW117",
-        Severity.WARNING,
         message,
         mark,
         help="write `# showc: ignore[SHW303] why it is right here`, on the line of the "
         "finding or alone on the line before",
+        severity=Severity.WARNING,
     )

@@ -118,7 +118,6 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         slowest = f"drone {drone + 1}" if drone is not None else "some drone"
         yield Diagnostic(
             "SHW209",
-            Severity.ERROR,
             f"`{transition.name}` needs at least {number_text(_up(least))} s, the "
             f"script gives {number_text(transition.duration)} s",
             settings[index].mark_of("duration"),
@@ -163,7 +162,6 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             if asked_for > taken + _MILLISECOND:
                 yield Diagnostic(
                     "SHW213",
-                    Severity.ERROR,
                     f"`{one.name}` takes {number_text(asked_for)} s, and the groups "
                     f"that are flown with it {number_text(taken)} s",
                     settings[row].mark_of("duration"),
@@ -182,7 +180,6 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             move = f"the move takes {number_text(_up(least))} s at least"
             yield Diagnostic(
                 "SHW213",
-                Severity.ERROR,
                 f"`{show.transitions[member].name}` cannot {verb} at "
                 f"{_time(show, time)}: {number_text(_up(soonest - time))} s too early",
                 settings[member].mark_of(key),
@@ -222,7 +219,6 @@ def _lane_fault(
             if there is None:
                 return Diagnostic(
                     "SHW213",
-                    Severity.ERROR,
                     f"when `{one.name}` arrives is not known, and other groups move "
                     "meanwhile at times of their own",
                     asked[row].mark,
@@ -231,7 +227,6 @@ def _lane_fault(
             if any(one.under_way):
                 return Diagnostic(
                     "SHW213",
-                    Severity.ERROR,
                     f"`{one.name}` meets or leaves a motion under way, and other "
                     "groups move meanwhile at times of their own",
                     asked[row].mark_of("motion"),
@@ -245,7 +240,6 @@ def _lane_fault(
                 key = "start" if one.start is not None else "at"
                 return Diagnostic(
                     "SHW213",
-                    Severity.ERROR,
                     f"`{one.name}` cannot {'start' if starts else 'stand'} at "
                     f"{_time(show, time)}: {number_text(_up(soonest - time))} s too "
                     "early",
@@ -308,22 +302,22 @@ def _envelope_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if section.written(key) and asked > kept:
             yield Diagnostic(
                 "SHW211",
-                Severity.WARNING,
                 f"`{key}` is {number_text(asked)} {unit}, the autopilot follows "
                 f"{number_text(kept)} {unit}",
                 section.mark_of(key),
                 help="lower the limit, or write `envelope: airframe` in `vehicle`",
+                severity=Severity.WARNING,
             )
 
 
 def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diagnostic:
     return Diagnostic(
         "SHW210",
-        Severity.WARNING,
         f"the limit of {what} is {number_text(limit)} {unit}, the rotors give "
         f"{number_text(most)} {unit} at most",
         mark,
         help="check the limit, or the vehicle's rotors; the rotors' own holds too",
+        severity=Severity.WARNING,
     )
 
 

@@ -183,7 +183,7 @@ def test_github_commands_hold_one_line_each(corpus):
 
 def test_github_escapes():
     item = Diagnostic(
-        "SHW101", Severity.ERROR, "100 %: a, b", Mark("a,b:c.yaml", 1, 1, 1, 2),
+        "SHW101", "100 %: a, b", Mark("a,b:c.yaml", 1, 1, 1, 2),
         notes=("second",),
     )  # fmt: skip
     assert render([item], {}, "github") == (
@@ -195,7 +195,7 @@ def test_github_escapes():
 def test_text_draws_carets_and_colour():
     text = "a: 1\nsize: wide\n"
     item = Diagnostic(
-        "SHW103", Severity.ERROR, "not a number", Mark("x.yaml", 2, 7, 2, 11),
+        "SHW103", "not a number", Mark("x.yaml", 2, 7, 2, 11),
         label="here", secondary=(Label(Mark("x.yaml", 1, 4, 1, 5), "not there"),),
         notes=("a note",), help="do this",
     )  # fmt: skip
@@ -217,7 +217,7 @@ def test_text_draws_carets_and_colour():
 
 def test_text_caps_a_flood():
     items = [
-        Diagnostic("SHW101", Severity.ERROR, f"fault {n}", Mark("x.yaml", 1, 1, 1, 2))
+        Diagnostic("SHW101", f"fault {n}", Mark("x.yaml", 1, 1, 1, 2))
         for n in range(50)
     ]
     said = render(items, {"x.yaml": "abc"}, "text")
@@ -234,7 +234,9 @@ spans = st.builds(
 
 @given(st.text(max_size=60), spans, st.text(max_size=20), st.sampled_from(FORMATS))
 def test_any_finding_in_any_text_is_drawn(text, span, message, form):
-    item = Diagnostic("SHW101", Severity.WARNING, message, span, notes=(message,))
+    item = Diagnostic(
+        "SHW101", message, span, notes=(message,), severity=Severity.WARNING
+    )
     said = render([item], {"x.yaml": text}, form)
     assert said
     if form == "junit":
@@ -242,9 +244,9 @@ def test_any_finding_in_any_text_is_drawn(text, span, message, form):
 
 
 def test_selecting_keeps_errors_and_raises_warnings():
-    error = Diagnostic("SHW201", Severity.ERROR, "e", None)
-    warning = Diagnostic("SHW303", Severity.WARNING, "w", None)
-    other = Diagnostic("SHW118", Severity.WARNING, "o", None)
+    error = Diagnostic("SHW201", "e", None)
+    warning = Diagnostic("SHW303", "w", None, severity=Severity.WARNING)
+    other = Diagnostic("SHW118", "o", None, severity=Severity.WARNING)
     found = (error, warning, other)
     assert select_diagnostics(found) == found
     assert select_diagnostics(found, ignore=["SHW3", "SHW2"]) == (error, other)
