@@ -48,14 +48,17 @@ if TYPE_CHECKING:
 _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure, where a crowd was
-nearly parted, with fewer times what may be wrong, and of many drones that were not."""
+nearly parted, with fewer times what may be wrong, and of many drones."""
 _MANY = 128
 """Drones from which on a try costs as much as all before it; up to these, flights that
 kept apart are followed at a quicker pace: that takes a solve for each of them."""
-_CLOSE, _CLOSE_OF_FEW, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.0015, 0.05, 0.2, 0.8
+_CLOSE, _CLOSE_OF_FEW, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.004, 0.08, 0.2, 0.8
 """Time between a failed and a flown one that is near enough: a share of the least time,
-and a share of what is flown beyond it, greater the more drones there are; of many it is
-over the effort."""
+and a share of what is flown beyond it, greater the more drones there are; the first
+and that of many are over the effort."""
+_ENOUGH_OF_MANY = 0.02
+"""Share of the least time beyond it, over the effort, at which a flight of many drones
+is enough: nearer ones take as long as all before."""
 _FEW = 32
 """Drones up to which a try costs little."""
 _BOLD = 0.3
@@ -210,7 +213,7 @@ class Search:
         if 0.0 < repair.tangled < _NEARLY:
             return _SLOWLY
         many = self.leg.drones.size > _MANY and self.options.effort == 1
-        return _BOLDLY if many and repair.tangled else _GROWTH
+        return _BOLDLY if many else _GROWTH
 
     def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown."""
@@ -218,9 +221,12 @@ class Search:
         few = self.leg.drones.size <= _FEW
         part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
         part = _CLOSE_OF_MANY / self.options.effort if many else part
+        enough = _ENOUGH_OF_MANY / self.options.effort * limiting.time
         while not self.spent:
             beyond = best.duration - limiting.time
-            near = max(_CLOSE * limiting.time, part * beyond)
+            if many and beyond < enough:
+                break
+            near = max(_CLOSE * limiting.time / self.options.effort, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
             middle = whole_milliseconds(middle)

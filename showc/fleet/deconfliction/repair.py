@@ -19,11 +19,7 @@ from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.deconfliction.untangling import (
-    Untangled,
-    untangle,
-    untangle_near,
-)
+from showc.fleet.deconfliction.untangling import untangle, untangle_near
 from showc.fleet.deconfliction.walls import NODES, gathered, pair_walls
 from showc.fleet.shared_profile.flat import keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
@@ -50,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import FloatArray, IntArray
+    from showc.fleet.deconfliction.changes import Untangled
     from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.walls import PairWalls
     from showc.fleet.execution.pool import Workers

@@ -1,0 +1,373 @@
+"""Ways of a crowd through a fourth dimension, pressed flat.
+
+Which way round each other drones go is a choice for every pair. Here nothing chooses:
+each drone has one coordinate more, at first a random one, in which pairs pass each
+other freely. What that coordinate costs is raised until it is flat; pairs that passed
+through each other's place are then beside each other. All that is wanted is a price:
+the squared lack of distance of every pair between two samples, the squared share by
+which places, speeds and accelerations pass their limits, and a little of the energy
+that bends flights. The sum falls by quasi-Newton steps (L-BFGS; Liu, Nocedal 1989)
+while prices rise. Where no way is found, what comes out says by how much: it lacks
+little where the time is nearly enough.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.fleet.deconfliction.changes import (
+    Untangled,
+    energy_factor,
+    excess,
+    spline_values,
+)
+from showc.fleet.deconfliction.crowd import sampled
+from showc.fleet.deconfliction.neighbours import all_pairs
+from showc.fleet.single_drone.basis import DEGREE
+from showc.vehicle.metric import measure
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.fleet.deconfliction.crowd import Crowd
+
+
+_STAGES: tuple[tuple[float, float | None, int], ...] = (
+    (30.0, 0.0, 40),
+    (100.0, 0.01, 40),
+    (300.0, 0.1, 60),
+    (1000.0, 1.0, 80),
+    (3000.0, None, 120),
+    (30000.0, None, 150),
+)
+"""Price of squared lacks, price of the fourth coordinate, None where it is gone, and
+steps at most: what parts the crowds of the benchmarks, found by trial."""
+_LAST = 2
+"""Of these stages, those that go on from ways that are known."""
+_HOPELESS = 0.02
+"""Sum of squared lacks of each drone beyond which the time is too short, whatever the
+beginning: where a way was found in the end, a tenth of that was left."""
+_MEMORY = 8
+"""Steps that shape the next one."""
+_AIM, _CALM = 0.02, 0.2
+"""Share of the separation that is aimed at beyond it, and the share of the time at
+either end over which that rises from nothing: what following a way may cost."""
+_AGAIN = 4
+"""Times that this share is added at most where a pair comes too near all the same."""
+_ASIDE, _LIFT = 0.15, 0.6
+"""Size of the random beginning, and that in the fourth coordinate, in separations."""
+_ENERGY = 1e-3
+"""Price of the energy, over the time."""
+_INSIDE = 0.01
+"""Share by which flights stay within limits, for what lies between samples."""
+_REACH, _MOVED = 1.5, 0.2
+"""Distance of pairs that are looked at, and by how much drones move until pairs are
+looked for again, in separations."""
+_SLIGHT, _DEEP = 0.004, 0.05
+"""Shares of the separation that a pair may lack, and that count as a whole pair."""
+_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8)
+"""Any-axis: where between two samples pairs are looked at."""
+_SHARPER, _POWERS = 0.01, (4.0, 64.0)
+"""Any-axis: power of the norm that stands for the greatest axis, over the price of
+lacks, and its bounds: a sharp one is blind to all axes but one."""
+_TINY = 1e-12
+"""What keeps quotients finite."""
+_PRODUCTS_OF_PAIR = 250.0
+"""Products that take as long as one pair between two samples [measured]."""
+
+
+class Elastic:
+    """Changes of a crowd that lack least.
+
+    Parameters
+    ----------
+    crowd
+        What each would fly alone.
+    seed
+        Of the random beginning.
+    known
+        Changes at the crowd's instants to go on from, shape (n, m, 3) [m].
+    """
+
+    def __init__(
+        self, crowd: Crowd, seed: int = 0, known: FloatArray | None = None
+    ) -> None:
+        self.crowd, self.seed, self.known = crowd, seed, known
+        self.drones, self.samples = crowd.places.shape[:2]
+        self.distance = crowd.separation.distance
+        self.square = crowd.separation.shape == "any-axis"
+        self.scale = np.asarray(crowd.separation.metric_scale)
+        times = sampled(crowd.duration)
+        self.factor = energy_factor(crowd.duration, crowd.intervals + DEGREE - 8)
+        values = spline_values(crowd.duration, self.factor.shape[0], times)
+        # Places, velocities and accelerations, one below the other.
+        self.reach = np.vstack(values) @ self.factor
+        used = np.concatenate([crowd.places, crowd.speeds, crowd.pulls], axis=1)
+        self.used = np.ascontiguousarray(used.transpose(1, 0, 2))
+        self.moving = np.any(crowd.give != 0.0, axis=(1, 2))
+        share, axes = np.linalg.eigh(crowd.give)
+        share = np.sqrt(np.maximum(share, 0.0))
+        self.root = np.einsum("nab,nb,ncb->nac", axes, share, axes)
+        middle = 0.5 * (times[1:] + times[:-1]) / crowd.duration
+        self.calm = np.clip(np.minimum(middle, 1.0 - middle) / _CALM, 0.0, 1.0)
+        first, second = all_pairs(self.drones)
+        moves = self.moving[first] | self.moving[second]
+        self.first, self.second = first[moves], second[moves]
+        ends = crowd.places[self.first][:, [0, -1]]
+        ends = ends - crowd.places[self.second][:, [0, -1]]
+        # No change can keep a pair further apart than it stands at the ends.
+        self.standing = measure(ends, crowd.separation).min(axis=1) * (1.0 - 1e-7)
+        often = crowd.often
+        pairs = zip(self.first.tolist(), self.second.tolist(), strict=True)
+        times = np.array([often.get(pair, 0) for pair in pairs], dtype=np.float64)
+        self.again = np.clip(times - 1.0, 0.0, _AGAIN)
+        self.limits = [self._limits(order) for order in (0, 1, 2)]
+        self.looked: FloatArray | None = None
+        # Whether so much is lacking that no beginning would do.
+        self.hopeless = False
+        self.work = 0.0
+
+    def _limits(
+        self, order: int
+    ) -> tuple[FloatArray, FloatArray, float, FloatArray | None]:
+        """Half-spaces of an order, over their limits, and the greatest level size.
+
+        What a drone uses when it flies alone it may use.
+        """
+        allowed, part = self.crowd.allowed, self._part(self.used, order)
+        mine = allowed.order == order
+        normal, offset = allowed.normal[mine], allowed.offset[mine]
+        unit = np.abs(offset) if order else np.full(offset.size, self.distance)
+        inside = 1.0 - _INSIDE * (order > 0)
+        bound = np.minimum(offset * inside, part @ normal.T) / unit
+        level, size = allowed.level[order], None
+        if np.isfinite(level):
+            size = np.maximum(level * inside, np.hypot(part[..., 0], part[..., 1]))
+        return normal / unit[:, None], bound, level, size
+
+    def _part(self, values: FloatArray, order: int) -> FloatArray:
+        return values[order * self.samples : (order + 1) * self.samples]
+
+    def run(self) -> Untangled:
+        """Let the sum of all prices fall, stage by stage."""
+        from scipy.optimize import minimize  # noqa: PLC0415 - for crowds alone
+
+        stages, inner = _STAGES, self._beginning()
+        if self.known is not None:
+            stages = _STAGES[-_LAST:]
+        for price, lift, steps in stages:
+            if lift is None:
+                inner = np.ascontiguousarray(inner[..., :3])
+            shape, self.looked = inner.shape, None
+            found = minimize(
+                self._cost,
+                inner.ravel(),
+                args=(shape, price, lift or 0.0),
+                jac=True,
+                method="L-BFGS-B",
+                options={"maxiter": steps, "maxcor": _MEMORY},
+            )
+            inner = found.x.reshape(shape)
+            if lift is None and float(found.fun) > _HOPELESS * price * self.drones:
+                self.hopeless = True
+                break
+        return self._judged(np.einsum("kna,nab->nkb", inner, self.root))
+
+    def _beginning(self) -> FloatArray:
+        """Coefficients to begin with, (k, n, 3 or 4)."""
+        count = self.factor.shape[1]
+        places = self.reach[: self.samples]
+        if self.known is not None:
+            wanted = self.known.transpose(1, 0, 2).reshape(self.samples, -1)
+            inner = np.linalg.lstsq(places, wanted, rcond=None)[0]
+            inner = inner.reshape(count, self.drones, 3)
+            back = np.linalg.pinv(self.root)
+            inner = np.einsum("kna,nab->knb", inner, back)
+        else:
+            bump = places.sum(axis=0)
+            bump /= np.abs(places @ bump).max()
+            draw = np.random.default_rng(self.seed).standard_normal((self.drones, 4))
+            size = self.distance * np.array([_ASIDE, _ASIDE, _ASIDE, _LIFT])
+            inner = bump[:, None, None] * draw * size
+        inner[:, ~self.moving] = 0.0
+        return np.asarray(inner)
+
+    def _cost(
+        self, inner: FloatArray, shape: tuple[int, int, int], price: float, lift: float
+    ) -> tuple[float, FloatArray]:
+        """Sum of all prices, and its gradient."""
+        parts = inner.reshape(shape)
+        count, drones, axes = shape
+        flat = parts[..., :3]
+        push = np.einsum("kna,nab->knb", flat, self.root).reshape(count, -1)
+        flown = self.used + (self.reach @ push).reshape(-1, drones, 3)
+        points = self._part(flown, 0) * self.scale
+        if axes > 3:
+            fourth = self._part(self.reach, 0) @ parts[..., 3]
+            points = np.concatenate([points, fourth[..., None]], axis=2)
+        cost, pull = self._apart(np.ascontiguousarray(points), price)
+        slope = np.zeros_like(flown)
+        self._part(slope, 0)[:] = pull[..., :3] * self.scale
+        cost += self._within(flown, slope, price)
+        cost += self._behind(flown, slope, price)
+        energy = _ENERGY * self.crowd.duration
+        cost += 0.5 * energy * float((flat**2).sum())
+        back = (self.reach.T @ slope.reshape(slope.shape[0], -1)).reshape(count, -1, 3)
+        gradient = np.empty(shape)
+        gradient[..., :3] = np.einsum("knb,nab->kna", back, self.root) + energy * flat
+        if axes > 3:
+            heights = parts[..., 3]
+            cost += 0.5 * (lift + energy) * float((heights**2).sum())
+            gradient[..., 3] = self._part(self.reach, 0).T @ pull[..., 3]
+            gradient[..., 3] += (lift + energy) * heights
+        gradient[:, ~self.moving] = 0.0
+        self.work += 4.0 * self.reach.size * drones * axes
+        self.work += _PRODUCTS_OF_PAIR * self.ahead.size
+        return cost, gradient.ravel()
+
+    def _look(self, points: FloatArray) -> None:
+        """Find pairs near each other between two samples."""
+        flat = points[..., :3]
+        middle = (0.5 * (flat[1:] + flat[:-1])).transpose(1, 0, 2)
+        half = 0.5 * np.linalg.norm(flat[1:] - flat[:-1], axis=2).T
+        gap = middle[self.first] - middle[self.second]
+        if self.square:
+            near = np.abs(gap).max(axis=2)
+        else:
+            near = np.sqrt(np.einsum("csa,csa->cs", gap, gap))
+        near -= half[self.first] + half[self.second]
+        pair, segment = np.nonzero(near < _REACH * self.distance)
+        self.ahead = segment * self.drones + self.first[pair]
+        self.behind = segment * self.drones + self.second[pair]
+        # What came too near all the same needs more, at the ends as well.
+        again = self.again[pair]
+        calm = np.where(again > 0.0, 1.0, self.calm[segment])
+        aim = self.distance * (1.0 + _AIM * (1.0 + again) * calm)
+        self.wanted = np.minimum(aim, self.standing[pair])
+        self.looked = flat
+        self.work += _PRODUCTS_OF_PAIR * near.size
+
+    def _apart(self, points: FloatArray, price: float) -> tuple[float, FloatArray]:
+        """Price of what distances lack, and its slope (m, n, axes)."""
+        far = _MOVED * self.distance
+        if self.looked is None or np.abs(points[..., :3] - self.looked).max() > far:
+            self._look(points)
+        _, later, axes = points.shape
+        rows = points.reshape(-1, axes)
+        gap = rows[self.ahead] - rows[self.behind]
+        motion = rows[self.ahead + later] - rows[self.behind + later] - gap
+        cost, slope = 0.0, np.zeros_like(rows)
+        lacks = (
+            self._square(gap, motion, price)
+            if self.square
+            else self._round(gap, motion)
+        )
+        for here, share, lack, toward in lacks:
+            cost += price * float(lack @ lack)
+            force = (2.0 * price * lack)[:, None] * toward
+            late, early = share[:, None] * force, (1.0 - share)[:, None] * force
+            first, second = self.ahead[here], self.behind[here]
+            where = np.concatenate([first, first + later, second, second + later])
+            value = np.concatenate([early, late, -early, -late])
+            for axis in range(axes):
+                slope[:, axis] += np.bincount(where, value[:, axis], rows.shape[0])
+        return cost, slope.reshape(points.shape)
+
+    def _round(
+        self, gap: FloatArray, motion: FloatArray
+    ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
+        """Rows that lack distance, where, by which share, and how that changes."""
+        size = np.einsum("ca,ca->c", motion, motion)
+        along = np.einsum("ca,ca->c", gap, motion)
+        share = np.clip(-along / np.maximum(size, _TINY), 0.0, 1.0)
+        square = np.einsum("ca,ca->c", gap, gap) + share * (2.0 * along + share * size)
+        here = np.nonzero(square < self.wanted**2)[0]
+        share = share[here]
+        there = gap[here] + share[:, None] * motion[here]
+        near = np.sqrt(np.maximum(square[here], _TINY))
+        lack = (self.wanted[here] - near) / self.distance
+        yield here, share, lack, there / (-near * self.distance)[:, None]
+
+    def _square(
+        self, gap: FloatArray, motion: FloatArray, price: float
+    ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
+        """Return the same where one axis is enough."""
+        power = float(np.clip(_SHARPER * price, *_POWERS))
+        weight = 1.0 / np.sqrt(len(_SHARES))
+        for part in _SHARES:
+            there = gap + part * motion
+            size = np.abs(there)
+            most = size.max(axis=1)
+            here = np.nonzero(most < self.wanted)[0]
+            most = np.maximum(most[here], _TINY)[:, None]
+            ratio = size[here] / most
+            total = (ratio**power).sum(axis=1)
+            near = most[:, 0] * total ** (1.0 / power)
+            lack = weight * (self.wanted[here] - near) / self.distance
+            toward = np.sign(there[here]) * ratio ** (power - 1.0)
+            toward *= (-weight / self.distance * total ** (1.0 / power - 1.0))[:, None]
+            kept = lack > 0.0
+            share = np.full(int(kept.sum()), part)
+            yield here[kept], share, lack[kept], toward[kept]
+
+    def _within(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
+        """Price of limits that are passed; adds its slope."""
+        cost = 0.0
+        for order, (normal, bound, level, size) in enumerate(self.limits):
+            part, toward = self._part(flown, order), self._part(slope, order)
+            lack = np.maximum(0.0, bound - part @ normal.T)
+            cost += price * float((lack * lack).sum())
+            toward -= 2.0 * price * (lack @ normal)
+            if size is not None:
+                used = np.hypot(part[..., 0], part[..., 1])
+                more = np.maximum(0.0, used - size) / level
+                cost += price * float((more * more).sum())
+                force = 2.0 * price * more / (level * np.maximum(used, _TINY))
+                toward[..., :2] += force[..., None] * part[..., :2]
+        return cost
+
+    def _behind(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
+        """Price of planes that are passed; adds its slope."""
+        planes = self.crowd.planes
+        if not planes.drone.size:
+            return 0.0
+        there = flown[planes.instant, planes.drone]
+        reached = np.einsum("pa,pa->p", planes.normal, there)
+        lack = np.maximum(0.0, planes.offset - reached) / self.distance
+        force = (-2.0 * price / self.distance * lack)[:, None] * planes.normal
+        np.add.at(slope, (planes.instant, planes.drone), force)
+        return price * float(lack @ lack)
+
+    def _judged(self, inner: FloatArray) -> Untangled:
+        """Say what the outcome lacks."""
+        crowd = self.crowd
+        values = np.einsum("mk,nka->nma", self.reach, inner)
+        used = self.used.transpose(1, 0, 2)
+        places = (used + values)[:, : self.samples].transpose(1, 0, 2)
+        points = np.ascontiguousarray(places * self.scale)
+        self._look(points)
+        rows = points.reshape(-1, 3)
+        gap = rows[self.ahead] - rows[self.behind]
+        motion = rows[self.ahead + self.drones] - rows[self.behind + self.drones] - gap
+        lack = np.zeros(gap.shape[0])
+        for part in np.linspace(0.0, 1.0, 9).tolist():
+            there = np.abs(gap + part * motion)
+            near = there.max(axis=1) if self.square else np.linalg.norm(there, axis=1)
+            aim = np.minimum(self.distance * (1.0 + _SLIGHT), self.wanted)
+            np.maximum(lack, (aim - near) / self.distance, out=lack)
+        pair = (self.ahead % self.drones) * self.drones + self.behind % self.drones
+        pairs, number = np.unique(pair, return_inverse=True)
+        worst = np.zeros(pairs.size)
+        np.maximum.at(worst, number, lack)
+        worst = np.where(worst > _SLIGHT, np.minimum(worst / _DEEP, 1.0), 0.0)
+        return Untangled(
+            crowd.duration,
+            self.factor @ inner,
+            (pairs // self.drones, pairs % self.drones),
+            float(worst.sum()),
+            excess(crowd, used, used + values),
+            self.work,
+        )
