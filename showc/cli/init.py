@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 import click
+
+
+def template_text(name: str) -> str:
+    """Return a commented script that is a complete show, of that title."""
+    text = (files("showc.script") / "template.yaml").read_text(encoding="utf-8")
+    quoted = name.replace("\\", "\\\\").replace('"', '\\"')
+    return text.replace('"My first show"', f'"{quoted}"')
 
 
 @click.command(name="init")
@@ -24,7 +32,6 @@ def command(script: Path, name: str, force: bool) -> int:
     """
     from showc.errors import UsageError
     from showc.files import write_file
-    from showc.script.template import template_text
 
     if script.exists() and not force:
         raise UsageError(f"{str(script)!r} exists; choose another name, or use --force")

@@ -10,9 +10,9 @@ from generate import GENERATED
 from jsonschema import Draft7Validator
 from repository import ROOT, SHOWS
 
+from showc.cli.init import template_text
 from showc.script import read_show
 from showc.script.schema import show_schema
-from showc.script.template import template_text
 
 SCHEMA = ROOT / "schemas" / "show.schema.json"
 

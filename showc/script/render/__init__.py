@@ -50,7 +50,7 @@ def render(
 
             return render_text(found, sources, colour=colour)
         case "json":
-            from showc.script.render.json_report import render_json  # noqa: PLC0415
+            from showc.script.render.programs import render_json  # noqa: PLC0415
 
             return render_json(found, sources)
         case "sarif":
@@ -59,11 +59,11 @@ def render(
 
             return render_sarif(found, sources, codes() if rules is None else rules)
         case "github":
-            from showc.script.render.github import render_github  # noqa: PLC0415
+            from showc.script.render.programs import render_github  # noqa: PLC0415
 
             return render_github(found)
         case "junit":
-            from showc.script.render.junit import render_junit  # noqa: PLC0415
+            from showc.script.render.programs import render_junit  # noqa: PLC0415
 
             return render_junit(found, sources)
         case _:
