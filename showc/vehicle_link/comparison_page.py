@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.vehicle_link.compare import GRID, nearest
-from showc.view.document import document, row, table, text
+from showc.view.document import document, table, text
 from showc.view.plot import Curve, line_plot
 
 if TYPE_CHECKING:
@@ -65,22 +65,20 @@ def render_comparison(title: str, flight: Flown, result: Comparison) -> str:
     first = frozenset({0})
     legs = table(
         LEG_HEADS,
-        [row([text(cell) for cell in leg_cells(leg)], words=first)
+        [[text(cell) for cell in leg_cells(leg)]
          for leg in result.legs],
         words=first,
     )  # fmt: skip
     drones = table(
         ("drone", "max m", "at s", "rms m", "late s"),
         [
-            row(
-                [
-                    str(one.drone),
-                    f"{one.greatest_error:.2f}",
-                    f"{one.greatest_error_time:.1f}",
-                    f"{one.rms_error:.2f}",
-                    f"{one.lag:+.2f}",
-                ]
-            )
+            [
+                str(one.drone),
+                f"{one.greatest_error:.2f}",
+                f"{one.greatest_error_time:.1f}",
+                f"{one.rms_error:.2f}",
+                f"{one.lag:+.2f}",
+            ]
             for one in result.drones
         ],
     )

@@ -68,18 +68,24 @@ def place(where: Mapping[str, Any]) -> str:
 
 def table(
     heads: Sequence[str],
-    rows: Sequence[str],
+    rows: Sequence[Sequence[str]],
     *,
     words: frozenset[int] = frozenset(),
     kind: str = "",
 ) -> str:
-    """HTML table; the columns of index in ``words`` are set to the left."""
+    """HTML table; the columns of index in ``words`` are set to the left.
+
+    A row is the HTML of its cells, or of the whole row: a text.
+    """
     head = "".join(
         f"<th{_left(index, words)}>{name}</th>" for index, name in enumerate(heads)
     )
+    body = "".join(
+        one if isinstance(one, str) else row(one, words=words) for one in rows
+    )
     return (
         f'<table class="{kind}"><thead>'
-        f"<tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        f"<tr>{head}</tr></thead><tbody>{body}</tbody></table>"
     )
 
 

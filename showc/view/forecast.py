@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from showc.view.document import clock, row, small, table, text
+from showc.view.document import clock, small, table, text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,11 +23,9 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
         "Off the log by [m]", "Arrives later by [s]", "Smallest separation [m]",
     ]  # fmt: skip
     words = frozenset({0, 1})
-    rows = [_leg(leg, words) for leg in prediction["legs"]]
+    rows = [_leg(leg) for leg in prediction["legs"]]
     rows += [
-        row(
-            [name, "", "", "", "", "", "", _encounter(prediction.get(key))], words=words
-        )
+        [name, "", "", "", "", "", "", _encounter(prediction.get(key))]
         for name, key in (("Take-off", "launch"), ("Landing", "land"))
         if prediction.get(key)
     ]
@@ -46,22 +44,19 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def _leg(leg: Mapping[str, Any], words: frozenset[int]) -> str:
+def _leg(leg: Mapping[str, Any]) -> list[str]:
     slots = leg.get("slots", [leg["slot"]])
     more = small(f"in {len(slots)} groups") if len(slots) > 1 else ""
-    return row(
-        [
-            text(leg["name"]),
-            text(leg["encoding"]) + more,
-            clock(leg["slot"]),
-            f"{leg['duration']:.2f}",
-            f"{leg['optimal_duration']:.2f}",
-            f"{max(leg['position_difference'], default=0.0):.2f}",
-            f"{max(leg['arrival_difference'], default=0.0):.2f}",
-            _encounter(leg.get("closest")),
-        ],
-        words=words,
-    )
+    return [
+        text(leg["name"]),
+        text(leg["encoding"]) + more,
+        clock(leg["slot"]),
+        f"{leg['duration']:.2f}",
+        f"{leg['optimal_duration']:.2f}",
+        f"{max(leg['position_difference'], default=0.0):.2f}",
+        f"{max(leg['arrival_difference'], default=0.0):.2f}",
+        _encounter(leg.get("closest")),
+    ]
 
 
 def _encounter(found: Mapping[str, Any] | None) -> str:

@@ -457,7 +457,7 @@ def _files(hashes: Mapping[str, str]) -> str:
     words = frozenset({0, 1})
     listed = list(hashes.items())
     lines = [
-        row([text(name), f"<code>{text(value)}</code>"], words=words)
+        [text(name), f"<code>{text(value)}</code>"]
         for name, value in listed[:MOST_FILES]
     ]
     more = len(listed) - MOST_FILES

@@ -11,7 +11,7 @@ import numpy as np
 from showc.ocp.history import Decision, IntervalRecord, MeshRecord, PhaseRecord
 from showc.ocp.outcome import ErrorEstimate, Result
 from showc.view.course import Course, course_of
-from showc.view.document import document, row, table, text
+from showc.view.document import document, table, text
 from showc.view.mesh import mesh_plot
 from showc.view.plot import Curve, bar_plot, line_plot
 
@@ -86,7 +86,7 @@ def _head(logged: LoggedShow, course: Course, drone: int) -> str:
         for name, value in sorted(certificate.statistics.items())
     ]
     words = frozenset({0, 1})
-    rows = [row([text(name), text(value)], words=words) for name, value in facts]
+    rows = [[text(name), text(value)] for name, value in facts]
     return (
         f"<header><div><h1>{text(message.name)}</h1>"
         f"<p>{text(logged.rules.name)} · drone {drone + 1} · "
@@ -225,17 +225,14 @@ def _origin_of_mesh(course: Course) -> str:
         heads = ["", "Intervals", "Points", "Iterations", "Why", "Then"]
         words = frozenset({4, 5})
         rows = [
-            row(
-                [
-                    str(number),
-                    str(len(mesh.points)),
-                    str(sum(mesh.points)),
-                    str(mesh.iterations),
-                    text(mesh.why),
-                    text(mesh.found),
-                ],
-                words=words,
-            )
+            [
+                str(number),
+                str(len(mesh.points)),
+                str(sum(mesh.points)),
+                str(mesh.iterations),
+                text(mesh.why),
+                text(mesh.found),
+            ]
             for number, mesh in enumerate(taken, start=1)
         ]
         return (

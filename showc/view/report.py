@@ -169,7 +169,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     ]  # fmt: skip
     nearest = tightest(digests)
     rule = logged.rules.separation.distance
-    rows = []
+    rows: list[Sequence[str]] = []
     number = 0
     for one in digests:
         number += one.moving
@@ -214,24 +214,21 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
 
 
-def _group_move(move: pb.Move) -> str:
+def _group_move(move: pb.Move) -> list[str]:
     """Return the line of a group that has times of its own, below its leg."""
     certificate = move.certificate
     least, bound = certificate.single_drone_minimum, certificate.dual_bound
-    return row(
-        [
-            "",
-            text(f"{move.group}: {move.name}"),
-            clock(move.start),
-            f"{move.duration:.3f}",
-            f"{bound:.3f}" if bound > 0.0 else "–",
-            f"{100.0 * (move.duration / least - 1.0):.1f} %" if least > 0.0 else "–",
-            "",
-            "",
-            "",
-        ],
-        words=frozenset({1}),
-    )
+    return [
+        "",
+        text(f"{move.group}: {move.name}"),
+        clock(move.start),
+        f"{move.duration:.3f}",
+        f"{bound:.3f}" if bound > 0.0 else "–",
+        f"{100.0 * (move.duration / least - 1.0):.1f} %" if least > 0.0 else "–",
+        "",
+        "",
+        "",
+    ]
 
 
 def _envelope_cost(digests: tuple[Digest, ...]) -> str:
@@ -293,7 +290,7 @@ def checks_section(verification: Mapping[str, Any] | None) -> str:
         )
     heads = ["", "What is proved", "Found", "Allowed", "Where"]
     words = frozenset({0, 1, 4})
-    rows = []
+    rows: list[Sequence[str]] = []
     group = None
     for check in verification["checks"]:
         if check["group"] != group:
@@ -304,19 +301,16 @@ def checks_section(verification: Mapping[str, Any] | None) -> str:
         verdict = check["verdict"]
         notes = "".join(small(text(note)) for note in check["notes"])
         rows.append(
-            row(
-                [
-                    (
-                        f'<span class="{"ok" if verdict == "pass" else verdict}">'
-                        f"{WORDS.get(verdict, text(verdict))}</span>"
-                    ),
-                    text(f"{check['code']} {check['name']}") + notes,
-                    text(figure(check["value"], check["unit"])),
-                    text(figure(check["limit"], check["unit"])),
-                    text(place(check["where"])),
-                ],
-                words=words,
-            )
+            [
+                (
+                    f'<span class="{"ok" if verdict == "pass" else verdict}">'
+                    f"{WORDS.get(verdict, text(verdict))}</span>"
+                ),
+                text(f"{check['code']} {check['name']}") + notes,
+                text(figure(check["value"], check["unit"])),
+                text(figure(check["limit"], check["unit"])),
+                text(place(check["where"])),
+            ]
         )
     shown = table(heads, rows, words=words, kind="checks")
     return (
@@ -348,10 +342,7 @@ def _origin(logged: LoggedShow) -> str:
         f"{name} {value}" for name, value in _entry(manifest, "versions").items()
     )
     lines = [
-        row(
-            [text(kind), text(name), f"<code>{text(value)}</code>"],
-            words=words,
-        )
+        [text(kind), text(name), f"<code>{text(value)}</code>"]
         for kind, name, value in rows
     ]
     made = text(versions or f"showc {metadata.get('showc_version', '')}")

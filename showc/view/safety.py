@@ -10,7 +10,7 @@ import numpy as np
 from showc.log import showc_pb2 as pb
 from showc.safety.ground import area
 from showc.simulate.results import CONFIDENCE, Campaign
-from showc.view.document import clock, document, row, small, table, text
+from showc.view.document import clock, document, small, table, text
 from showc.view.overview import overview_of
 from showc.view.plot import Curve, line_plot
 from showc.view.sitemap import (
@@ -98,19 +98,16 @@ def _findings(findings: tuple[Finding, ...]) -> str:
         return "<p>Nothing is missing.</p>"
     words = frozenset({0, 1, 2})
     rows = [
-        row(
-            [
-                (
-                    f'<span class="{"fail" if one.severity == "error" else "warning"}">'
-                    f"{text(one.severity)}</span>"
-                ),
-                text(f"{one.code} {one.title}") + small(text(one.message)),
-                ""
-                if one.place is None
-                else f"drone {one.place.drone + 1}, {clock(one.place.time)}",
-            ],
-            words=words,
-        )
+        [
+            (
+                f'<span class="{"fail" if one.severity == "error" else "warning"}">'
+                f"{text(one.severity)}</span>"
+            ),
+            text(f"{one.code} {one.title}") + small(text(one.message)),
+            ""
+            if one.place is None
+            else f"drone {one.place.drone + 1}, {clock(one.place.time)}",
+        ]
         for one in findings
     ]
     return "<h3>Findings</h3>" + table(["", "What", "Where"], rows, words=words)
@@ -124,15 +121,12 @@ def _distances(distances: tuple[Distance, ...]) -> str:
         if one.left < one.wanted:
             left = f'<span class="fail">{left}</span>'
         rows.append(
-            row(
-                [
-                    text(one.name),
-                    left,
-                    f"{one.wanted:.1f}",
-                    f"drone {one.place.drone + 1}, {clock(one.place.time)}",
-                ],
-                words=words,
-            )
+            [
+                text(one.name),
+                left,
+                f"{one.wanted:.1f}",
+                f"drone {one.place.drone + 1}, {clock(one.place.time)}",
+            ]
         )
     heads = ["From … to …", "Left, at least [m]", "Wanted [m]", "Decided by"]
     return "<h3>Distances</h3>" + table(heads, rows, words=words)
@@ -148,14 +142,11 @@ def _failures(failures: Failures) -> str:
         if below:
             shown = ", ".join(str(other + 1) for other in below[:12])
             rows.append(
-                row(
-                    [
-                        f"drone {drone + 1}, {clock(float(failures.times[step]))}",
-                        str(len(below)),
-                        shown + (" …" if len(below) > 12 else ""),
-                    ],
-                    words=words,
-                )
+                [
+                    f"drone {drone + 1}, {clock(float(failures.times[step]))}",
+                    str(len(below)),
+                    shown + (" …" if len(below) > 12 else ""),
+                ]
             )
     said = (
         "<h3>One drone fails</h3><p>From "
@@ -195,17 +186,14 @@ def _aborts(logged: LoggedShow) -> str:
         legs = [table_.legs[number].certificate for number in one.legs]
         near = [leg.closest.distance for leg in legs if leg.HasField("closest")]
         lines.append(
-            row(
-                [
-                    clock(one.time),
-                    f"{stop:.2f}",
-                    pb.AbortRow.Way.Name(one.way).lower().replace("_", " "),
-                    f"{one.duration:.1f}",
-                    f"{stop + one.duration:.1f}",
-                    f"{min(near):.2f}" if near else "",
-                ],
-                words=words,
-            )
+            [
+                clock(one.time),
+                f"{stop:.2f}",
+                pb.AbortRow.Way.Name(one.way).lower().replace("_", " "),
+                f"{one.duration:.1f}",
+                f"{stop + one.duration:.1f}",
+                f"{min(near):.2f}" if near else "",
+            ]
         )
     heads = [
         "At", "Stands in [s]", "Then", "On the ground in [s]", "Together [s]",
@@ -231,17 +219,14 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
         if tube.closest < wanted:
             near = f'<span class="fail">{near}</span>'
         lines.append(
-            row(
-                [
-                    text(tube.name) + small(f"from {clock(tube.start)}"),
-                    f"{tube.rms:.2f}",
-                    f"{tube.radius:.2f}",
-                    f"{100.0 * tube.share:.1f}",
-                    near,
-                    f"{100.0 * tube.saturated:.2f}",
-                ],
-                words=frozenset({0}),
-            )
+            [
+                text(tube.name) + small(f"from {clock(tube.start)}"),
+                f"{tube.rms:.2f}",
+                f"{tube.radius:.2f}",
+                f"{100.0 * tube.share:.1f}",
+                near,
+                f"{100.0 * tube.saturated:.2f}",
+            ]
         )
     heads = [
         "Leg", "Error, RMS [m]", "Tube [m]", "Share of flights [%]",
@@ -271,16 +256,13 @@ def _energy(case: SafetyCase) -> str:
     worst = energy.worst
     order = np.argsort(-energy.used, kind="stable")[:5]
     rows = [
-        row(
-            [
-                f"drone {drone + 1}",
-                f"{energy.energy[drone] / 3600.0:.2f}",
-                f"{100.0 * energy.used[drone]:.1f}",
-                f"{energy.power[:, drone].max():.1f}",
-                f"{np.nanmin(energy.voltage[:, drone]):.2f}",
-            ],
-            words=frozenset({0}),
-        )
+        [
+            f"drone {drone + 1}",
+            f"{energy.energy[drone] / 3600.0:.2f}",
+            f"{100.0 * energy.used[drone]:.1f}",
+            f"{energy.power[:, drone].max():.1f}",
+            f"{np.nanmin(energy.voltage[:, drone]):.2f}",
+        ]
         for drone in order.tolist()
     ]
     heads = [
@@ -318,16 +300,13 @@ def _spared(logged: LoggedShow) -> str:
             continue
         spent, at_once = counted["energy"], counted["energy_at_once"]
         lines.append(
-            row(
-                [
-                    text(segment.message.name) + small(f"from {clock(segment.start)}"),
-                    f"{segment.duration:.1f}",
-                    f"{spent / 3600.0:.2f}",
-                    f"{at_once / 3600.0:.2f}",
-                    f"{100.0 * (1.0 - spent / at_once):.1f}",
-                ],
-                words=frozenset({0}),
-            )
+            [
+                text(segment.message.name) + small(f"from {clock(segment.start)}"),
+                f"{segment.duration:.1f}",
+                f"{spent / 3600.0:.2f}",
+                f"{at_once / 3600.0:.2f}",
+                f"{100.0 * (1.0 - spent / at_once):.1f}",
+            ]
         )
     if not lines:
         return ""
@@ -347,19 +326,16 @@ def _volumes(case: SafetyCase) -> str:
         "Ground risk buffer, 1:1": buffers.one_to_one,
     }
     rows = [
-        row(
-            [
-                text(volume.name),
-                f"{width[volume.name]:.1f}" if volume.name in width else "",
-                f"{volume.top:.1f}",
-                (
-                    f"{np.ptp(volume.corners[:, 0]):.0f} x "
-                    f"{np.ptp(volume.corners[:, 1]):.0f}"
-                ),
-                f"{area(volume.corners):,.0f}",
-            ],
-            words=words,
-        )
+        [
+            text(volume.name),
+            f"{width[volume.name]:.1f}" if volume.name in width else "",
+            f"{volume.top:.1f}",
+            (
+                f"{np.ptp(volume.corners[:, 0]):.0f} x "
+                f"{np.ptp(volume.corners[:, 1]):.0f}"
+            ),
+            f"{area(volume.corners):,.0f}",
+        ]
         for volume in case.volumes
     ]
     heads = ["Volume", "Added width [m]", "Top [m]", "Extent [m]", "Area [m²]"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.view.document import document, row, table, text
+from showc.view.document import document, table, text
 from showc.view.mesh import mesh_plot
 from showc.view.plot import Curve, line_plot
 
@@ -84,7 +84,7 @@ def _head(problem: Problem, solution: OcpSolution) -> str:
     facts += [(name, f"{value:.10g}") for name, value in solution.statics.items()]
     facts += [(name, f"{value:.10g}") for name, value in solution.parameters.items()]
     words = frozenset({0, 1})
-    rows = [row([text(name), text(value)], words=words) for name, value in facts]
+    rows = [[text(name), text(value)] for name, value in facts]
     return (
         f"<header><div><h1>{text(problem.name)}</h1><p>optimal control problem with "
         f"{len(solution.phases)} phase{'s' if len(solution.phases) > 1 else ''}</p>"
@@ -164,18 +164,15 @@ def _refinement(history: tuple[MeshRecord, ...]) -> str:
             else f"{max(error.dynamics, error.path, error.objective):.1e}"
         )
         rows.append(
-            row(
-                [
-                    str(number),
-                    str(record.intervals),
-                    str(record.points),
-                    f"{record.objective:.9g}",
-                    str(record.iterations),
-                    text(worst),
-                    text(record.action),
-                ],
-                words=words,
-            )
+            [
+                str(number),
+                str(record.intervals),
+                str(record.points),
+                f"{record.objective:.9g}",
+                str(record.iterations),
+                text(worst),
+                text(record.action),
+            ]
         )
     names = dict.fromkeys(p.name for record in history for p in record.phases)
     plots = [mesh_plot(name, history) for name in names]
@@ -198,17 +195,14 @@ def _reasons(history: tuple[MeshRecord, ...]) -> str:
                 if not decision.reason:
                     continue
                 rows.append(
-                    row(
-                        [
-                            str(number),
-                            f"{interval.start:.6g} – {interval.end:.6g}",
-                            str(interval.points),
-                            "" if interval.error is None else f"{interval.error:.1e}",
-                            text(decision.step.value),
-                            text(decision.reason),
-                        ],
-                        words=words,
-                    )
+                    [
+                        str(number),
+                        f"{interval.start:.6g} – {interval.end:.6g}",
+                        str(interval.points),
+                        "" if interval.error is None else f"{interval.error:.1e}",
+                        text(decision.step.value),
+                        text(decision.reason),
+                    ]
                 )
     if not rows:
         return ""
