@@ -153,7 +153,7 @@ class Builder:
             gallery.counts |= needed_counts(
                 settings, gallery, drones, groups, self.parking
             )
-            excess = gallery.excess(drones, len(self._transitions()))
+            excess = gallery.excess(drones, len(self.settings.sections("transitions")))
             if excess:
                 self.reader.say(
                     "SHW119", excess, settings.mark, help_text="make two shows of it"
@@ -170,17 +170,11 @@ class Builder:
 
     def _references(self) -> None:
         """Check the formations that transitions name."""
-        for item in self._transitions():
+        for item in self.settings.sections("transitions"):
             if "to" in item:
                 self._known(item.text("to"), item.mark_of("to"))
             for name in formations_of(item):
                 self._known(name, item.mark_of("motion"))
-
-    def _transitions(self) -> list[Settings]:
-        if "transitions" not in self.settings:
-            return []
-        found = [item.value for item in self.settings.items("transitions")]
-        return [item for item in found if isinstance(item, Settings)]
 
     def _formations(
         self, gallery: Gallery, drones: int, separation: Separation | None
@@ -363,10 +357,10 @@ class Builder:
         transitions = []
         loose = []
         last: dict[str | None, str] = {}
-        for item in self._transitions():
+        for item in self.settings.sections("transitions"):
             if item.broken:
                 continue
-            group = item.text("group") if "group" in item else None
+            group = item.word("group")
             before = last.get(group, last.get(None, "launch"))
             made = self._transition(item, before, sketch)
             if made is not None:
@@ -409,7 +403,7 @@ class Builder:
             transitions=_with_free_holds(transitions, loose),
             landing=settings.section("landing").made(Landing),
             mission=_mission(settings.section("mission")),
-            exports=_exports(settings),
+            exports=tuple(one.made(Export) for one in settings.sections("exports")),
             log_rate=settings.number("log_rate"),
             seed=settings.integer("seed"),
             parking=sketch.parking,
@@ -438,11 +432,6 @@ def _with_free_holds(
         if free and loose[index]:
             result[index] = replace(result[index], hold=0.0)
     return tuple(result)
-
-
-def _exports(settings: Settings) -> tuple[Export, ...]:
-    sections = [item.value for item in settings.items("exports")]
-    return tuple(one.made(Export) for one in sections if isinstance(one, Settings))
 
 
 def _mission(settings: Settings) -> MissionOptions:

@@ -11,7 +11,6 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Spot
 from showc.script.lanes import arrival, chapters, departure, own_times
-from showc.script.settings import Settings
 from showc.script.spacing import closest_between
 from showc.script.wording import number_text, point_text
 
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import IntArray
     from showc.script.build import Sketch
+    from showc.script.settings import Settings
     from showc.script.show import Formation, Show, Transition
 
 
@@ -30,14 +30,6 @@ def company_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _standing_by(sketch)
 
 
-def transitions_of(sketch: Sketch) -> list[Settings]:
-    """Return the settings of the transitions that could be read."""
-    if "transitions" not in sketch.settings:
-        return []
-    values = [item.value for item in sketch.settings.items("transitions")]
-    return [item for item in values if isinstance(item, Settings) and not item.broken]
-
-
 def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
     """Parked drones against the pictures that others fly meanwhile (SHW206)."""
     parking = sketch.formations.get(sketch.parking or "")
@@ -45,9 +37,9 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     most, needs = 0, None
     seen = set()
-    for item in transitions_of(sketch):
+    for item in sketch.settings.sound("transitions"):
         formation = sketch.formations.get(item.text("to"))
-        group = item.text("group") if "group" in item else None
+        group = item.word("group")
         if formation is None or (group is not None and group not in sketch.groups):
             continue
         flying = sketch.drones if group is None else len(sketch.groups[group])
@@ -92,7 +84,7 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     standing: dict[str, tuple[Formation, Settings]] = {}
     gone = _gone(sketch.show)
-    for row, item in enumerate(transitions_of(sketch)):
+    for row, item in enumerate(sketch.settings.sound("transitions")):
         formation = sketch.formations.get(item.text("to"))
         if formation is None or "group" not in item:
             standing.clear()

@@ -146,7 +146,7 @@ def _group_references(
     settings: Settings, groups: Mapping[str, tuple[int, ...]], reader: Reader
 ) -> None:
     known = set(_members(settings))
-    for item in _transitions(settings):
+    for item in settings.sound("transitions"):
         if "group" in item and item.text("group") not in known:
             names = ", ".join(groups) or "none"
             reader.say(
@@ -155,13 +155,6 @@ def _group_references(
                 item.mark_of("group"),
                 help_text=f"groups: {names}",
             )
-
-
-def _transitions(settings: Settings) -> list[Settings]:
-    if "transitions" not in settings:
-        return []
-    values = [item.value for item in settings.items("transitions")]
-    return [item for item in values if isinstance(item, Settings) and not item.broken]
 
 
 def needed_counts(
@@ -178,8 +171,8 @@ def needed_counts(
     """
     needed: dict[str, int] = {}
     waiting = 1
-    for item in _transitions(settings):
-        group = item.text("group") if "group" in item else None
+    for item in settings.sound("transitions"):
+        group = item.word("group")
         size = len(groups.get(group, ())) if group is not None else drones
         name = item.text("to")
         for flown in (name, *formations_of(item)):

@@ -175,7 +175,7 @@ class Gallery:
         if "like" in settings:
             return self.own_count(settings.text("like"))
         if "parts" in settings:
-            counts = [self._count(part) for part in _parts(settings)]
+            counts = [self._count(part) for part in settings.sections("parts")]
             known = [count for count in counts if count is not None]
             return sum(known) if len(known) == len(counts) else None
         shape = SHAPES[settings.text("type")]
@@ -278,7 +278,7 @@ class Gallery:
             base = Picture(
                 base.points[:count], base.colours[:count], base.origin, base.effect
             )
-        changes = settings.items("transform") if "transform" in settings else []
+        changes = settings.sections("transform")
         points, unshifted = transform(base.points - base.origin, changes)
         shift, _ = transform(np.zeros((1, 3)), changes)
         _demand_near(points, "transform")
@@ -369,7 +369,7 @@ class Gallery:
     def _composed(
         self, settings: Settings, count: int, floor: float | None
     ) -> Picture | None:
-        parts = _parts(settings)
+        parts = settings.sections("parts")
         own = [self._count(part) for part in parts]
         missing = sum(1 for number in own if number is None)
         rest = count - sum(number or 0 for number in own)
@@ -431,9 +431,8 @@ def bases_of(settings: Settings) -> Iterator[str]:
     """Yield the formations that a formation is like, parts included."""
     if "like" in settings:
         yield settings.text("like")
-    for part in settings.items("parts") if "parts" in settings else ():
-        if isinstance(part.value, Settings):
-            yield from bases_of(part.value)
+    for part in settings.sections("parts"):
+        yield from bases_of(part)
 
 
 def _deep(table: dict[str, Setting]) -> set[str]:
@@ -485,8 +484,3 @@ def _demand_near(points: FloatArray, key: str) -> None:
             f"{number_text(FARTHEST)} m along each axis are allowed",
             key=key,
         )
-
-
-def _parts(settings: Settings) -> list[Settings]:
-    parts = [item.value for item in settings.items("parts")]
-    return [part for part in parts if isinstance(part, Settings)]

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Spot
 from showc.script.lanes import (
     arrival,
@@ -85,7 +84,7 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None or not any(one.motion for one in show.transitions):
         return
-    settings = transitions_of(sketch)
+    settings = sketch.settings.sound("transitions")
     share = _WATCHED // sum(bool(one.motion) for one in show.transitions)
     for index, time, whole in _held(show):
         transition = show.transitions[index]

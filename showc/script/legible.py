@@ -167,7 +167,7 @@ def _axes(sketch: Sketch, own: Settings) -> tuple[FloatArray, FloatArray] | None
         axes = PLANES[own.text("plane")][0], PLANES[own.text("plane")][1]
     if axes is not None and "transform" in own:
         # Without shifts: directions have no place.
-        _, (right, up) = transform(np.stack(axes), own.items("transform"))
+        _, (right, up) = transform(np.stack(axes), own.sections("transform"))
         axes = right, up
     return (_unit(axes[0]), _unit(axes[1])) if axes is not None else None
 

@@ -11,7 +11,6 @@ from showc.script.colours import linear_light
 from showc.script.diagnostic import ScriptError
 from showc.script.instants import music_time
 from showc.script.placing import paint
-from showc.script.settings import Settings
 from showc.script.show import LightKey
 from showc.script.timed import LONGEST, timed_rows
 
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.script.files import InputFiles
     from showc.script.reader import Reader
+    from showc.script.settings import Settings
     from showc.script.show import Formation, Music
 
 _HELP = (
@@ -64,10 +64,7 @@ def lights_of(
             reader.refuse(fault, given.mark)
             return ()
     found = []
-    for item in settings.items("lights"):
-        own = item.value
-        if not isinstance(own, Settings) or own.broken:
-            continue
+    for own in settings.sound("lights"):
         try:
             time, absolute = _moment(own, music)
         except ScriptError as fault:

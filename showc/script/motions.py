@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from showc.script.formations.frames import frames_of
-from showc.script.settings import Settings
 from showc.script.show import (
     Breathe,
     Follow,
@@ -20,7 +19,7 @@ from showc.script.show import (
 
 if TYPE_CHECKING:
     from showc.script.files import InputFiles
-    from showc.script.settings import Setting
+    from showc.script.settings import Settings
     from showc.vehicle import Vector
 
 SETTING_IN = 0.75
@@ -41,16 +40,10 @@ def formations_of(transition: Settings) -> list[str]:
     """Return the names of formations that a transition's motions become."""
     return [
         str(name.value)
-        for item in _items(transition)
+        for item in transition.sound("motion")
         if "morph" in item
         for name in item.items("morph")
     ]
-
-
-def _items(transition: Settings) -> list[Settings]:
-    found: list[Setting] = transition.items("motion") if "motion" in transition else []
-    values = [item.value for item in found]
-    return [item for item in values if isinstance(item, Settings) and not item.broken]
 
 
 def motions_of(transition: Settings, files: InputFiles) -> tuple[Motion, ...]:
@@ -61,7 +54,7 @@ def motions_of(transition: Settings, files: InputFiles) -> tuple[Motion, ...]:
     ScriptError
         If an axis has no length, or a file no frames.
     """
-    return tuple(_motion(item, files) for item in _items(transition))
+    return tuple(_motion(item, files) for item in transition.sound("motion"))
 
 
 def _motion(item: Settings, files: InputFiles) -> Motion:

@@ -35,7 +35,7 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
     section = settings.section("music")
     if section.broken:
         return Music(None, 0.0, None, 4, 0.0, {}, sound=False)
-    file = section.text("file") if "file" in section else None
+    file = section.word("file")
     cues: dict[str, float] = {}
     music = Music(
         file,

@@ -8,10 +8,10 @@ import numpy as np
 
 from showc.script.colours import Colour, gradient, linear_light
 from showc.script.diagnostic import ScriptError
-from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
+    from showc.script.settings import Setting, Settings
 
 
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -48,7 +48,7 @@ def _rotation(settings: Settings) -> FloatArray:
 
 
 def transform(
-    points: FloatArray, changes: list[Setting]
+    points: FloatArray, changes: list[Settings]
 ) -> tuple[FloatArray, FloatArray]:
     """Apply changes in order, about zero.
 
@@ -66,10 +66,7 @@ def transform(
         lowest point says how high the formation stands above its own floor.
     """
     moved, unshifted = points, points
-    for change in changes:
-        settings = change.value
-        if not isinstance(settings, Settings):
-            raise TypeError("a transform is a section")
+    for settings in changes:
         if "shift" in settings:
             moved = moved + np.array(settings.vector("shift"))
             continue

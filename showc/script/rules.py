@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.company import company_findings, transitions_of
+from showc.script.company import company_findings
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import Fence, inside_polygon
 from showc.script.gallery import bases_of
@@ -208,7 +208,7 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
     # Places that keep the margin lie in one part of the field or in several; one place
     # of the pads stands for the part in which the drones are.
     home = pads.points[0, :2]
-    for item in transitions_of(sketch):
+    for item in sketch.settings.sound("transitions"):
         formation = sketch.formations.get(item.text("to"))
         if formation is None or not fence.keeps(formation.points[:, :2]).all():
             continue
@@ -303,9 +303,9 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
             pads.mark,
             help="give every drone a pad",
         )
-    for item in transitions_of(sketch):
+    for item in sketch.settings.sound("transitions"):
         formation = sketch.formations.get(item.text("to"))
-        group = item.text("group") if "group" in item else None
+        group = item.word("group")
         if formation is None or (group is not None and group not in sketch.groups):
             continue
         flying = drones if group is None else len(sketch.groups[group])
@@ -326,12 +326,18 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
 
 def _unused(sketch: Sketch) -> Iterator[Diagnostic]:
     """Find formations that nothing uses (SHW118)."""
-    used = {item.text("to") for item in transitions_of(sketch)}
-    used |= {name for item in transitions_of(sketch) for name in formations_of(item)}
+    used = {item.text("to") for item in sketch.settings.sound("transitions")}
+    used |= {
+        name
+        for item in sketch.settings.sound("transitions")
+        for name in formations_of(item)
+    }
     used |= {sketch.pads, sketch.parking or ""}
     if "formations" not in sketch.settings or "transitions" not in sketch.settings:
         return
-    if len(transitions_of(sketch)) < len(sketch.settings.items("transitions")):
+    if len(sketch.settings.sound("transitions")) < len(
+        sketch.settings.items("transitions")
+    ):
         return  # one that could not be read may fly to it
     table = sketch.settings.section("formations").values
     if used - table.keys() - {sketch.pads, sketch.parking, ""}:

@@ -90,6 +90,10 @@ class Settings:
         """Return a text."""
         return self._typed(key, str)
 
+    def word(self, key: str) -> str | None:
+        """Return a text, or None if there is none."""
+        return self.text(key) if key in self.values else None
+
     def flag(self, key: str) -> bool:
         """Return a truth value."""
         return self._typed(key, bool)
@@ -121,6 +125,15 @@ class Settings:
     def section(self, key: str) -> Settings:
         """Return the settings of a section within."""
         return self._typed(key, Settings)
+
+    def sections(self, key: str) -> list[Settings]:
+        """Return the sections of a list; none where the key is missing."""
+        items = self.items(key) if key in self.values else []
+        return [item.value for item in items if isinstance(item.value, Settings)]
+
+    def sound(self, key: str) -> list[Settings]:
+        """Return those sections of a list that were read whole."""
+        return [section for section in self.sections(key) if not section.broken]
 
     def items(self, key: str) -> list[Setting]:
         """Return the elements of a list."""

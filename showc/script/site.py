@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.settings import Settings
 from showc.script.show import Audience, Building, Risk, Site
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.script.reader import Reader
+    from showc.script.settings import Settings
 
 
 def site_of(settings: Settings, reader: Reader) -> Site | None:
@@ -38,23 +38,17 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
         volume_min=low,
         volume_max=high,
         fence=_points(settings, "fence") if "fence" in settings else None,
-        audience=tuple(_audience(item) for item in _sections(settings, "audience")),
-        buildings=tuple(_building(item) for item in _sections(settings, "buildings")),
+        audience=tuple(_audience(item) for item in settings.sections("audience")),
+        buildings=tuple(_building(item) for item in settings.sections("buildings")),
         risk=Risk(**{"wind": settings.number("wind")} | risk.named(Risk)),
     )
-
-
-def _sections(settings: Settings, key: str) -> list[Settings]:
-    """Return the sections of a list, none where the key is missing."""
-    values = [item.value for item in settings.items(key)] if key in settings else []
-    return [value for value in values if isinstance(value, Settings)]
 
 
 def _unsound(settings: Settings) -> bool:
     """Tell whether something around the site could not be read."""
     if "risk" not in settings or settings.section("risk").broken:
         return True
-    around = _sections(settings, "audience") + _sections(settings, "buildings")
+    around = settings.sections("audience") + settings.sections("buildings")
     return any(section.broken for section in around)
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.company import transitions_of
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.lanes import (
     arrival,
@@ -108,7 +107,7 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
-    settings = transitions_of(sketch)
+    settings = sketch.settings.sound("transitions")
     for index, transition in enumerate(show.transitions):
         if transition.duration is None:
             continue
@@ -135,7 +134,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
-    settings = transitions_of(sketch)
+    settings = sketch.settings.sound("transitions")
     launch = show.launch
     earliest = launch.altitude / launch.climb_speed + launch.hold
     before = (
