@@ -21,6 +21,7 @@ from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.sparing import sparing_time
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
+from showc.plan.build import state_at
 from showc.plan.itinerary import Leg
 
 if TYPE_CHECKING:
@@ -90,14 +91,17 @@ def scheduled(
             times = {**times, leg.index: min(times[leg.index], room)}
         start, duration = _times(leg, show, clock, times, legs)
         wait = round(start - clock, 3)
-        if wait > 0.0:
+        if wait > 0.0 and any(one.tied for one in legs[-1].motion):
+            leg, show = _lengthen_motion(legs, wait, leg, show)
+            duration = leg.duration or duration
+        elif wait > 0.0:
             _lengthen(legs, wait, show)
         index = len(legs)
         fixed = None if leg.open else round(duration, 3)
         after = (index - 1,) if index else ()
         legs.append(replace(leg, index=index, duration=fixed, after=after))
         clock = round(start + duration, 3)
-    return replace(itinerary, legs=tuple(legs))
+    return replace(itinerary, show=show, legs=tuple(legs))
 
 
 def _times(
@@ -136,7 +140,16 @@ def _preferred(leg: Leg, show: Show, room: float) -> float:
         )
         return sparing_time(fleet, quickest, room)
     # A group beside others takes straight ways: as short as can be is theirs.
-    return (1.0 if leg.prefer == "time" else leg.prefer) * straight_time(leg, show)
+    pace = 1.0 if leg.prefer == "time" else leg.prefer
+    return pace * (straight_time(leg, show) + _turning_time(leg, show))
+
+
+def _turning_time(leg: Leg, show: Show) -> float:
+    """Time to gain and to lose the velocities at the ends of a leg [s], about."""
+    states = [one for one in (leg.start_state, leg.goal_state) if one is not None]
+    speeds = np.sum([np.linalg.norm(one[:, 3:6], axis=1) for one in states], axis=0)
+    gain = leg.limits.acceleration or show.vehicle.gravity * math.tan(leg.limits.tilt)
+    return float(np.max(speeds, initial=0.0)) / gain
 
 
 def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
@@ -228,16 +241,67 @@ def _late(
     )
 
 
-def _lengthen(legs: list[Leg], wait: float, show: Show) -> None:
-    """Let the drones stand longer where they are, by ``wait`` [s]."""
-    last = legs[-1]
-    if any(one.tied for one in last.motion):
+def _lengthen_motion(
+    legs: list[Leg], wait: float, leg: Leg, show: Show
+) -> tuple[Leg, Show]:
+    """Let drones hold a motion longer that they meet, or leave, under way.
+
+    Where they are and how fast at its ends depends on how long it takes.
+
+    Returns
+    -------
+    Leg, Show
+        The leg that follows, from where they leave it; the show, whose formation after
+        the motion is there.
+
+    Raises
+    ------
+    SolveError
+        If how they meet it was needed to find out when they do.
+    """
+    last, before = legs[-1], legs[-2]
+    duration = round((last.duration or 0.0) + wait, 3)
+    met = any(one.tied and one.under_way[0] for one in last.motion)
+    if leg.open and not isinstance(leg.prefer, str):
+        # Solved already, from where it does not start: it takes what it prefers.
+        leg = replace(leg, duration=whole_milliseconds(_preferred(leg, show, math.inf)))
+    if (met and before.open) or leg.open:
         raise SolveError(
             f"{place(last)}: is held for {last.duration:.3f} s, {wait:.3f} s less than "
             "the times of what follows leave; drones that meet or leave a moving "
-            "formation must know for how long: write "
-            f"'hold: {(last.duration or 0.0) + wait:.3f}'"
+            "formation as soon as they can must know for how long: "
+            + (
+                "leave `prefer` out of what follows"
+                if leg.open
+                else "say when they meet it, by `at` or `duration`"
+            )
         )
+    goal, points = last.goal.copy(), show.formations[last.to_formation].points.copy()
+    for one in last.motion:
+        goal[one.rows] = one.ends(duration)[1][0]
+        points[last.places[one.rows]] = goal[one.rows]
+    begin, end = last.start_state, state_at(show, last.motion, duration, 1, goal)
+    if met:
+        begin = state_at(show, last.motion, duration, 0, last.start)
+        legs[-2] = replace(before, goal_state=begin)
+    legs[-1] = replace(
+        last, duration=duration, goal=goal, start_state=begin, goal_state=end
+    )
+    formations = dict(show.formations)
+    if any(one.moves_on for one in last.motion):
+        name = last.to_formation
+        formations[name] = replace(formations[name], points=points)
+    for array in (goal, points):
+        array.setflags(write=False)
+    return (
+        replace(leg, start=goal, start_state=end),
+        replace(show, formations=formations),
+    )
+
+
+def _lengthen(legs: list[Leg], wait: float, show: Show) -> None:
+    """Let the drones stand longer where they are, by ``wait`` [s]."""
+    last = legs[-1]
     if last.kind in {"hold", "motion"}:
         legs[-1] = replace(last, duration=round((last.duration or 0.0) + wait, 3))
         return

@@ -100,8 +100,10 @@ class _Asked:
     arrive: float | None = None
     depart: float | None = None
     prefer: Preference = 1.0
-    state: FloatArray | None = None
-    """States and thrusts (n, 13) in which it ends, if not in hovers."""
+    motion: tuple[MovingPlaces, ...] = ()
+    """Of the hold that it is, or that follows."""
+    hold: float = 0.0
+    """Of that hold [s]."""
 
 
 class _Builder:
@@ -167,9 +169,9 @@ class _Builder:
             self._hold(name, rest(transitions), asked)
             return
         motion = self._moving()
-        begin, end = self._ends(motion, hold)
-        self._move("transition", name, formation, given, replace(asked, state=begin))
-        self._hold(name, hold, asked, motion, end)
+        joining = replace(asked, motion=motion, hold=hold)
+        self._move("transition", name, formation, given, joining)
+        self._hold(name, hold, asked, motion)
 
     def land(self) -> None:
         """To above the pads, and straight down."""
@@ -251,23 +253,6 @@ class _Builder:
             points=_frozen(points),
             colours=formation.colours if colours is None else colours,
         )
-
-    def _ends(
-        self, motion: tuple[MovingPlaces, ...], hold: float
-    ) -> tuple[FloatArray | None, FloatArray | None]:
-        """States (n, 13) in which the fleet joins and leaves motions under way."""
-        found: list[FloatArray | None] = []
-        for side in (0, 1):
-            moving = [one for one in motion if one.under_way[side]]
-            states = np.zeros((self.show.drones, 13)) if moving else None
-            found.append(states)
-            for one in moving:
-                there = one.ends(hold or _ANY_TIME)[side]
-                assert states is not None  # noqa: S101 - one moves
-                states[one.rows] = state_in_motion(
-                    self.show.vehicle, there, self.show.heading
-                )
-        return found[0], found[1]
 
     def _moving(self) -> tuple[MovingPlaces, ...]:
         """Return what the drones do over the hold after a chapter."""
@@ -471,13 +456,17 @@ class _Builder:
         duration: float,
         asked: _Asked | None = None,
         motion: tuple[MovingPlaces, ...] = (),
-        state: FloatArray | None = None,
     ) -> None:
         goal, reached = self._carried(motion, duration)
         if duration > 0.0 or motion:
             wanted = asked or _Asked(self.show.limits)
             wanted = _Asked(
-                wanted.limits, duration, wanted.mark, wanted.transition, state=state
+                wanted.limits,
+                duration,
+                wanted.mark,
+                wanted.transition,
+                motion=motion,
+                hold=duration,
             )
             kind: LegKind = "motion" if motion else "hold"
             leg = self._leg(kind, f"hold after {name}", goal, reached, wanted)
@@ -507,7 +496,9 @@ class _Builder:
     ) -> Leg:
         """Return the next leg of the fleet, from where it is to ``goal``."""
         index, duration = len(self.legs), asked.duration
-        begin, self.state = self.state, self._standing(asked.state, goal)
+        side = 1 if kind == "motion" else 0
+        end = state_at(self.show, asked.motion, asked.hold, side, goal)
+        begin, self.state = self.state, end
         return Leg(
             index=index,
             name=name,
@@ -530,17 +521,42 @@ class _Builder:
             goal_state=self.state,
         )
 
-    def _standing(
-        self, states: FloatArray | None, places: FloatArray
-    ) -> FloatArray | None:
-        """Fill in the hovers of drones that are not in motion."""
-        if states is None:
-            return None
-        states[:, :3] = places
-        still = states[:, -1] == 0.0
-        hovers = self.show.vehicle.hover_state(places[still], self.show.heading)
-        states[still, :-1] = hovers
-        return _frozen(states)
+
+def state_at(
+    show: Show,
+    motion: Sequence[MovingPlaces],
+    duration: float,
+    side: int,
+    places: FloatArray,
+) -> FloatArray | None:
+    """States and thrusts (n, 13) in which a fleet joins or leaves what it holds.
+
+    Parameters
+    ----------
+    motion
+        What drones do while they hold it.
+    duration
+        For how long [s]; 0: not known yet, any time does.
+    side
+        0 where they join it, 1 where they leave it.
+    places
+        Where they are then, shape (n, 3) [m].
+
+    Returns
+    -------
+    ndarray or None
+        Those that are not in motion hover; None: all do.
+    """
+    moving = [one for one in motion if one.under_way[side]]
+    if not moving:
+        return None
+    states = np.zeros((len(places), 13))
+    states[:, :-1] = show.vehicle.hover_state(places, show.heading)
+    for one in moving:
+        there = one.ends(duration or _ANY_TIME)[side]
+        states[one.rows] = state_in_motion(show.vehicle, there, show.heading)
+    states[:, :3] = places
+    return _frozen(states)
 
 
 def _together(wanted: Sequence[Preference]) -> Preference:

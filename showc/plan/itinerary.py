@@ -88,8 +88,8 @@ class Leg:
     @property
     def open(self) -> bool:
         """Whether its time is known only when it is solved."""
-        soon = self.in_motion or self.prefer == "time"
-        return self.duration is None and (self.arrive is None or soon)
+        soon = self.arrive is None or self.prefer == "time"
+        return self.duration is None and soon
 
     def ends(self, row: int) -> tuple[FloatArray, FloatArray]:
         """Start and goal of a drone: places (3,) to hover at, or states (13,)."""

@@ -1,5 +1,7 @@
 """The draft: a show as a scene before it is solved, moves as straight lines.
 
+Drones that arrive or leave in motion are drawn on cubics with those velocities.
+
 Every drone of a move follows one profile along its straight line, in the time that the
 quickest such flight of the drones with the longest ways takes (an estimate: nothing is
 proved of it, and drones may pass too near). What has been solved takes its place.
@@ -301,8 +303,26 @@ def _places(draft: Draft, number: int, elapsed: FloatArray) -> FloatArray:
                 moved = part.start + share * (part.goal - part.start)
                 places[np.ix_(least, part.drones)] = moved
         return places
+    if leg.in_motion:
+        return _in_motion(leg, elapsed, time)
     share = draft.courses[number].share(elapsed, time)[:, None, None]
     return np.asarray(leg.start + share * (leg.goal - leg.start))
+
+
+def _in_motion(leg: Leg, elapsed: FloatArray, time: float) -> FloatArray:
+    """Positions (T, drones, 3) [m] on cubics that have the velocities at both ends."""
+    begin, end = (
+        np.zeros_like(leg.start) if state is None else time * state[:, 3:6]
+        for state in (leg.start_state, leg.goal_state)
+    )
+    u = (elapsed / max(time, _STILL))[:, None, None]
+    # Cubic Hermite interpolation by its Bernstein form.
+    return np.asarray(
+        (1.0 - u) ** 3 * leg.start
+        + 3.0 * u * (1.0 - u) ** 2 * (leg.start + begin / 3.0)
+        + 3.0 * u**2 * (1.0 - u) * (leg.goal - end / 3.0)
+        + u**3 * leg.goal
+    )
 
 
 def _chapters(draft: Draft) -> list[Chapter]:
@@ -345,8 +365,8 @@ def _meetings(draft: Draft, memory: Memory) -> tuple[Meeting, ...]:
     separation, found = draft.show.separation, []
     for number, leg in enumerate(draft.itinerary.legs):
         course = draft.courses[number]
-        if course is _STANDING or leg.index in draft.solved:
-            continue
+        if course is _STANDING or leg.in_motion or leg.index in draft.solved:
+            continue  # what arrives or leaves in motion flies no straight line
         key = ("meeting", leg.start.tobytes(), leg.goal.tobytes(), separation)
         pair = memory.recall(
             key, partial(nearest_on_lines, leg.start, leg.goal, separation)

@@ -1,5 +1,6 @@
 """Holds and durations follow from the times that the script asks for."""
 
+import numpy as np
 import pytest
 
 from showc.errors import SolveError
@@ -118,9 +119,7 @@ def test_drones_that_stay_where_they_are_arrive_on_time_too(more):
     assert stayed[1] > 59.9
 
 
-def test_a_hold_is_not_lengthened_whose_motion_is_joined_at_its_rate():
-    """How fast a rotation turns, and so how it is met, depends on the hold."""
-    text = """\
+JOINED = """\
 showc: 1
 drones: 4
 separation: 2
@@ -132,15 +131,55 @@ transitions:
   - {to: row, at: 60}
 """
 
-    def planned(script):
-        itinerary = build_itinerary(read_show(script.encode(), path="s.yaml").show)
-        times = {leg.index: 5.0 for leg in itinerary.legs if leg.open}
-        return scheduled(itinerary, times)
 
-    with pytest.raises(SolveError, match="must know for how long: write 'hold: ") as no:
-        planned(text)
-    wanted = str(no.value).rsplit("'hold: ", 1)[1].rstrip("'")
-    held = planned(text.replace("hold: 6", f"hold: {wanted}"))
-    assert any(leg.kind == "motion" and leg.in_motion for leg in held.legs)
+def joined(script=JOINED):
+    itinerary = build_itinerary(read_show(script.encode(), path="s.yaml").show)
+    times = {leg.index: 5.0 for leg in itinerary.legs if leg.open}
+    return scheduled(itinerary, times)
+
+
+def test_a_hold_is_not_lengthened_whose_motion_is_joined_as_soon_as_can_be():
+    """How fast a rotation turns, and so how it is met, depends on the hold."""
+    with pytest.raises(SolveError, match="say when they meet it, by `at`"):
+        joined()
+    late = JOINED.replace("arrive: moving", "leave: moving")
+    with pytest.raises(SolveError, match="leave `prefer` out of what follows"):
+        joined(late.replace("at: 60", "at: 60, prefer: time"))
     # At rest at both ends it may last as long as it likes.
-    assert planned(text.replace(", arrive: moving", ""))
+    assert joined(JOINED.replace(", arrive: moving", ""))
+
+
+@pytest.mark.parametrize(
+    ("joins", "after"),
+    [
+        ("at: 30, arrive: moving", "at: 60"),
+        ("duration: 8, arrive: moving, leave: moving", "at: 60"),
+        ("leave: moving", "at: 60, duration: 7"),
+        ("at: 30, arrive: moving, leave: moving", "start: 50"),
+    ],
+)
+def test_a_motion_that_is_joined_is_held_until_what_follows(joins, after):
+    text = JOINED.replace("arrive: moving", joins).replace("at: 60", after)
+    text = text.replace("{rotate: 100}", "{rotate: 100}, {orbit: {radius: 1}}")
+    show = joined(text)
+    at = next(index for index, leg in enumerate(show.legs) if leg.kind == "motion")
+    before, motion, leg = show.legs[at - 1 : at + 2]
+    assert motion.duration > 6.0
+    (moving,) = motion.motion
+    for side, other in ((0, before.goal_state), (1, leg.start_state)):
+        own = (motion.start_state, motion.goal_state)[side]
+        assert (own is None) == (other is None) == (not moving.under_way[side])
+        place, speed, _, _ = moving.ends(motion.duration)[side]
+        if own is not None:
+            assert np.array_equal(own, other)
+            assert np.allclose(own[:, 3:6], speed)
+            assert np.linalg.norm(speed, axis=1).min() > 0.1
+        assert np.allclose((motion.start, motion.goal)[side], place)
+    assert np.array_equal(motion.goal, leg.start)
+    made = show.show.formations[motion.to_formation].points
+    assert np.allclose(made[motion.places], motion.goal)
+    clock = sum(one.duration or 5.0 for one in show.legs[: at + 1])
+    if "start" in after:
+        assert clock == pytest.approx(50.0, abs=1e-6)
+    else:
+        assert clock + leg.duration == pytest.approx(60.0, abs=1e-6)

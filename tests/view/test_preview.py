@@ -89,6 +89,30 @@ def test_a_formation_that_moves_is_drawn_where_it_will_be():
     assert np.abs(leg.goal - leg.start).max() > 3.0
 
 
+def test_what_arrives_and_leaves_in_motion_is_drawn_with_its_velocities():
+    script = """\
+showc: 1
+drones: 4
+formations: {ring: {type: circle, radius: 8}, up: {like: ring, centre: [0, 0, 20]}}
+transitions:
+  - {to: ring, at: 20, hold: 9, motion: [{rotate: 90}], leave: moving}
+  - {to: up, at: 45, hold: 9, motion: [{rotate: 90}], arrive: moving}
+"""
+    draft = draft_of(script)
+    scene = scene_of(draft, Memory())
+    number = next(k for k, leg in enumerate(draft.itinerary.legs) if leg.start_state is
+                  not None and leg.goal_state is not None)  # fmt: skip
+    leg, begin = draft.itinerary.legs[number], draft.starts[number]
+    # The motion before it fills the time: the picture stands at its cue.
+    assert begin + draft.durations[number] == 45.0
+    speed = np.linalg.norm(np.diff(scene.positions, axis=0), axis=-1) / scene.step
+    for joint, state in ((begin, leg.start_state), (45.0, leg.goal_state)):
+        own = np.linalg.norm(state[:, 3:6], axis=1)
+        assert own.min() > 0.2
+        at = int(joint / scene.step)
+        assert np.allclose(speed[at - 1 : at + 2], own, atol=0.25)
+
+
 def test_groups_with_times_of_their_own_are_drawn_in_them():
     script = (ROOT / "shows" / "lanes.yaml").read_text(encoding="utf-8")
     draft = draft_of(script)
