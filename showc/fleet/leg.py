@@ -268,7 +268,8 @@ class _Solver:
 
         What the flight takes beyond it is the most that the envelope may cost.
         """
-        if self.airframe is None:
+        # Nothing is bounded where drones only leave, or meet, a motion on the spot.
+        if self.airframe is None or guess <= 0.0:
             return {}
         return {"airframe_bound": self._bound(self.airframe, row, guess).time}
 
@@ -363,7 +364,7 @@ class _Solver:
             duration,
             min(limiting.time, duration),
             limiting.witness.time,
-            limiting.witness,
+            limiting.witness if limiting.witness.time > 0.0 else None,
             nearest,
             found.method + method,
             dict(sorted(statistics.items())),

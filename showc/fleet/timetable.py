@@ -35,6 +35,8 @@ _ON_TIME = 5e-4
 """By how much a wait may be negative by rounding to milliseconds [s]."""
 _INSTANT = 1e-3
 """Time of a move in which every drone stays [s]."""
+_TILTING = 1.0
+"""Time to tilt to and fro, at about 0.25 s for each of four quarters [s]."""
 _SHORTEST = 0.1
 """Least time that a move is tried in [s], as for `duration`."""
 
@@ -131,7 +133,7 @@ def _times(
 
 def _preferred(leg: Leg, show: Show, room: float) -> float:
     """Time that a move is to take where there is ``room`` [s]."""
-    if not np.any(leg.goal != leg.start):
+    if not (np.any(leg.goal != leg.start) or leg.in_motion):
         return _INSTANT
     if leg.prefer == "energy":
         fleet = fleet_of(show, leg)
@@ -145,11 +147,17 @@ def _preferred(leg: Leg, show: Show, room: float) -> float:
 
 
 def _turning_time(leg: Leg, show: Show) -> float:
-    """Time to gain and to lose the velocities at the ends of a leg [s], about."""
+    """Time that velocities at the ends of a leg need beyond a straight flight [s].
+
+    A point that stops from a speed v and returns to where it was needs (1 + sqrt 2)
+    v / a; the drone tilts to and fro meanwhile.
+    """
     states = [one for one in (leg.start_state, leg.goal_state) if one is not None]
+    if not states:
+        return 0.0
     speeds = np.sum([np.linalg.norm(one[:, 3:6], axis=1) for one in states], axis=0)
     gain = leg.limits.acceleration or show.vehicle.gravity * math.tan(leg.limits.tilt)
-    return float(np.max(speeds, initial=0.0)) / gain
+    return _TILTING + (1.0 + math.sqrt(2.0)) * float(speeds.max()) / gain
 
 
 def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:

@@ -29,6 +29,8 @@ MEANT = {
     "at": "centre",
     "offset": "centre",
     "velocity": "speed",
+    "move": "shift",
+    "translate": "shift",
     "time": "duration",
     "wait": "hold",
     "pause": "hold",

@@ -266,8 +266,9 @@ class Reader:
         if not present:
             settings.broken = True
             meant = any((id(node), key) in self._meant for key in section.one_of)
-            if meant or not node.whole:
-                return  # there, under a mistyped name: said already
+            only = len(section.one_of) == len(section.fields)
+            if meant or not node.whole or (only and node.entries):
+                return  # there, under another name: said already
             self.say(
                 "SHW102",
                 f"`{section.name}` needs one of {choices}",

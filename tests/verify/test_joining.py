@@ -204,3 +204,27 @@ def test_arriving_in_motion_without_a_motion_is_refused(key):
     (found,) = result.errors
     assert found.code == "SHW102"
     assert found.message == f"`{key}: moving` needs a motion"
+
+
+def test_drones_that_come_to_rest_where_they_leave_a_motion_are_proved(tmp_path):
+    """Nothing bounds the time of a move of no length: none is claimed."""
+    script = tmp_path / "spot.yaml"
+    script.write_text(
+        """\
+showc: 1
+drones: 2
+mission: {wanted: false}
+formations: {it: {type: circle, radius: 6, centre: [0, 0, 14]}}
+transitions:
+  - {to: it, at: 16, hold: 6, motion: [{rotate: 180}], leave: moving}
+  - {to: it, at: 36, hold: 1}
+landing: {altitude: 10}
+"""
+    )
+    log = tmp_path / "spot.mcap"
+    flight = compile_script(script, log, CompileOptions(missions=False)).flight
+    report = verify_log(log)
+    assert report.proved, report.to_json()
+    (spot,) = (one for one in flight.legs if one.leg.name == "it -> it")
+    assert spot.certificate.witness is None
+    assert spot.certificate.dual_bound == 0.0
