@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
+from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -100,9 +101,11 @@ def check_schemas(log: LogFile) -> Check:
         if channel.encoding != PROTOBUF or channel.metadata:
             bad.append(f"{channel.topic}: the channel says more, or another encoding")
     used = {channel.schema for channel in log.channels.values()}
+    names = Counter(schema.name for schema in log.schemas.values())
     bad += [
         f"{log.schemas[n].name} is used by nothing" for n in log.schemas.keys() - used
     ]
+    bad += [f"{name} is defined twice" for name in names if names[name] > 1]
     return agreement("VRF103", bad)
 
 
@@ -176,7 +179,7 @@ def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
             raise Damage(logged.offset, f"segment {message.name!r} contradicts itself")
         if message.index in found:
             raise Damage(logged.offset, f"segment {message.index} is there twice")
-        if abs((logged.time - epoch) * 1e-9 - message.start) > 1e-6:
+        if logged.time != epoch + round(Fraction(message.start) * 10**9):
             raise Damage(logged.offset, f"segment {message.name!r} is not at its start")
         found[message.index] = message
     if sorted(found) != list(range(len(found))) or not found:
@@ -270,7 +273,7 @@ def _flown(
             raise Damage(
                 offset, f"drone {drone + 1} flies segment {index} twice, or it is none"
             )
-        if abs(logged.time - epoch - round(messages[index].start * 1e9)) > 1:
+        if logged.time != epoch + round(Fraction(messages[index].start) * 10**9):
             raise Damage(offset, "a trajectory is not at its segment's start")
         flights[index][drone] = _table(found, offset)
         if len(flights[index]) == rules.drones:

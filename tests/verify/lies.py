@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import product
 from math import comb
+from operator import attrgetter
 from typing import TYPE_CHECKING
 from unittest.mock import patch
 
@@ -24,7 +25,7 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from showc.log import showc_pb2 as pb
 from showc.log.sample import POINT
@@ -43,6 +44,10 @@ class Message:
     topic: str
     time: int
     data: bytes
+    published: int | None = None
+    """Instead of the time [ns]."""
+    sequence: int | None = None
+    """Instead of how many came before it on its topic."""
 
 
 @dataclass
@@ -60,6 +65,13 @@ class Log:
     encoding: str = "protobuf"
     tail: bytes = b""
     """What follows the packed data inside each chunk."""
+    profile: str = ""
+    options: dict[str, object] = field(default_factory=dict)
+    """How the other library writes, where showc writes otherwise."""
+    copies: set[str] = field(default_factory=set)
+    """Topics that get a schema of their own, whatever it says."""
+    idle: list[str] = field(default_factory=list)
+    """Topics without a message, of the fleet's schema."""
 
     @classmethod
     def read(cls, data: bytes) -> Log:
@@ -83,13 +95,9 @@ class Log:
     def bytes(self) -> bytes:
         """Write it with every checksum and index."""
         target = BytesIO()
-        writer = Writer(
-            target,
-            chunk_size=1 << 20,
-            compression=CompressionType.ZSTD,
-            enable_data_crcs=True,
-        )
-        writer.start(profile="", library=self.library)
+        usual = {"compression": CompressionType.ZSTD, "enable_data_crcs": True}
+        writer = Writer(target, chunk_size=1 << 20, **(usual | self.options))
+        writer.start(profile=self.profile, library=self.library)
         for name, content in self.metadata:
             writer.add_metadata(name, content)
         for name, media, time, content in self.attachments:
@@ -99,24 +107,29 @@ class Log:
         counts: dict[str, int] = {}
         for message in self.messages:
             schema = self.schemas[message.topic]
-            if schema not in numbers:
-                numbers[schema] = writer.register_schema(*schema)
+            key = (message.topic, *schema) if message.topic in self.copies else schema
+            if key not in numbers:
+                numbers[key] = writer.register_schema(*schema)
             if message.topic not in channels:
                 channels[message.topic] = writer.register_channel(
                     message.topic,
                     self.encoding,
-                    numbers[schema],
+                    numbers[key],
                     self.channel_metadata.get(message.topic, {}),
                 )
             count = counts.get(message.topic, 0)
             counts[message.topic] = count + 1
+            published, number = message.published, message.sequence
             writer.add_message(
                 channels[message.topic],
                 message.time,
                 message.data,
-                message.time,
-                count,
+                message.time if published is None else published,
+                count if number is None else number,
             )
+        for topic in self.idle:
+            number = numbers[self.schemas["/fleet/state"]]
+            writer.register_channel(topic, self.encoding, number)
         packed = zstandard.compress
         with patch("mcap.writer.zstandard.compress", lambda b: packed(b) + self.tail):
             writer.finish()
@@ -1180,11 +1193,249 @@ def senses(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
     yield Lie("all times an hour later", "VRF105", hour)
 
 
+def containers(log: Log) -> Iterator[Lie]:  # noqa: C901 - a table
+    """Files that other readers take for the same, and that no compile writes so."""
+    every = IndexType.ALL
+
+    def options(**chosen):
+        def plant(found):
+            found.options = chosen
+
+        return plant
+
+    for name, plant in (
+        ("without chunks", options(use_chunking=False)),
+        ("packed with lz4", options(compression=CompressionType.LZ4)),
+        ("not packed", options(compression=CompressionType.NONE)),
+        ("without indexes of messages", options(index_types=every ^ IndexType.MESSAGE)),
+        ("without an index of chunks", options(index_types=every ^ IndexType.CHUNK)),
+        (
+            "without an index of attachments",
+            options(index_types=every ^ IndexType.ATTACHMENT),
+        ),
+        (
+            "without an index of metadata",
+            options(index_types=every ^ IndexType.METADATA),
+        ),
+        ("without statistics", options(use_statistics=False)),
+        ("without channels in the summary", options(repeat_channels=False)),
+        ("without schemas in the summary", options(repeat_schemas=False)),
+        ("without offsets in the summary", options(use_summary_offsets=False)),
+    ):
+        yield Lie(f"a file {name}", DAMAGE, plant)
+
+    def profile(found):
+        found.profile = "ros2"
+
+    yield Lie("a profile of another program", DAMAGE, profile)
+    for topic in ("/fleet/state2", "/drone/0003/state", "/fleet/predicted"):
+
+        def idle(found, topic=topic):
+            found.idle.append(topic)
+
+        yield Lie(f"{topic} without a message", "VRF120|VRF103|VRF107", idle)
+    for topic in ("/drone/0002/state", "/drone/0002/trajectory"):
+
+        def copied(found, topic=topic):
+            found.copies.add(topic)
+
+        yield Lie(f"{topic} with a schema of its own", "VRF103", copied)
+
+    def order(found):
+        found.attachments.reverse()
+
+    def keys(found):
+        name, facts = found.metadata[0]
+        found.metadata[0] = name, dict(reversed(facts.items()))
+
+    yield Lie("attachments in another order", "VRF106", order)
+    yield Lie("metadata in another order", "VRF105", keys)
+    for topic in sorted({message.topic for message in log.messages}):
+
+        def published(found, topic=topic):
+            message = found.of(topic)[-1]
+            message.published = message.time + 1
+
+        def numbered(found, topic=topic):
+            for number, message in enumerate(found.of(topic), start=1):
+                message.sequence = number
+
+        def later(found, topic=topic):
+            found.of(topic)[-1].time += 1
+            found.messages.sort(key=attrgetter("time"))
+
+        def earlier(found, topic=topic):
+            found.of(topic)[0].time -= 1
+            found.messages.sort(key=attrgetter("time"))
+
+        codes = "damage|VRF105|VRF120|VRF121|VRF122|VRF123|VRF124"
+        yield Lie(f"{topic} published a nanosecond later", DAMAGE, published)
+        yield Lie(f"{topic} numbered from one", DAMAGE, numbered)
+        yield Lie(f"the last {topic} a nanosecond later", codes, later)
+        yield Lie(f"the first {topic} a nanosecond earlier", codes, earlier)
+
+
+def _edited(topic, number, kind, change) -> Callable[[Log], None]:
+    return lambda found: found.edit(topic, number, kind, change)
+
+
+def finest_flights(_: Log) -> Iterator[Lie]:
+    """Polynomials at the ends of what numbers can be."""
+    flight = "/drone/0001/trajectory"
+
+    def broken(message, at, value):
+        message.breaks[at] = value
+
+    def empty(message):
+        pieces = len(message.breaks) - 1
+        state = len(message.state) // pieces
+        control = len(message.control) // pieces
+        message.breaks.insert(0, message.breaks[0])
+        message.state[:] = [*message.state[:state], *message.state]
+        message.control[:] = [*message.control[:control], *message.control]
+
+    def lifted(message, degree):
+        # The same polynomials, written in a degree that costs digits.
+        pieces = len(message.breaks) - 1
+        state = np.array(message.state).reshape(pieces, -1, 12)
+        rows = np.repeat(state[:, :1], degree + 1, axis=1)
+        message.state_degree = degree
+        message.state[:] = rows.ravel().tolist()
+
+    def away(message, amount):
+        for row in range(len(message.state) // 12):
+            message.state[12 * row + 8] += amount
+
+    nowhere = float("nan")
+    for name, number, change in (
+        ("begins before its leg", 2, lambda m: broken(m, 0, -1e-3)),
+        ("begins a denormal late", 2, lambda m: broken(m, 0, nowhere)),
+        ("ends nowhere", 2, lambda m: broken(m, -1, float("inf"))),
+        ("has an interval of no time", 2, empty),
+        ("has polynomials of degree 61", 1, lambda m: lifted(m, 61)),
+        ("has more of a degree than it says", 2, lambda m: m.state.append(0.0)),
+        ("says no degree", 2, lambda m: setattr(m, "control_degree", 0)),
+        ("is of a drone that is not", 2, lambda m: setattr(m, "drone", 2**32 - 1)),
+        ("is of a leg that is not", 2, lambda m: setattr(m, "segment", 2**32 - 1)),
+    ):
+        plant = _edited(flight, number, pb.Trajectory, change)
+        yield Lie(f"a trajectory {name}", "damage|VRF335", plant)
+    for amount in (1e-5, -1e-5, 2.0 * np.pi):
+        plant = _edited(flight, 1, pb.Trajectory, lambda m, a=amount: away(m, a))
+        codes = "VRF332|VRF337|VRF122"
+        yield Lie(f"a hold turned by {amount:g} rad", codes, plant)
+
+
+def finest_claims(_: Log) -> Iterator[Lie]:
+    """Words and numbers of legs at the ends of what they can be."""
+    leg, nowhere = "/show/segments", float("nan")
+
+    def certificate(**changes):
+        def change(message):
+            for key, value in changes.items():
+                setattr(message.certificate, key, value)
+
+        return change
+
+    for name, change, code in (
+        ("no number for a bound", certificate(dual_bound=nowhere), DAMAGE),
+        ("an endless bound", certificate(dual_bound=float("inf")), DAMAGE),
+        ("no number for a minimum", certificate(single_drone_minimum=nowhere), DAMAGE),
+        (
+            "a bound less than nothing",
+            certificate(dual_bound=-5e-324),
+            "VRF107|VRF341|VRF342",
+        ),
+        ("an encounter of no number", lambda m: _met(m, nowhere), "VRF343"),
+        ("an encounter before the leg", lambda m: _met_at(m, -1e-6), "VRF343|VRF107"),
+        ("a duration a denormal long", lambda m: setattr(m, "duration", 5e-324), ""),
+        ("a start of no number", lambda m: setattr(m, "start", nowhere), DAMAGE),
+        ("a place beyond all", lambda m: _placed(m, 2**31 - 1), "VRF205"),
+        ("a place less than parked", lambda m: _placed(m, -2), "VRF205"),
+        ("limits that are not", lambda m: setattr(m, "limits", 2**32 - 1), DAMAGE),
+        ("a name in other letters", lambda m: setattr(m, "name", "lаunch"), "VRF204"),
+        ("a name that ends it", lambda m: setattr(m, "name", m.name + "\0"), "VRF204"),
+        ("a name of escapes", lambda m: setattr(m, "name", "\x1b[2J"), "VRF204"),
+        ("moves of groups", lambda m: m.moves.add(name=m.name), "VRF204"),
+        ("a group's motion", lambda m: setattr(m, "kind", pb.Segment.MOTION), "VRF204"),
+    ):
+        plant = _edited(leg, 2, pb.Segment, change)
+        yield Lie(f"a leg with {name}", code or "damage|VRF204", plant)
+
+
+def finest_samples(_: Log) -> Iterator[Lie]:
+    """Samples that are off by little, or seen through."""
+    fleet = "/fleet/state"
+
+    def points(change):
+        def inner(message):
+            table = np.frombuffer(message.data, dtype=POINT).copy()
+            change(table)
+            message.data = table.tobytes()
+
+        return _edited(fleet, 30, PointCloud, inner)
+
+    def through(table):
+        table["alpha"] = 254
+
+    def double(table):
+        table[1] = table[0]
+
+    yield Lie("a fleet that is hardly seen through", "VRF125|VRF122", points(through))
+    yield Lie("a drone drawn in the place of another", "VRF122", points(double))
+    for name in ("x", "vx", "qx", "wx", "u0", "u1"):
+
+        def step(table, name=name):
+            # Two steps of the finest number that a sample can have there.
+            table[name][0] = np.nextafter(table[name][0] + 3e-3, np.float32(9))
+
+        yield Lie(f"{fleet} {name} three thousandths off", "VRF122", points(step))
+
+
+def finest_rules(_: Log) -> Iterator[Lie]:
+    """Rules at the ends of what numbers can be."""
+    nowhere = float("nan")
+
+    def rules(name, change, code="VRF203|damage"):
+        return Lie(
+            f"rules with {name}", code, _edited("/show/rules", 0, pb.Rules, change)
+        )
+
+    yield rules("a heading of no number", lambda m: setattr(m, "heading", nowhere))
+    yield rules("a heading a circle on", lambda m: setattr(m, "heading", 2 * np.pi))
+    yield rules("a fence of one number", lambda m: m.site.fence.append(1.0))
+    yield rules("a fence beyond all", lambda m: m.site.fence.extend([1e308, 1e308]))
+    yield rules("no limits", lambda m: m.ClearField("limits"))
+    yield rules("no formations", lambda m: m.ClearField("formations"))
+    yield rules("a formation twice", lambda m: m.formations.append(m.formations[0]))
+    yield rules("no drones", lambda m: setattr(m, "drones", 0), DAMAGE)
+    yield rules("endless time", lambda m: setattr(m, "duration", float("inf")), DAMAGE)
+    yield rules("a rate of nothing", lambda m: setattr(m, "log_rate", 0.0))
+    yield rules("another shape", lambda m: setattr(m.separation, "shape", 2))
+    yield rules(
+        "a margin less than none", lambda m: setattr(m.site, "fence_margin", -1)
+    )
+    yield rules("a name that ends it", lambda m: setattr(m, "name", "Proved\0"))
+
+
+def _met(message, distance) -> None:
+    message.certificate.closest.distance = distance
+
+
+def _met_at(message, time) -> None:
+    message.certificate.closest.time = time
+
+
+def _placed(message, place) -> None:
+    message.places[0] = place
+
+
 TABLE = (
     *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
     *(scene, timing, channels, trajectories, script, hostile),
     *(tails, claims, documents, drawn, small_numbers, wobbles, odd_claims),
-    *(words, codings, senses),
+    *(words, codings, senses, containers, finest_flights, finest_claims),
+    *(finest_samples, finest_rules),
 )
 """Generators of lies."""
 

@@ -164,6 +164,8 @@ def _metadata(
     manifest = log.attachment(MANIFEST_NAME) or b""
     wanted = metadata_of(script, show.duration, version, manifest)
     yield from unlike(dict(found), wanted, "metadata")
+    if [*found] != [*wanted]:
+        yield f"the metadata are {', '.join(found)}, the show has {', '.join(wanted)}"
 
 
 def _attachments(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
