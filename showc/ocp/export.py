@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.ocp.fault import StatementError, check_known
 from showc.ocp.solution import ROWS
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ def arrays(solution: Solution, rows: int = ROWS) -> dict[str, dict[str, FloatArr
         For each phase by name: ``time``, then every state and control by name, each of
         shape (rows,), in the problem's own units.
     """
+    if rows < 2:
+        raise StatementError(f"{rows} rows are asked for; wanted 2 or more")
     found = {}
     for part in solution.phases:
         time = np.linspace(part.start, part.end, rows)
@@ -116,6 +119,10 @@ def drawing(solution: Solution, names: tuple[str, ...] = ()) -> Drawing:
     names
         What is drawn; all by default. Of a vector, its elements share a panel.
     """
+    known = {n for part in solution.phases for n in part.state_names}
+    known |= {n for part in solution.phases for n in part.control_names}
+    known |= {name.split("[")[0] for name in known}
+    check_known(names, sorted(known), "a drawing")
     series: dict[str, list[tuple[str, FloatArray, FloatArray]]] = {}
     for part in solution.phases:
         curves = [(n, part.states, i) for i, n in enumerate(part.state_names)]

@@ -28,7 +28,9 @@ class StatementError(ValueError):
 def users_line() -> str:
     """File and line of the innermost call from outside the core."""
     frame = sys._getframe()  # noqa: SLF001 - the one way to the caller's line
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(_HOME):
+    own = _HOME, "<string>"
+    # What dataclasses generate has no file.
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(own):
         frame = frame.f_back
     return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
 
@@ -82,6 +84,28 @@ def check_scale(scale: object, what: str) -> None:
         return
     if not isinstance(scale, (int, float)) or not isfinite(scale) or scale <= 0.0:
         raise StatementError(f"the scale of {what} is {scale!r}; wanted above 0")
+
+
+def check_type(value: object, wanted: type, what: str) -> None:
+    """Raise where ``value`` is given and not of the type ``wanted``."""
+    if value is not None and not isinstance(value, wanted):
+        raise StatementError(
+            f"{what} is of type {type(value).__name__}; wanted ocp.{wanted.__name__}"
+        )
+
+
+def check_number(value: object, what: str) -> float:
+    """Return ``value`` as a finite number.
+
+    Raises
+    ------
+    StatementError
+        If it is none.
+    """
+    expression = scalar(value, what)
+    if not expression.is_constant() or not isfinite(float(expression)):
+        raise StatementError(f"{what} is {value}; wanted a finite number")
+    return float(expression)
 
 
 def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:

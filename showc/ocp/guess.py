@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.arrays import FloatArray
-from showc.ocp.fault import StatementError, check_known
+from showc.ocp.fault import StatementError, check_known, check_number
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
@@ -26,7 +26,11 @@ class Data:
     values: Sequence[float] | FloatArray
 
     def __post_init__(self) -> None:
-        times, values = np.asarray(self.times), np.asarray(self.values)
+        try:
+            times = np.asarray(self.times, dtype=np.float64)
+            values = np.asarray(self.values, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise StatementError("times and values of data are no numbers") from None
         if times.shape != values.shape or times.ndim != 1 or times.size == 0:
             raise StatementError(
                 f"data with {times.shape} times and {values.shape} values; wanted one "
@@ -67,13 +71,35 @@ def check_guess(problem: Problem, guess: object) -> None:
     StatementError
         With the names there are.
     """
-    if guess is None or hasattr(guess, "phases"):
+    if guess is None:
+        return
+    if hasattr(guess, "phases"):
+        found = [part.name for part in guess.phases]
+        wanted = [phase.name for phase in problem.phases]
+        if len(found) != len(wanted):
+            raise StatementError(
+                f"the guess is a solution with the phases {', '.join(found)}; the "
+                f"problem has {', '.join(wanted)}"
+            )
         return
     if not isinstance(guess, Guess):
         hint = "ocp.Guess({...})" if isinstance(guess, dict) else "an ocp.Guess"
         raise StatementError(
             f"the guess is of type {type(guess).__name__}; wanted {hint} or a solution"
         )
+    for what in ("curves", "durations", "starts", "statics"):
+        if not isinstance(getattr(guess, what), Mapping):
+            kind = type(getattr(guess, what)).__name__
+            raise StatementError(f"{what} of the guess are a {kind}; wanted a dict")
+    _check_names(problem, guess)
+    _check_numbers(guess)
+    for name, curve in guess.curves.items():
+        if not isinstance(curve, (Data, PiecewisePolynomial)):
+            _check_curve(name, curve)
+
+
+def _check_names(problem: Problem, guess: Guess) -> None:
+    """Raise where a guess names what the problem does not have."""
     phases = {phase.name for phase in problem.phases}
     known = [
         called
@@ -87,20 +113,42 @@ def check_guess(problem: Problem, guess: object) -> None:
     check_known(
         guess.statics, [s.name for s in problem.statics], "the guess of statics"
     )
-    for name, curve in guess.curves.items():
-        if callable(curve) or isinstance(curve, Data):
-            continue
-        values = np.asarray(curve, dtype=object)
-        numbers = all(isinstance(v, (int, float, np.number)) for v in values.ravel())
-        if (
-            values.ndim > 1
-            or not numbers
-            or not np.all(np.isfinite(values.astype(float)))
-        ):
+
+
+def _check_numbers(guess: Guess) -> None:
+    """Raise where a guessed duration, start or static is no number."""
+    for name, length in guess.durations.items():
+        if check_number(length, f"the guessed duration of {name!r}") <= 0.0:
             raise StatementError(
-                f"the guess of {name!r} has the shape {values.shape}; wanted a number, "
-                "a row of numbers, ocp.Data, or a function of the fraction of the phase"
+                f"the guessed duration of {name!r} is {length}; wanted above 0"
             )
+    for name, value in (*guess.starts.items(), *guess.statics.items()):
+        check_number(value, f"the guess of {name!r}")
+
+
+def _check_curve(name: str, curve: object) -> None:
+    """Raise where a guessed curve is no row of finite numbers, and gives none."""
+    what, places = f"the guess of {name!r}", np.linspace(0.0, 1.0, 5)
+    found: object = curve
+    if callable(curve):
+        try:
+            with np.errstate(all="ignore"):
+                found = curve(places)
+        except Exception as fault:
+            raise StatementError(
+                f"{what} cannot be called with an array of fractions: {fault}"
+            ) from fault
+    wanted = "a number, a row of numbers, ocp.Data, or a function of fractions"
+    try:
+        values = np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise StatementError(f"{what} is no number; wanted {wanted}") from None
+    odd = values.ndim == 1 and callable(curve) and values.size not in {1, places.size}
+    if values.ndim > 1 or odd:
+        given = f" for fractions of shape {places.shape}" if callable(curve) else ""
+        raise StatementError(f"{what} has shape {values.shape}{given}; wanted {wanted}")
+    if not np.all(np.isfinite(values)):
+        raise StatementError(f"{what} is not finite everywhere; wanted {wanted}")
 
 
 def sample(

@@ -29,6 +29,7 @@ from showc.ocp.quantity import (
     Quantity,
     State,
     interval,
+    limits,
 )
 
 if TYPE_CHECKING:
@@ -194,7 +195,8 @@ class Phase:
             self._name_of(state)
         symbols = casadi.SX(state)
         if symbols.numel() != 1:
-            rates = casadi.SX(expression)
+            parts = expression if isinstance(expression, (list, tuple)) else None
+            rates = casadi.SX(expression if parts is None else casadi.vertcat(*parts))
             if rates.shape != symbols.shape:
                 raise StatementError(
                     f"the derivative has the shape {rates.shape}, the state "
@@ -232,7 +234,7 @@ class Phase:
             raise StatementError(
                 f"phase {self.name!r} has two path constraints named {title!r}"
             )
-        low, high = interval((lower, upper), f"path constraint {title!r}")
+        low, high = limits(lower, upper, f"path constraint {title!r}")
         check_scale(scale, f"path constraint {title!r}")
         symbol = scalar(expression, f"path constraint {title!r}")
         self.path_constraints.append(
@@ -328,7 +330,7 @@ class Phase:
             raise StatementError(
                 f"phase {self.name!r} has two couplings named {title!r}"
             )
-        low, high = interval((lower, upper), f"coupling {title!r}")
+        low, high = limits(lower, upper, f"coupling {title!r}")
         expression = scalar(expression, f"coupling {title!r}")
         states = casadi.vertcat(*[s.quantity.symbol for s in self.states.values()])
         others = [c.quantity.symbol for c in self.controls.values()]
@@ -429,10 +431,14 @@ def elements(
         If the shape makes no sense, or a setting has another one.
     """
     check_name(name, "a vector")
-    rows, columns = (shape, 1) if isinstance(shape, int) else shape
-    if rows < 1 or columns < 1:
-        raise StatementError(f"{name!r} has the shape {shape}; wanted 1 or more")
-    flat = isinstance(shape, int)
+    sides = shape if isinstance(shape, tuple) else (shape,)
+    whole = all(isinstance(side, int) and side > 0 for side in sides)
+    if not whole or len(sides) not in {1, 2}:
+        raise StatementError(
+            f"{name!r} has the shape {shape!r}; wanted a length, or rows and columns"
+        )
+    rows, columns = (*sides, 1)[:2]
+    flat = len(sides) == 1
 
     def setting(key: str, i: int, j: int) -> object:
         value: Any = values[key]

@@ -15,6 +15,7 @@ from showc.ocp.fault import (
     StatementError,
     check_known,
     check_name,
+    check_number,
     check_scale,
     scalar,
     users_line,
@@ -27,6 +28,7 @@ from showc.ocp.quantity import (
     Quantity,
     State,
     interval,
+    limits,
 )
 
 if TYPE_CHECKING:
@@ -64,6 +66,8 @@ class Problem:
     def parameter(self, name: str, default: float | None = None) -> Expression:
         """Add a number that is given anew for each solve."""
         self._check_new(name, "parameter")
+        if default is not None:
+            default = check_number(default, f"the default of parameter {name!r}")
         symbol = casadi.SX.sym(name)
         self.parameters[name] = (symbol, default)
         return symbol
@@ -108,7 +112,7 @@ class Problem:
             raise StatementError(f"problem {self.name!r} has two phases named {name!r}")
         check_name(name, f"a phase of problem {self.name!r}")
         low, high = interval(duration, f"the duration of phase {name!r}")
-        if isinstance(high, (int, float)) and high < 0.0:
+        if isinstance(high, (int, float)) and high <= 0.0:
             raise StatementError(
                 f"the duration of phase {name!r} is at most {high:g}; wanted above 0"
             )
@@ -133,7 +137,7 @@ class Problem:
         what = f"boundary constraint {title!r}"
         if any(title == other.name for other in self.boundary_constraints):
             raise StatementError(f"problem {self.name!r} has two of the name {title!r}")
-        low, high = interval((lower, upper), what)
+        low, high = limits(lower, upper, what)
         check_scale(scale, what)
         self.boundary_constraints.append(
             Quantity(title, scalar(expression, what), low, high, scale, users_line())
@@ -170,12 +174,21 @@ class Problem:
                 name = getattr(phase, "name", phase)
                 raise StatementError(f"{name!r} is no phase of problem {self.name!r}")
         what = f"the link of phases {first.name!r} and {second.name!r}"
+        before, after = self.phases.index(first), self.phases.index(second)
+        if first is second:
+            raise StatementError(f"{what} joins a phase to itself; wanted two")
+        if any((before, after) == known[:2] for known in self.links):
+            raise StatementError(f"{what} is stated twice")
         leaps = dict(jumps or {})
         check_known(leaps, second.states, f"a jump in {what}")
         shared = [name for name in first.states if name in second.states]
         if isinstance(states, str):
             raise StatementError(
                 f"{what} has a text for states; wanted a list of names"
+            )
+        if states is None and not shared:
+            raise StatementError(
+                f"{what} finds no state that both have; link(a, b, []) joins the times"
             )
         names = [n for n in shared if n not in leaps] if states is None else states
         check_known(names, shared, what)
@@ -188,7 +201,6 @@ class Problem:
                 0.0,
                 name=f"jump of {name} to phase {second.name}",
             )
-        before, after = self.phases.index(first), self.phases.index(second)
         self.links.append((before, after, tuple(names)))
 
     def minimise(self, expression: Expression) -> None:
@@ -210,6 +222,10 @@ class Problem:
         if not self.phases:
             raise StatementError(f"problem {self.name!r} has no phase; add one")
         for phase in self.phases:
+            if not phase.states:
+                raise StatementError(
+                    f"phase {phase.name!r} has no state; add one", phase.line
+                )
             missing = [name for name in phase.states if name not in phase.derivatives]
             if missing:
                 raise StatementError(

@@ -36,7 +36,26 @@ def interval(value: object, what: str) -> tuple[Bound, Bound]:
     high = _bound(pair[1], INFINITY, what)
     if isinstance(low, float) and isinstance(high, float) and low > high:
         raise StatementError(f"{what} is to be at least {low:g} and at most {high:g}")
+    numbers = [bound for bound in (low, high) if isinstance(bound, float)]
+    if numbers in ([INFINITY, INFINITY], [-INFINITY, -INFINITY]):
+        raise StatementError(f"{what} is to be {low:g}; wanted a finite number")
     return low, high
+
+
+def limits(lower: object, upper: object, what: str) -> tuple[Bound, Bound]:
+    """Read the bounds of a constraint, of which there must be one.
+
+    Raises
+    ------
+    StatementError
+        If both are ``None``, or :func:`interval` finds a fault.
+    """
+    if lower is None and upper is None:
+        raise StatementError(
+            f"{what} has no bounds; give lower, upper, or both (a comparison such as "
+            "x <= 1 is no constraint)"
+        )
+    return interval((lower, upper), what)
 
 
 def _bound(value: object, nothing: float, what: str) -> Bound:

@@ -451,3 +451,78 @@ def test_sensitivities_count_limits_on_states_and_the_sense_of_the_objective():
     assert most.objective == pytest.approx(-4.0, rel=1e-6)
     assert most.sensitivities["limit"] == pytest.approx(36.0, rel=1e-4)
     assert most.sensitivities["price"] == pytest.approx(-4.0, rel=1e-6)
+
+
+def van_der_pol_in_least_time():
+    problem = ocp.Problem("van der Pol in least time")
+    phase = problem.phase(duration=(0.01, 30.0))
+    x = phase.state("x", start=1.0, end=-1.0)
+    y = phase.state("y", start=1.0, end=1.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, y)
+    phase.derivative(y, (1.0 - x * x) * y - x + u)
+    problem.minimise(phase.duration)
+    return problem
+
+
+def dielectrophoretic_particle():
+    """Chang, Petit, Rouchon 2006: product of state and control, none at the start."""
+    problem = ocp.Problem("particle in an electric field")
+    phase = problem.phase(duration=(0.0, None))
+    x = phase.state("x", start=1.0, end=2.0)
+    y = phase.state("y", start=0.0)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, y * u - 0.75 * u * u)
+    phase.derivative(y, u - y)
+    problem.minimise(phase.duration)
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("build", "least"),
+    [(van_der_pol_in_least_time, 3.3472551), (dielectrophoretic_particle, 7.8113113)],
+)
+def test_a_duration_that_shrinks_to_nothing_is_started_from_little_effort(build, least):
+    solution = ocp.solve(build())
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective == pytest.approx(least, rel=1e-6)
+    assert "least effort" in solution.history[0].action
+
+
+def test_layers_at_the_start_are_found_by_flying_the_guess():
+    """Robertson's kinetics with a controlled temperature: stiff, rates 1e7 apart."""
+    problem = ocp.Problem("kinetics")
+    phase = problem.phase(duration=1.0)
+    a = phase.state("a", 0.0, None, start=1.0)
+    b = phase.state("b", 0.0, None, start=0.0, scale=1e-4)
+    c = phase.state("c", 0.0, None, start=0.0)
+    heat = phase.control("heat", 0.5, 2.0)
+    burn, back, use = 0.04 * heat * a, 1e4 * b * c, 3e7 * b * b
+    phase.derivative(a, back - burn)
+    phase.derivative(b, burn - back - use)
+    phase.derivative(c, use)
+    problem.minimise(phase.integral(0.01 * (heat - 1.0) ** 2) - phase.final(c))
+    solution = ocp.solve(problem, options=ocp.Options(meshes=1))
+    assert solution.result.usable
+    assert any("controls fly" in record.action for record in solution.history)
+
+
+def test_what_was_not_refined_is_not_taken_for_settled():
+    """Robbins 1980: touch points of a third-order constraint without end.
+
+    The optimum is that of a solve to 1e-9, of which two ways agree to 1e-8.
+    """
+    problem = ocp.Problem("robbins")
+    phase = problem.phase(duration=10.0)
+    x = phase.state("x", 0.0, None, start=1.0, end=0.0)
+    y = phase.state("y", start=-2.0, end=0.0)
+    z = phase.state("z", start=0.0, end=0.0)
+    u = phase.control("u")
+    phase.derivative(x, y)
+    phase.derivative(y, z)
+    phase.derivative(z, u)
+    problem.minimise(phase.integral(3.0 * x + 0.5 * u * u))
+    solution = ocp.solve(problem)
+    off = abs(solution.objective / 19.4317814 - 1.0)
+    assert off < 1e-6
+    assert 0.1 * off < solution.error.objective

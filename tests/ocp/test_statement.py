@@ -70,12 +70,74 @@ def test_a_missing_derivative_names_the_line_of_its_state():
         (lambda p: p.constrain(ca.MX.sym("m"), 0.0), "is a CasADi MX"),
         (lambda p: p.constrain(ca.SX.sym("m", 2), 0.0), "shape 2 x 1"),
         (lambda p: p.integral(np.ones(3)), "shape 3 x 1"),
+        (lambda p: p.state("w", start=float("inf")), "wanted a finite number"),
+        (lambda p: p.state("w", shape=2.0), "shape 2.0; wanted a length"),
+        (lambda p: p.state("w", shape=(2, 2, 2)), "wanted a length, or rows and col"),
+        (lambda p: p.constrain(p.time <= 1.0), "has no bounds"),
     ],
 )
 def test_what_makes_no_sense_in_a_phase_is_refused(state, words):
     _, phase = integrator()
     with pytest.raises(ocp.StatementError, match=words):
         state(phase)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"overrides": {"x": 1.0}}, r"is of type dict; wanted ocp\.Overrides"),
+        ({"overrides": ocp.Overrides(durations={"leg": 1.0})}, "names 'leg'; there is"),
+        ({"options": {"tolerance": 1.0}}, r"is of type dict; wanted ocp\.Options"),
+        ({"options": ocp.Options(mesh=ocp.Mesh(()))}, "has 0 phases; the problem has"),
+        ({"parameters": {"mass": float("nan")}}, "parameter 'mass' is not a number"),
+        ({"parameters": {"mass": "2"}}, "parameter 'mass' is of type str"),
+    ],
+)
+def test_what_makes_no_sense_in_a_solve_is_refused(wrong, words):
+    problem, _ = integrator()
+    problem.parameter("mass", 1.0)
+    with pytest.raises(ocp.StatementError, match=words):
+        ocp.solve(problem, **wrong)
+
+
+def test_an_option_that_the_solver_does_not_know_is_named():
+    solver = ocp.SolverOptions(extra={"no_such": 1})
+    with pytest.raises(ocp.StatementError, match="No such IPOPT option: no_such"):
+        ocp.solve(integrator()[0], options=ocp.Options(solver=solver))
+    with pytest.raises(ocp.StatementError, match="solver is 'knitro'"):
+        ocp.SolverOptions("knitro")
+
+
+def test_a_solution_of_other_phases_is_no_guess():
+    solution = ocp.solve(integrator()[0], options=ocp.Options(meshes=1))
+    problem = ocp.Problem("two legs")
+    for name in ("out", "back"):
+        leg = problem.phase(name, duration=1.0)
+        leg.derivative(leg.state("x"), 1.0)
+    problem.minimise(0.0)
+    with pytest.raises(ocp.StatementError, match="the problem has out, back"):
+        ocp.solve(problem, guess=solution)
+
+
+def test_lists_of_rates_are_taken_for_vectors():
+    problem = ocp.Problem("plane")
+    phase = problem.phase(duration=1.0)
+    place = phase.state("place", start=0.0, end=[1.0, 2.0], shape=2)
+    pace = phase.control("pace", shape=2)
+    phase.derivative(place, [pace[0], pace[1]])
+    problem.minimise(phase.integral(ca.sumsqr(pace)))
+    assert ocp.solve(problem).objective == pytest.approx(5.0, rel=1e-6)
+
+
+def test_a_longer_time_without_bound_is_said_to_be_unlimited():
+    problem = ocp.Problem("for ever")
+    phase = problem.phase()
+    x = phase.state("x", start=0.0)
+    phase.derivative(x, phase.control("u", -1.0, 1.0))
+    problem.maximise(phase.final(x))
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.UNBOUNDED
+    assert "'duration' of phase 'phase'" in solution.message
 
 
 def test_an_objective_must_be_stated():
@@ -111,8 +173,15 @@ def test_symbols_of_elsewhere_are_named():
         (ocp.Guess({"z": 1.0}), "names 'z'; there is x, phase.x, v"),
         (ocp.Guess(durations={"leg": 1.0}), "names 'leg'; there is phase"),
         (ocp.Guess(statics={"m": 1.0}), "names 'm'; there is nothing"),
-        (ocp.Guess({"x": np.ones((2, 2))}), "has the shape"),
-        (ocp.Guess({"x": [0.0, float("nan")]}), "guess of 'x'"),
+        (ocp.Guess({"x": np.ones((2, 2))}), r"has shape \(2, 2\)"),
+        (ocp.Guess({"x": ca.DM([0.0, 1.0])}), r"has shape \(2, 1\)"),
+        (ocp.Guess({"x": [0.0, float("nan")]}), "'x' is not finite everywhere"),
+        (ocp.Guess({"x": lambda s: s / 0.0}), "'x' is not finite everywhere"),
+        (ocp.Guess({"x": lambda _: np.ones(3)}), r"shape \(3,\) for fractions of"),
+        (ocp.Guess({"x": lambda: 1.0}), "'x' cannot be called with an array"),
+        (ocp.Guess({"x": "far"}), "'x' is no number"),
+        (ocp.Guess(["x"]), "curves of the guess are a list; wanted a dict"),
+        (ocp.Guess(durations={"phase": -1.0}), "'phase' is -1.0; wanted above 0"),
     ],
 )
 def test_a_wrong_guess_is_refused(guess, words):
@@ -127,7 +196,15 @@ def test_a_wrong_scale_is_refused(scales):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"tolerance": 0.0}, {"meshes": 0}, {"scheme": "simpson"}, {"starts": 0}]
+    "wrong",
+    [
+        {"tolerance": 0.0},
+        {"meshes": 0},
+        {"scheme": "simpson"},
+        {"starts": 2.5},
+        {"mesh": 20},
+        {"solver": "ipopt"},
+    ],
 )
 def test_a_wrong_option_is_refused(wrong):
     with pytest.raises(ocp.StatementError, match=next(iter(wrong))):
@@ -181,6 +258,13 @@ def test_wrong_links_are_refused():
         problem.link(first, stranger)
     with pytest.raises(ocp.StatementError, match="names 'x'; there is nothing"):
         problem.link(first, second, ["x"])
+    with pytest.raises(ocp.StatementError, match="finds no state that both have"):
+        problem.link(first, second)
+    with pytest.raises(ocp.StatementError, match="joins a phase to itself"):
+        problem.link(first, first)
+    problem.link(first, second, [])
+    with pytest.raises(ocp.StatementError, match="is stated twice"):
+        problem.link(first, second, [])
 
 
 def test_vectors_and_matrices_are_states_by_element():

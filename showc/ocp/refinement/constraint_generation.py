@@ -24,7 +24,7 @@ import numpy as np
 
 from showc.ocp.audit.couplings import CouplingAuditor
 from showc.ocp.coupling import Imposed, merged
-from showc.ocp.fault import StatementError
+from showc.ocp.fault import StatementError, check_type
 from showc.ocp.guess import Curve, Guess, check_guess, curves_of
 from showc.ocp.mesh import Mesh
 from showc.ocp.outcome import Result
@@ -221,14 +221,16 @@ def solve(
     ValueError
         If the problem is not completely stated or a name is unknown.
     """
-    if not isinstance(problem, Problem):
-        kind = type(problem).__name__
-        raise StatementError(f"what is to be solved is of type {kind}; wanted Problem")
+    check_type(problem, Problem, "what is to be solved")
+    check_type(options, Options, "what is given as options")
+    check_type(overrides, Overrides, "what is given as overrides")
     chosen = options or Options()
-    if not isinstance(chosen, Options):
-        kind = type(chosen).__name__
-        raise StatementError(f"the options are of type {kind}; wanted ocp.Options")
     problem.check()
+    if chosen.mesh and len(chosen.mesh.phases) != len(problem.phases):
+        raise StatementError(
+            f"the mesh of the options has {len(chosen.mesh.phases)} phases; the "
+            f"problem has {len(problem.phases)}"
+        )
     check_guess(problem, guess)
     if chosen.starts > 1:
 

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.ocp.audit.optimality import objective_size
-from showc.ocp.guess import Guess
-from showc.ocp.outcome import Result
+from showc.ocp.history import Decision
+from showc.ocp.refinement.first_mesh import FirstMesh
 from showc.ocp.refinement.judgement import Judgement, is_worse, judge, refutes
-from showc.ocp.refinement.multistart import uneven, unmoved, varied
 from showc.ocp.refinement.options import (
     CAUTION,
     CHEAP,
     CLOSE,
     EFFORT,
+    EVEN,
     INNER_DEGREE,
     LOOSE,
-    LOOSELY,
     OPEN,
     ROUGH,
     SWITCH_TRIALS,
     TIGHTER,
     TRIAL_EFFORT,
-    UNEVENNESS,
-    WEIGHINGS,
+    VAGUE,
 )
 from showc.ocp.refinement.proposal import (
     Proposal,
@@ -37,13 +34,14 @@ from showc.ocp.refinement.proposal import (
     with_ends,
 )
 from showc.ocp.refinement.strategy import Strategy
-from showc.ocp.solution import Solution
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from showc.ocp.guess import Guess
     from showc.ocp.refinement.attempts import Attempts
     from showc.ocp.refinement.switches import Structure
+    from showc.ocp.solution import Solution
 
 
 class Hp(Strategy):
@@ -61,118 +59,15 @@ class Hp(Strategy):
         self.loose = False
         """Whether the latest mesh was solved loosely: arcs cannot be read off it."""
         self.rescaled = False
+        self.even: tuple[int, ...] = EVEN
+        """Even meshes that may still be tried."""
         self.guess: Guess | Solution | None = None
         """The guess the user gave."""
 
     def first(self, guess: Guess | Solution | None) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
         self.guess = guess
-        mesh = self.options.mesh or plain_mesh(self.auditors, 10, 4)
-        solution = self.attempts.attempt(mesh, guess)
-        if solution.result is Result.CONTRADICTION:
-            return solution
-        if solution.result.usable:
-            return self._unsymmetric(self._weighed(solution), guess)
-        best = solution
-        base = self.options.solver
-        known = self.attempts.scales
-        for scales in self._other_durations(guess):
-            longest = max(scales.values())
-            words = f"the solver failed; a duration of {longest:g} is tried"
-            self.history.note(solution, None, words)
-            self.attempts.scales = known | scales
-            solution = self.attempts.attempt(mesh, guess)
-            if solution.result.usable:
-                return self._weighed(solution)
-        self.attempts.scales = known
-        free = partial(plain_mesh, self.auditors, degree=INNER_DEGREE)
-        for other, strategy in (
-            (mesh, {"mu_strategy": "monotone"}),
-            (free(10, 4), {"mu_strategy": "monotone"}),
-            (free(20, 3), {"mu_strategy": "adaptive"}),
-            (free(30, 3), {"mu_strategy": "monotone"}),
-            (free(6, 6), {"mu_strategy": "adaptive"}),
-        ):
-            self.history.note(solution, None, "the solver failed; another way is tried")
-            extra = {**strategy, **base.extra}
-            solver = replace(base, extra=extra, iterations=2 * base.iterations)
-            solution = self.attempts.attempt(other, guess, solver=solver)
-            if solution.result.usable:
-                return self._weighed(solution)
-        if not isinstance(guess, Solution):
-            # Where all slopes vanish, or have no value, other places have some.
-            for number in (1, 2):
-                words = "the solver failed; a start with waves is tried"
-                self.history.note(solution, None, words)
-                start = varied(self.problem, guess, self.attempts.parameters, number)
-                solution = self.attempts.attempt(mesh, start)
-                if solution.result.usable:
-                    return self._weighed(solution)
-        self.history.note(solution, None, "the solver failed; no other way is left")
-        return best
-
-    def _weighed(self, solution: Solution) -> Solution:
-        """Solve again where the solver's tolerance was loose for what it found.
-
-        The first scale of the objective is a guess. A solver that stops at 1e-8 of a
-        scale that is far too great has not reached anything.
-        """
-        for _ in range(WEIGHINGS):
-            loose = self.attempts.weigh(solution)
-            if loose < LOOSELY:
-                break
-            words = f"the objective's scale was {loose:.1e} times too great; again"
-            self.history.note(solution, None, words)
-            better = self.attempts.attempt(solution.mesh, solution)
-            if not better.result.usable:
-                break
-            solution = better
-        return solution
-
-    def _unsymmetric(
-        self, solution: Solution, guess: Guess | Solution | None
-    ) -> Solution:
-        """Start again without symmetry where the first search may be caught in one."""
-        table = self.attempts.table
-        still = unmoved(self.problem, solution, table)
-        given = guess or Guess()
-        if not still or isinstance(given, Solution):
-            return solution
-        sign = -1.0 if self.problem.maximises else 1.0
-        best, built = solution, self.attempts.latest
-        # Controls of few coefficients would smooth most of the unevenness away.
-        free = plain_mesh(self.auditors, 10, 4, degree=INNER_DEGREE)
-        mesh = self.options.mesh or free
-        for share in UNEVENNESS:
-            names = ", ".join(repr(name) for name, _ in still)
-            words = f"{names} stayed at its guess; a start without symmetry is tried"
-            self.history.note(solution, None, words)
-            solution = self.attempts.attempt(mesh, uneven(given, still, table, share))
-            gain = sign * (best.objective - solution.objective)
-            if solution.result.usable and gain > 1e-6 * abs(best.objective):
-                best, built = solution, self.attempts.latest
-        self.attempts.latest = built
-        return best
-
-    def _other_durations(
-        self, guess: Guess | Solution | None
-    ) -> list[dict[str, float]]:
-        """Orders of magnitude for durations of which nothing is known."""
-        if guess is not None:
-            return []
-        known, table = self.attempts.scales, self.attempts.table
-        bounds = {p.name: table["duration", p.name] for p in self.problem.phases}
-        least = {
-            f"{name}.duration": max(low, 1.0)
-            for name, (low, high) in bounds.items()
-            if not np.isfinite(high) and f"{name}.duration" not in known
-        }
-        if not least:
-            return []
-        return [
-            {name: low * factor for name, low in least.items()}
-            for factor in (1e2, 1e4, 1e-2, 1e6)
-        ]
+        return FirstMesh(self.attempts, self.auditors, self.history).solve(guess)
 
     def start(self, solution: Solution) -> Judgement:
         """Judge the first solution."""
@@ -219,7 +114,9 @@ class Hp(Strategy):
         if switching:
             limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 150)))
         accuracy = base.tolerance
-        error = current.error.objective / self.options.tolerance
+        # What the solver left open is no fault of the mesh.
+        error = current.error.objective - self._left_open(current)
+        error /= self.options.tolerance
         if unknowns > CHEAP and error > 1.0:
             # The program's objective is the problem's over this scale.
             scale = self.attempts.scales.get("objective", 1.0)
@@ -238,7 +135,7 @@ class Hp(Strategy):
             ),
         )
         if not solution.result.usable and not switching:
-            solution = self._afresh(proposal, current, solution)
+            proposal, solution = self._afresh(proposal, current, solution)
         fresh = None
         if solution.result.usable and not is_worse(self.problem, solution, current):
             former = None if switching else current
@@ -278,7 +175,7 @@ class Hp(Strategy):
 
         Another mesh would leave as much open.
         """
-        share = fresh.solution.slack / objective_size(fresh.solution)
+        share = self._left_open(fresh)
         error = replace(fresh.error, objective=fresh.error.objective - share)
         if self.reached(fresh) or not self.reached(replace(fresh, error=error)):
             return fresh
@@ -307,29 +204,47 @@ class Hp(Strategy):
 
     def _afresh(
         self, proposal: Proposal, current: Judgement, failed: Solution
-    ) -> Solution:
-        """Try a mesh on which the solver failed in other ways."""
+    ) -> tuple[Proposal, Solution]:
+        """Try a mesh on which the solver failed in other ways, or an even one.
+
+        An even one is tried where the solution before tells too little to start from.
+        """
         base = self.options.solver
         self.attempts.former = None
         if failed.iterations * failed.multipliers.unknowns.size > 0.5 * EFFORT:
-            return failed
-        starts: tuple[tuple[Guess | Solution | None, dict[str, object]], ...] = (
-            (self.guess, {"mu_oracle": "probing"}),
-            (current.solution, {"mu_strategy": "monotone"}),
-        )
+            return proposal, failed
+        ways: list[tuple[Proposal, Guess | Solution | None, dict[str, object]]] = [
+            (proposal, self.guess, {"mu_oracle": "probing"}),
+            (proposal, current.solution, {"mu_strategy": "monotone"}),
+        ]
+        if current.error.objective > VAGUE:
+            ways = [(self._even(count), self.guess, {}) for count in self.even]
+            self.even = ()
         solution = failed
-        for guess, strategy in starts:
+        for other, guess, strategy in ways:
             self.history.note(solution, None, "the solver failed; it starts afresh")
             solution = self.attempts.attempt(
-                proposal.mesh,
+                other.mesh,
                 guess,
-                arcs=proposal.arcs,
-                structures=proposal.structures,
+                arcs=other.arcs,
+                structures=other.structures,
                 solver=replace(base, extra={**strategy, **base.extra}),
             )
             if solution.result.usable:
-                break
-        return solution
+                return other, solution
+        return proposal, solution
+
+    def _even(self, count: int) -> Proposal:
+        """Mesh of equal intervals, whatever was found before."""
+        mesh = plain_mesh(self.auditors, count, 4, degree=INNER_DEGREE)
+        return Proposal(
+            mesh,
+            None,
+            (None,) * len(mesh.phases),
+            tuple((Decision(),) * part.intervals for part in mesh.phases),
+            f"{count} equal intervals",
+            complete=False,
+        )
 
     def step(self, current: Judgement) -> Judgement | None:
         """Solve the next mesh: one whose arcs are new if there are any, or a finer one.
@@ -370,8 +285,12 @@ class Hp(Strategy):
     @staticmethod
     def _open(current: Judgement) -> bool:
         """Whether the solver left open a good part of what the mesh errs by."""
-        share = current.solution.slack / objective_size(current.solution)
-        return share > OPEN * current.error.objective
+        return Hp._left_open(current) > OPEN * current.error.objective
+
+    @staticmethod
+    def _left_open(current: Judgement) -> float:
+        """Return what the solver left open, relative to the objective."""
+        return current.solution.slack / objective_size(current.solution)
 
     def finer(self, current: Judgement) -> Proposal | None:
         """Return the next finer mesh; ``None``: there is none, or it is too large."""

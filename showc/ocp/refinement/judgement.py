@@ -10,6 +10,7 @@ import numpy as np
 from showc.ocp.audit.optimality import objective_size
 from showc.ocp.outcome import ErrorEstimate
 from showc.ocp.refinement.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.refinement.refine import not_helped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from showc.ocp.transcription.collocation.transcription import Transcription
 
 
+DISTRUST = 3e-5
+"""Least share of the estimated loss that counts whatever the objective moved: what
+refinement does not move may still be missed (seen on a control with a jump)."""
 HUGE = 1e200
 """Errors beyond this are not told apart."""
 
@@ -38,8 +42,13 @@ class Judgement:
     """Share of each interval in the objective's relative error, phase by phase."""
     indicators: tuple[FloatArray, ...] = ()
     """Error over tolerance of each interval, phase by phase."""
+    suspects: tuple[BoolArray, ...] = ()
+    """Intervals whose share of the objective's error is too great if the estimate is
+    taken as it is, phase by phase."""
     must_cut: tuple[BoolArray, ...] = ()
     """Intervals whose error is that of a control of given degree, phase by phase."""
+    stubborn: tuple[BoolArray, ...] = ()
+    """Intervals whose dynamics a higher degree did not help, phase by phase."""
     structures: tuple[Structure | None, ...] = ()
     """The arcs the mesh was made for, phase by phase; empty: none were looked for."""
     moved: float = 0.0
@@ -101,10 +110,12 @@ def judge(
         move = abs(solution.objective - former.solution.objective) / size
         moved = 2.0 * max(move, former.moved)
         if mended and moved < total and _was_mended(former, solution):
-            weight = moved / total
-    indicators = []
+            weight = max(moved / total, DISTRUST)
+    indicators, suspects = [], []
     for a, part in zip(audits, lost, strict=True):
-        share = weight * part / size * len(part) / (2.0 * CAUTION)
+        plain = part / size * len(part) / (2.0 * CAUTION)
+        suspects.append(plain > tolerance)
+        share = weight * plain
         # Where a constraint is active all along, more points of it would only
         # contradict each other: a finer polynomial keeps it better.
         along = np.where(a.path_active > BOUNDARY_SHARE, a.path, 0.0)
@@ -131,11 +142,29 @@ def judge(
         error,
         tuple((weight * part + left_open) / size for part in lost),
         tuple(indicators),
+        tuple(suspects),
         must_cut,
+        () if former is None else _stubborn(solution, audits, former),
         tuple(structures),
         move,
         flattery / size,
         program,
+    )
+
+
+def _stubborn(
+    solution: Solution, audits: Sequence[PhaseAudit], former: Judgement
+) -> tuple[BoolArray, ...]:
+    """Find intervals whose dynamics a higher degree did not help since ``former``."""
+    return tuple(
+        not_helped(new.mesh, audit.dynamics, old.mesh, before.dynamics)
+        for new, audit, old, before in zip(
+            solution.phases,
+            audits,
+            former.solution.phases,
+            former.audits,
+            strict=True,
+        )
     )
 
 

@@ -46,8 +46,9 @@ def solve(
             history=tuple(work.history.records),
         )
     attempts.effort = 0.0
+    tried = len(work.history.records)
     best = current = work.start(solution)
-    while _may_go_on(work) and not work.reached(current):
+    while _may_go_on(work, tried) and not work.reached(current):
         step = work.step(current)
         if step is None:
             break
@@ -60,9 +61,9 @@ def solve(
     return _finished(work, best, done=done)
 
 
-def _may_go_on(work: Strategy) -> bool:
-    """Whether meshes and effort are left."""
-    few = len(work.history.records) < work.options.meshes - 1
+def _may_go_on(work: Strategy, tried: int) -> bool:
+    """Whether meshes and effort are left, ``tried`` programs before the first aside."""
+    few = len(work.history.records) - tried < work.options.meshes - 1
     return few and work.attempts.effort < work.options.effort
 
 

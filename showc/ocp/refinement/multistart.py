@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 import casadi
 import numpy as np
 
-from showc.ocp.guess import Curve, Guess, curves_of, sample
+from showc.ocp.guess import Curve, Data, Guess, curves_of, sample
+from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Optimum, Solution
 from showc.ocp.transcription.collocation.limits import Statement
@@ -54,8 +55,14 @@ _POINTS = 25
 """Values of a guessed curve."""
 _LOST = 1e6
 """Size of a state that an integration from a start has lost."""
-_STEPS = 8
-"""Steps of integration between two values of a guessed curve."""
+_ACCURATE = 1e-6
+"""Relative tolerance of an integration from a start: as that of a default solve."""
+_MOST_STEPS = 3000
+"""Steps after which an integration is given up."""
+_STEPS = 4
+"""Steps of an integration that make an interval of a mesh."""
+_INTERVALS = (10, 60)
+"""Least and greatest number of intervals of such a mesh."""
 _STRETCH = 3.0
 """Greatest ratio of a guessed duration to that of the first start."""
 _STILL = 1e-6
@@ -201,71 +208,158 @@ def varied(
             if flies and not is_state and np.isfinite(low) and np.isfinite(high):
                 values = np.where(wave > 0.0, high, low)
             curves[title] = np.clip(values, low, high)
-        if flies and not problem.statics:
-            values = statement.parameters(parameters)
-            flown = _flown(
-                problem,
-                phase,
-                table,
-                curves,
-                values=values,
-                duration=durations[phase.name],
-            )
-            curves.update(flown)
-    return replace(given, curves=curves, durations=durations)
+    waves = replace(given, curves=curves, durations=durations)
+    found = flown(problem, waves, table, parameters) if flies else None
+    return found[1] if found else waves
 
 
-def _flown(
+def flown(
+    problem: Problem,
+    guess: Guess,
+    table: Table,
+    parameters: Mapping[str, float],
+) -> tuple[Mesh, Guess] | None:
+    """Fly the guessed controls from the states that are given at the start.
+
+    Parameters
+    ----------
+    problem, table, parameters
+        What is flown, its bounds as numbers, and values of its parameters.
+    guess
+        Controls, durations and statics.
+
+    Returns
+    -------
+    tuple or None
+        A mesh whose intervals are as many steps of the integrator each, and where it
+        flew, within the states' bounds. ``None`` where a state starts from no given
+        value and none is carried over, or where states leave all numbers.
+    """
+    statement = Statement(problem)
+    scales = statement.scales({})
+    numbers = statement.parameters(parameters)
+    held = {s.name: table["static", s.name] for s in problem.statics}
+    numbers = np.array(
+        [*numbers, *(guess.statics.get(k, middle(*pair)) for k, pair in held.items())]
+    )
+    curves, durations = dict(guess.curves), dict(guess.durations)
+    meshes: list[PhaseMesh] = []
+    last: dict[str, float] = {}
+    begin = table["time", problem.phases[0].name][0]
+    for phase, scale in zip(problem.phases, scales.durations, strict=True):
+        usual = durations.get(phase.name, scale)
+        length = float(np.clip(usual, *table["duration", phase.name]))
+        state = [_known_start(table, phase.name, name, last) for name in phase.states]
+        if None in state or not phase.states:
+            return None
+        found = _integrated(
+            problem,
+            phase,
+            [
+                _control_curve(table, phase.name, name, curves, (begin, length))
+                for name in phase.controls
+            ],
+            np.array(state),
+            np.array([table["bounds", phase.name, name] for name in phase.states]),
+            values=numbers,
+            span=(begin, length),
+        )
+        if found is None:
+            return None
+        times, states = found
+        shares = (times - begin) / length
+        count = int(np.clip((times.size - 1) // _STEPS, *_INTERVALS))
+        borders = np.linspace(0, times.size - 1, count + 1)
+        breaks = np.interp(borders, np.arange(times.size), shares)
+        meshes.append(PhaseMesh.from_breaks(breaks, [4] * count))
+        for name, row in zip(phase.states, states, strict=True):
+            curves[f"{phase.name}.{name}"] = Data(times, row)
+        last = dict(zip(phase.states, states[:, -1].tolist(), strict=True))
+        durations[phase.name] = length
+        begin += length
+    return Mesh(tuple(meshes)), replace(guess, curves=curves, durations=durations)
+
+
+def _known_start(
+    table: Table, phase: str, name: str, last: Mapping[str, float]
+) -> float | None:
+    """Value that a state starts from: given, or where the phase before ended."""
+    low, high = table["start", phase, name]
+    return low if low == high else last.get(name)
+
+
+def _control_curve(
+    table: Table,
+    phase: str,
+    name: str,
+    curves: Mapping[str, Curve],
+    span: tuple[float, float],
+) -> FloatArray:
+    """Guessed values of a control at equal steps; the middle of its bounds else."""
+    low, high = table["bounds", phase, name]
+    curve = curves.get(f"{phase}.{name}", curves.get(name))
+    s = np.linspace(0.0, 1.0, _POINTS)
+    values = (
+        np.full(_POINTS, middle(low, high))
+        if curve is None
+        else sample(curve, s, *span)
+    )
+    return np.asarray(np.clip(values, low, high))
+
+
+def _integrated(
     problem: Problem,
     phase: Phase,
-    table: Table,
-    curves: Mapping[str, Curve],
+    controls: list[FloatArray],
+    state: FloatArray,
+    bounds: FloatArray,
     *,
     values: FloatArray,
-    duration: float,
-) -> dict[str, Curve]:
-    """States that guessed controls lead to, within their bounds (Kutta 1901).
+    span: tuple[float, float],
+) -> tuple[FloatArray, FloatArray] | None:
+    """Integrate a phase from ``state`` with given controls, stiff or not.
 
-    None where a start value is not given or the states leave all numbers.
+    Returns
+    -------
+    tuple or None
+        Times of the integrator's steps (n,), and states within ``bounds`` (states, n).
     """
-    keys = [("start", phase.name, name) for name in phase.states]
-    pairs = [table[key] if key in table.slots else (0.0, 1.0) for key in keys]
-    if any(low != high for low, high in pairs):
-        return {}
+    # Loaded here alone: few problems need it.
+    from scipy.integrate import LSODA  # noqa: PLC0415
+
     x, u, p = (
         casadi.vertcat(casadi.SX(0, 1), *symbols)
         for symbols in (
-            [state.quantity.symbol for state in phase.states.values()],
-            [control.quantity.symbol for control in phase.controls.values()],
-            [symbol for symbol, _ in problem.parameters.values()],
+            [member.quantity.symbol for member in phase.states.values()],
+            [member.quantity.symbol for member in phase.controls.values()],
+            [
+                *(symbol for symbol, _ in problem.parameters.values()),
+                *(static.symbol for static in problem.statics),
+            ],
         )
     )
     rates = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
     f = casadi.Function("f", [x, u, phase.time, p], [rates])
-    bounds = np.array([table["bounds", phase.name, name] for name in phase.states])
-    begin = table["time", phase.name][0]
-    controls = [np.asarray(curves[f"{phase.name}.{name}"]) for name in phase.controls]
-    state = np.array([low for low, _ in pairs])
-    rows, count = [state], (_POINTS - 1) * _STEPS
-    h, places = duration / count, np.linspace(0.0, 1.0, _POINTS)
-    for step in range(count):
+    begin, length = span
+    places = np.linspace(0.0, 1.0, _POINTS)
 
-        def rate(x: FloatArray, ahead: float, step: int = step) -> FloatArray:
-            s = (step + ahead) / count
-            u = [np.interp(s, places, values) for values in controls]
-            return np.asarray(f(x, u, begin + s * duration, values)).ravel()
+    def rate(time: float, x: FloatArray) -> FloatArray:
+        s = (time - begin) / length
+        u = [np.interp(s, places, row) for row in controls]
+        return np.asarray(f(np.clip(x, *bounds.T), u, time, values)).ravel()
 
-        a = rate(state, 0.0)
-        b = rate(state + 0.5 * h * a, 0.5)
-        c = rate(state + 0.5 * h * b, 0.5)
-        d = rate(state + h * c, 1.0)
-        state = np.clip(state + h / 6.0 * (a + 2.0 * (b + c) + d), *bounds.T)
-        if not np.all(np.abs(state) < _LOST):
-            return {}
-        if (step + 1) % _STEPS == 0:
-            rows.append(state)
-    names = [f"{phase.name}.{name}" for name in phase.states]
-    return dict(zip(names, np.array(rows).T, strict=True))
+    solver = LSODA(rate, begin, state, begin + length, rtol=_ACCURATE, atol=1e-9)
+    times, rows = [begin], [state]
+    for _ in range(_MOST_STEPS):
+        solver.step()
+        lost = not np.all(np.abs(solver.y) < _LOST)
+        if solver.status == "failed" or lost:
+            return None
+        times.append(float(solver.t))
+        rows.append(np.clip(solver.y, *bounds.T))
+        if solver.status == "finished":
+            return np.array(times), np.array(rows).T
+    return None
 
 
 def _line(table: Table, phase: str, name: str) -> Curve:

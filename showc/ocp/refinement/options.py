@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from showc.ocp.fault import StatementError
+from showc.ocp.fault import StatementError, check_type
+from showc.ocp.mesh import Mesh
 from showc.ocp.nodes import Scheme
 from showc.ocp.transcription.solver import SolverOptions
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from showc.ocp.coupling import Imposed
     from showc.ocp.history import MeshRecord
-    from showc.ocp.mesh import Mesh
 
 Rule = Literal["decay", "curvature"]
 """How an interval is refined; see :mod:`showc.ocp.refinement.refine`."""
@@ -64,6 +64,8 @@ LOOSELY = 100.0
 is solved again: the solver's tolerance of 1e-8 means 1e-6 then."""
 WEIGHINGS = 3
 """How often that is done."""
+EVEN = (20, 40)
+"""Intervals of meshes to try where the solver fails and nothing good is known."""
 ELSEWHERE = 0.02
 """Share of the phase by which a border of arcs must be off to be placed once more."""
 SWITCH_TRIALS = 4
@@ -101,7 +103,7 @@ class Options:
     every path constraint over its scale, of the objective."""
     mesh: Mesh | None = None
     """First mesh; by default ten intervals of four points in each phase."""
-    meshes: int = 14
+    meshes: int = 20
     """Greatest number of meshes."""
     points: int = 1000
     """Greatest number of collocation points; refinement stops there."""
@@ -161,8 +163,15 @@ class Options:
         least = {"tolerance": 1e-15, "meshes": 1, "points": 1, "effort": 0.0}
         for name, low in (*least.items(), ("starts", 1), ("jobs", 1)):
             value = getattr(self, name)
-            if not isinstance(value, (int, float)) or not value >= low:
-                raise StatementError(f"{name} is {value!r}; wanted at least {low:g}")
+            whole = name in {"meshes", "points", "starts", "jobs"}
+            kinds = int if whole else (int, float)
+            if not isinstance(value, kinds) or not value >= low:
+                words = "a whole number of " if whole else ""
+                raise StatementError(
+                    f"{name} is {value!r}; wanted {words}at least {low:g}"
+                )
+        check_type(self.mesh, Mesh, "the mesh of the options")
+        check_type(self.solver, SolverOptions, "the solver of the options")
         for name, choice in (("scheme", Scheme), ("rule", Rule)):
             value = getattr(self, name)
             if value not in get_args(choice):

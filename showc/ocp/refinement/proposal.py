@@ -49,8 +49,8 @@ class Proposal:
     """The next mesh to try."""
 
     mesh: Mesh
-    arcs: tuple[FloatArray, ...]
-    """First guess of the arcs' durations, phase by phase."""
+    arcs: tuple[FloatArray, ...] | None
+    """First guess of the arcs' durations, phase by phase; ``None``: no arcs."""
     structures: tuple[Structure | None, ...]
     decisions: tuple[tuple[Decision, ...], ...]
     """What is done to each interval of the mesh before, and why, phase by phase."""
@@ -183,14 +183,19 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
         mesh, chosen = refine(
             constrained,
             part,
-            IntervalErrors(judgement.indicators[i], judgement.must_cut[i], audit.jumps),
+            IntervalErrors(
+                judgement.indicators[i],
+                judgement.must_cut[i],
+                audit.jumps,
+                judgement.stubborn[i] if judgement.stubborn else None,
+            ),
             rule=options.rule,
             scale=ranges(part.states),
             most=growth * part.mesh.point_count,
         )
         complete &= not any(
-            decision.step is Step.KEPT and flag > 1.0
-            for decision, flag in zip(chosen, judgement.indicators[i], strict=True)
+            decision.step is Step.KEPT and suspect
+            for decision, suspect in zip(chosen, judgement.suspects[i], strict=True)
         )
         if audit.path.max() > options.tolerance:
             words.append("path constraints added where they were violated")

@@ -46,6 +46,9 @@ MORE_DEGREE = 2
 """By how much the degree of a control on a singular arc is raised at once."""
 _BEYOND = 3
 """Points beyond the degree of such a control: with fewer it would oscillate."""
+_HELPS = 0.3
+"""Share of its error that an interval may keep if a higher degree helped: by two points
+more, coefficients that fall as slowly as is called smooth leave a twentieth."""
 _SWITCHES = 0.5
 """Share of its range by which a control moves on an interval with a switch in it; on a
 singular arc it moves less between any two borders of a first mesh."""
@@ -108,6 +111,26 @@ def mesh_of(cells: list[Cell]) -> PhaseMesh:
         tuple(cell.path_margin for cell in cells),
         {name: tuple(dict(cell.held)[name] for cell in cells) for name in held},
     )
+
+
+def not_helped(
+    mesh: PhaseMesh, errors: FloatArray, former: PhaseMesh, before: FloatArray
+) -> BoolArray:
+    """Mark intervals whose degree was raised and whose error hardly fell, shape (K,).
+
+    ``errors`` and ``before`` are those on the intervals of ``mesh`` and of the one it
+    was made from.
+    """
+    known = {
+        (cell.arc, round(cell.left, 9), round(cell.right, 9)): (cell.points, error)
+        for cell, error in zip(cells_of(former), before, strict=True)
+    }
+    found = np.zeros(mesh.intervals, dtype=bool)
+    for k, cell in enumerate(cells_of(mesh)):
+        key = cell.arc, round(cell.left, 9), round(cell.right, 9)
+        points, error = known.get(key, (cell.points, 0.0))
+        found[k] = cell.points > points and errors[k] > _HELPS * error
+    return found
 
 
 def _legendre(coefficients: FloatArray) -> FloatArray:
@@ -183,6 +206,8 @@ class IntervalErrors:
     degree is given, shape (K,)."""
     jumps: Sequence[tuple[float, ...]] = ()
     """Where rates jump, as shares of each interval; empty: nowhere."""
+    stubborn: BoolArray | None = None
+    """Where a higher degree did not help, shape (K,); ``None``: nowhere."""
 
 
 def refine(
@@ -243,8 +268,8 @@ def refine(
             words = f"error {indicator[k]:.2g} times what is allowed; {found}"
             decisions.append(Decision(Step.RAISED, f"{words}: control's degree raised"))
             continue
-        if must_cut[k]:
-            smooth, found = False, "the control errs, and its degree is given"
+        against = _against_degree(errors, k)
+        smooth, found = smooth and not against, against or found
         found = f"error {indicator[k]:.2g} times what is allowed; {found}"
         needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
         needed = max(needed, 2)
@@ -275,6 +300,14 @@ def _smoothness(
         control_scale = np.maximum(np.abs(controls).max(axis=(0, 1)), 1e-9)
         rate = min(rate + 0.25, 0.25 + decay_rate(controls[k], control_scale))
     return rate, rate > 0.6, f"coefficients fall by {rate:.1f} decades a degree"
+
+
+def _against_degree(errors: IntervalErrors, k: int) -> str:
+    """Say why a higher degree cannot help on interval k; empty if it may."""
+    if errors.must_cut[k]:
+        return "the control errs, and its degree is given"
+    stubborn = errors.stubborn is not None and errors.stubborn[k]
+    return "a higher degree did not help" if stubborn else ""
 
 
 def _switches(phase: PhaseSolution, k: int) -> bool:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import casadi
 
 from showc.errors import ShowError
+from showc.ocp.fault import StatementError
 from showc.ocp.outcome import Result
 
 if TYPE_CHECKING:
@@ -43,6 +44,11 @@ class SolverOptions:
     """First barrier parameter; ``None``: the solver's own."""
     extra: Mapping[str, object] = field(default_factory=dict)
     """Further options handed to the solver as they are."""
+
+    def __post_init__(self) -> None:
+        if self.solver not in get_args(SolverName):
+            known = ", ".join(map(repr, get_args(SolverName)))
+            raise StatementError(f"solver is {self.solver!r}; wanted one of {known}")
 
 
 _IPOPT_RESULTS = {
@@ -141,16 +147,14 @@ def make_solver(program: Program, options: SolverOptions, *, warm: bool) -> Any:
             "warm_start_mult_bound_push": 1e-3,
         }
     settings |= _barrier(options) | dict(options.extra)
-    return casadi.nlpsol(
-        "ocp",
-        "ipopt",
-        program.oracle,
-        {
-            **common,
-            "hess_lag": program.lagrangian_hessian,
-            "ipopt": settings,
-        },
-    )
+    common |= {"hess_lag": program.lagrangian_hessian, "ipopt": settings}
+    try:
+        return casadi.nlpsol("ocp", "ipopt", program.oracle, common)
+    except RuntimeError as fault:
+        if not options.extra:
+            raise
+        words = str(fault).strip().splitlines()[-1].split(": ", 1)[-1]
+        raise StatementError(f"extra options of the solver: {words}") from fault
 
 
 def make_condensed_solver(

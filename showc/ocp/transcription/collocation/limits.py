@@ -9,7 +9,12 @@ import casadi
 import numpy as np
 
 from showc.ocp import scaling
-from showc.ocp.fault import StatementError, check_known, check_scale
+from showc.ocp.fault import (
+    StatementError,
+    check_known,
+    check_number,
+    check_scale,
+)
 from showc.ocp.scaling import GOLDEN
 from showc.ocp.transcription.collocation.builder import Scales
 
@@ -230,7 +235,7 @@ class Statement:
             value = given.get(name, self.problem.parameters[name][1])
             if value is None:
                 raise StatementError(f"parameter {name!r} has no value and no default")
-            values.append(float(value))
+            values.append(check_number(value, f"the value of parameter {name!r}"))
         return np.array(values)
 
     def table(self, parameters: FloatArray) -> Table:
@@ -378,6 +383,8 @@ def _check_names(problem: Problem, overrides: Overrides) -> None:
     check_known([*overrides.bounds], known, "an override of bounds")
     check_known([*overrides.starts], known, "an override of starts")
     check_known([*overrides.ends], known, "an override of ends")
+    phases = [phase.name for phase in problem.phases]
+    check_known([*overrides.durations], phases, "an override of durations")
 
 
 def box(
