@@ -9,7 +9,6 @@ the solver need not converge far.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -25,9 +24,10 @@ from showc.fleet.single_drone.intervals import (
     graded_widths,
     interval_count,
 )
-from showc.fleet.single_drone.judgement import judge
+from showc.fleet.single_drone.judgement import Flights, Verdict, judge
 from showc.fleet.single_drone.model import POSITION, SIGNALS, add_drone, effort
 from showc.fleet.single_drone.programs import Programs
+from showc.ocp.refinement.strategy import refine
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.ocp.problem import Problem
+    from showc.ocp.solution import Solution
     from showc.ocp.transcription.condensed.transcription import CondensedTranscription
     from showc.trajectory import PiecewisePolynomial
 
@@ -135,17 +136,17 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
         "nearness": NEARNESS / length**2,
         "stiffness": STIFFNESS if walls.interval.size else 0.0,
     }
-    for guess in guesses:
-        solution = programs.solve(
-            program, widths, guess, weights, why=why, signals=signals
-        )
-        if solution.result.usable:
-            flight = trajectory_of(aircraft, solution, start, goal, duration)
-            verdict = judge(aircraft, flight)
-            programs.found(verdict.found)
-            if verdict.status == "solved":
-                return replace(flight, meshes=tuple(programs.meshes))
-    return None
+
+    def judged(solution: Solution) -> Verdict:
+        flight = trajectory_of(aircraft, solution, start, goal, duration)
+        return judge(aircraft, flight)
+
+    solutions = (
+        programs.solve(program, widths, guess, weights, why=why, signals=signals)
+        for guess in guesses
+    )
+    verdict = refine(Flights(programs, solutions, judged))
+    return verdict.result(programs).trajectory if verdict else None
 
 
 def _cut(

@@ -25,6 +25,7 @@ from showc.fleet.single_drone.intervals import (
 from showc.fleet.single_drone.judgement import (
     POSITION_ACCURACY,
     STILL,
+    Flights,
     Verdict,
     judge,
     refusal,
@@ -33,6 +34,7 @@ from showc.fleet.single_drone.model import HALF_SPACES, in_motion
 from showc.fleet.single_drone.programs import SLOTS, Programs
 from showc.fleet.single_drone.shortest import minimum_time
 from showc.flight import Trajectory
+from showc.ocp.refinement.strategy import refine
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
@@ -112,7 +114,7 @@ def follow(
     still = still and float(np.linalg.norm((goal - start)[:3])) < STILL
     if still and not half_spaces and (reference is None or reference.components == 1):
         flight = _pause(aircraft, start[:3], goal[:3], duration)
-        return Verdict("solved").result(programs, duration, flight)
+        return Verdict("solved", trajectory=flight).result(programs)
     if (earlier := start_from or shortest) is not None:
         programs.meshes += earlier.meshes
     task = _Task(
@@ -125,19 +127,15 @@ def follow(
         start_from,
         shortest,
     )
-    verdict = Verdict("infeasible")
-    for rung in _ladder(task):
-        solution = _solve(task, programs, rung)
-        if not solution.result.usable:
-            verdict = Verdict("infeasible", solution.message)
-            continue
-        trajectory = trajectory_of(
+
+    def judged(solution: Solution) -> Verdict:
+        flight = trajectory_of(
             aircraft, solution, start, goal, duration, half_spaces=half_spaces
         )
-        verdict = judge(aircraft, trajectory, half_spaces, accuracy)
-        programs.found(verdict.found)
-        if verdict.status == "solved":
-            return verdict.result(programs, duration, trajectory)
+        return judge(aircraft, flight, half_spaces, accuracy)
+
+    solutions = (_solve(task, programs, rung) for rung in _ladder(task))
+    verdict = refine(Flights(programs, solutions, judged)) or Verdict("infeasible")
     if verdict.status == "infeasible":
         message = f"no flight in {duration:.3f} s was found: {verdict.message}"
         least = task.shortest_flight()[0]

@@ -11,15 +11,17 @@ from showc.fleet.single_drone.audit import Excess, greatest_excess, half_space_e
 from showc.fleet.single_drone.model import POSITION
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.result import Result
+from showc.ocp.refinement.strategy import Strategy
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
     from showc.fleet.single_drone.result import HalfSpace, Status
     from showc.flight import Trajectory
+    from showc.ocp.solution import Solution
 
 
 POSITION_ACCURACY = 4e-4
@@ -76,6 +78,7 @@ class Verdict:
     message: str = ""
     position_error: float = 0.0
     attitude_error: float = 0.0
+    trajectory: Trajectory | None = None
 
     @property
     def found(self) -> str:
@@ -83,27 +86,67 @@ class Verdict:
         missed = f"the controls, flown, miss it by {1e3 * self.position_error:.2g} mm"
         return self.message or missed
 
-    def result(
-        self,
-        programs: Programs,
-        duration: float,
-        trajectory: Trajectory | None = None,
-    ) -> Result:
-        """Return it as a result; only a solved one has its trajectory."""
-        solved = self.status == "solved" and trajectory is not None
-        if solved and trajectory is not None:
-            trajectory = replace(trajectory, meshes=tuple(programs.meshes))
+    def result(self, programs: Programs, duration: float = 0.0) -> Result:
+        """Return it as a result; only a solved one has its trajectory.
+
+        ``duration`` is that of what is not solved [s].
+        """
+        flight = self.trajectory if self.status == "solved" else None
+        if flight is not None:
+            flight = replace(flight, meshes=tuple(programs.meshes))
+            duration = flight.state.end
         return Result(
             self.status,
             duration,
-            trajectory if solved else None,
+            flight,
             self.message,
             self.position_error,
             self.attitude_error,
             programs.iterations,
             programs.solves,
-            trajectory.state.intervals if solved and trajectory is not None else 0,
+            0 if flight is None else flight.state.intervals,
         )
+
+
+class Flights(Strategy[Verdict]):
+    """Condensed or graded solutions, one mesh after the other, each flown again.
+
+    Parameters
+    ----------
+    programs
+        Told what flying has shown.
+    solutions
+        On the meshes to try, the most promising first.
+    judged
+        Flies a solution and audits its limits.
+    """
+
+    def __init__(
+        self,
+        programs: Programs,
+        solutions: Iterator[Solution],
+        judged: Callable[[Solution], Verdict],
+    ) -> None:
+        self.programs, self.solutions, self.judged = programs, solutions, judged
+
+    def begin(self) -> Verdict | None:
+        """Return the first verdict; ``None`` if there is no mesh to try."""
+        return self.step()
+
+    def reached(self, current: Verdict) -> bool:
+        """Whether the flight can be flown."""
+        return current.status == "solved"
+
+    def step(self, current: Verdict | None = None) -> Verdict | None:  # noqa: ARG002
+        """Solve the next mesh and fly what comes of it."""
+        solution = next(self.solutions, None)
+        if solution is None:
+            return None
+        if not solution.result.usable:
+            return Verdict("infeasible", solution.message)
+        verdict = self.judged(solution)
+        self.programs.found(verdict.found)
+        return verdict
 
 
 def judge(
@@ -139,4 +182,4 @@ def judge(
             f"{1e3 * slipped:.3g} mm/s and {np.rad2deg(turned):.3g} deg; wanted "
             f"{1e3 * accuracy:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
         )
-    return Verdict(status, message, missed, turned)
+    return Verdict(status, message, missed, turned, trajectory)

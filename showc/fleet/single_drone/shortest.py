@@ -22,9 +22,16 @@ from showc.fleet.single_drone.intervals import (
     graded_widths,
     interval_count,
 )
-from showc.fleet.single_drone.judgement import STILL, Verdict, judge, refusal
+from showc.fleet.single_drone.judgement import (
+    STILL,
+    Flights,
+    Verdict,
+    judge,
+    refusal,
+)
 from showc.fleet.single_drone.model import ROOM, in_motion
 from showc.fleet.single_drone.programs import Programs
+from showc.ocp.refinement.strategy import refine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,24 +93,20 @@ def minimum_time(
     here[:3], there[:3] = 0.0, goal[:3] - start[:3]
     programs = Programs(_moved(aircraft, -start[:3]), here, there)
     if reason := refusal(aircraft, start, goal):
-        return Verdict("limit", reason).result(programs, 0.0)
+        return Verdict("limit", reason).result(programs)
     still = not (in_motion(start) or in_motion(goal))
     if still and np.linalg.norm(there[:3]) < STILL:
-        return Verdict("solved").result(programs, 0.0)
-    verdict = Verdict("infeasible")
-    for attempt in _attempts(programs, here, there, tolerance):
-        if not attempt.result.usable:
-            verdict = Verdict("infeasible", attempt.message)
-            continue
-        duration = attempt.duration
-        trajectory = trajectory_of(
-            aircraft, attempt, start, goal, duration, origin=start[:3]
+        return Verdict("solved").result(programs)
+
+    def judged(solution: Solution) -> Verdict:
+        flight = trajectory_of(
+            aircraft, solution, start, goal, solution.duration, origin=start[:3]
         )
-        verdict = judge(aircraft, trajectory)
-        programs.found(verdict.found)
-        if verdict.status == "solved":
-            return verdict.result(programs, duration, trajectory)
-    return verdict.result(programs, 0.0)
+        return judge(aircraft, flight)
+
+    attempts = _attempts(programs, here, there, tolerance)
+    verdict = refine(Flights(programs, attempts, judged)) or Verdict("infeasible")
+    return verdict.result(programs)
 
 
 def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:

@@ -31,10 +31,10 @@ from showc.ocp.audit.optimality import objective_size
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.outcome import ErrorEstimate, Result
+from showc.ocp.refinement.collocated import Collocated
 from showc.ocp.refinement.judgement import Judgement
 from showc.ocp.refinement.options import Grading
 from showc.ocp.refinement.proposal import Proposal
-from showc.ocp.refinement.strategy import Strategy
 from showc.ocp.transcription.collocation.limits import Statement
 from showc.ocp.transcription.collocation.transcription import SHARE
 
@@ -82,11 +82,11 @@ DECAY = 0.5
 than an interval."""
 
 
-class Graded(Strategy):
+class Graded(Collocated):
     """Refinement by grading; ``options.grading`` says how."""
 
-    def __init__(self, attempts: Attempts) -> None:
-        super().__init__(attempts)
+    def __init__(self, attempts: Attempts, guess: Guess | Solution | None) -> None:
+        super().__init__(attempts, guess)
         self.grading = self.options.grading or Grading()
         scales = Statement(self.problem).scales({}).states
         for auditor, scale in zip(self.auditors, scales, strict=True):
@@ -102,7 +102,7 @@ class Graded(Strategy):
         chosen = replace(solver, extra={**_QUICK, **extra, **solver.extra})
         return self.attempts.attempt(mesh, guess, solver=chosen)
 
-    def first(self, guess: Guess | Solution | None) -> Solution:
+    def first(self) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
         counts = self.grading.intervals
         rough: dict[str, object] = {"tol": 1e-4} if len(counts) > 1 else {}
@@ -110,7 +110,7 @@ class Graded(Strategy):
             mesh = self._even(counts[min(number, len(counts) - 1)])
             if number == 0 and self.options.mesh is not None:
                 mesh = self.options.mesh
-            solution = self._attempt(mesh, guess, {**way, **rough})
+            solution = self._attempt(mesh, self.guess, {**way, **rough})
             usable = solution.result.usable
             if usable or solution.result is Result.CONTRADICTION:
                 break

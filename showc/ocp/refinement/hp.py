@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.ocp.audit.optimality import objective_size
 from showc.ocp.history import Decision
+from showc.ocp.refinement.collocated import Collocated
 from showc.ocp.refinement.first_mesh import FirstMesh
 from showc.ocp.refinement.judgement import Judgement, is_worse, judge, refutes
 from showc.ocp.refinement.options import (
@@ -33,7 +34,6 @@ from showc.ocp.refinement.proposal import (
     refined,
     with_ends,
 )
-from showc.ocp.refinement.strategy import Strategy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from showc.ocp.solution import Solution
 
 
-class Hp(Strategy):
+class Hp(Collocated):
     """Refinement by intervals and arcs."""
 
-    def __init__(self, attempts: Attempts) -> None:
-        super().__init__(attempts)
+    def __init__(self, attempts: Attempts, guess: Guess | Solution | None) -> None:
+        super().__init__(attempts, guess)
         # Where a coupling binds is known as a fraction of the phase, which moves with
         # the borders of arcs.
         placing = self.options.switches and not self.options.couplings
@@ -61,13 +61,10 @@ class Hp(Strategy):
         self.rescaled = False
         self.even: tuple[int, ...] = EVEN
         """Even meshes that may still be tried."""
-        self.guess: Guess | Solution | None = None
-        """The guess the user gave."""
 
-    def first(self, guess: Guess | Solution | None) -> Solution:
+    def first(self) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
-        self.guess = guess
-        return FirstMesh(self.attempts, self.auditors, self.history).solve(guess)
+        return FirstMesh(self.attempts, self.auditors, self.history).solve(self.guess)
 
     def start(self, solution: Solution) -> Judgement:
         """Judge the first solution."""
@@ -80,7 +77,7 @@ class Hp(Strategy):
         """Whether all errors are within the tolerance."""
         return best.greatest <= self.options.tolerance
 
-    def better(self, best: Judgement, current: Judgement) -> Judgement:
+    def keep(self, best: Judgement, current: Judgement) -> Judgement:
         """Return what errs less."""
         return min(best, current, key=lambda passed: passed.merit)
 

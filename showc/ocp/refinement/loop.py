@@ -1,4 +1,4 @@
-"""The refinement loop: solve, audit, judge, propose the next mesh, repeat."""
+"""A problem solved to a tolerance by collocation, its couplings left out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from showc.ocp.refinement.attempts import Attempts
 from showc.ocp.refinement.graded import Graded
 from showc.ocp.refinement.hp import Hp
 from showc.ocp.refinement.options import Options
+from showc.ocp.refinement.strategy import refine
 from showc.ocp.transcription.collocation.limits import Overrides
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
     from showc.ocp.guess import Guess
     from showc.ocp.problem import Problem
+    from showc.ocp.refinement.collocated import Collocated
     from showc.ocp.refinement.judgement import Judgement
-    from showc.ocp.refinement.strategy import Strategy
     from showc.ocp.solution import Solution
 
 
@@ -36,38 +37,19 @@ def solve(
     """
     chosen = options or Options()
     attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
-    work: Strategy = Graded(attempts) if chosen.grading else Hp(attempts)
-    solution = work.first(guess)
-    if not solution.result.usable:
-        work.history.note(solution, None, "no solution on any first mesh")
-        return replace(
-            solution,
-            iterations=attempts.iterations,
-            history=tuple(work.history.records),
-        )
-    attempts.effort = 0.0
-    tried = len(work.history.records)
-    best = current = work.start(solution)
-    while _may_go_on(work, tried) and not work.reached(current):
-        step = work.step(current)
-        if step is None:
-            break
-        current = step
-        best = work.better(best, current)
-    if current is not best and not work.history.knows(current.solution):
-        work.history.note(current.solution, current, "an earlier mesh was better")
+    work = (Graded if chosen.grading else Hp)(attempts, guess)
+    best = refine(work)
+    if best is None:
+        return work.failed("no solution on any first mesh")
+    latest = work.latest
+    if latest is not best and not work.history.knows(latest.solution):
+        work.history.note(latest.solution, latest, "an earlier mesh was better")
     done = work.done(best)
     work.history.note(best.solution, best, "tolerance reached" if done else "stopped")
     return _finished(work, best, done=done)
 
 
-def _may_go_on(work: Strategy, tried: int) -> bool:
-    """Whether meshes and effort are left, ``tried`` programs before the first aside."""
-    few = len(work.history.records) - tried < work.options.meshes - 1
-    return few and work.attempts.effort < work.options.effort
-
-
-def _finished(work: Strategy, best: Judgement, *, done: bool) -> Solution:
+def _finished(work: Collocated, best: Judgement, *, done: bool) -> Solution:
     result = Result.SOLVED if done else Result.COARSE
     options, table = work.options, work.attempts.table
     audits, error = best.audits, best.error

@@ -1,57 +1,53 @@
-"""What the refinement loop asks of a way to find the next mesh."""
+"""The refinement loop: solve, judge, propose the next mesh, repeat.
+
+It serves both forms of the transcription. Collocation proposes meshes by what an audit
+finds (:mod:`showc.ocp.refinement.hp`, :mod:`showc.ocp.refinement.graded`). Condensed
+programs, which are built before a problem is known, go through meshes of few sizes.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import Generic, TypeVar
 
-from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.refinement.recorder import Recorder
-
-if TYPE_CHECKING:
-    from showc.ocp.guess import Guess
-    from showc.ocp.refinement.attempts import Attempts
-    from showc.ocp.refinement.judgement import Judgement
-    from showc.ocp.solution import Solution
+Judged = TypeVar("Judged")
+"""A solved mesh with what it is worth."""
 
 
-class Strategy(ABC):
-    """First mesh, judgement of a solution, and proposal of the next mesh.
-
-    Parameters
-    ----------
-    attempts
-        Solves the problem on any mesh.
-    """
-
-    def __init__(self, attempts: Attempts) -> None:
-        self.attempts, self.options = attempts, attempts.options
-        problem = self.problem = attempts.problem
-        self.auditors = [
-            PhaseAuditor(problem, phase, i) for i, phase in enumerate(problem.phases)
-        ]
-        self.history = Recorder(self.options.progress)
+class Strategy(ABC, Generic[Judged]):
+    """First mesh, judgement of a solution, and proposal of the next mesh."""
 
     @abstractmethod
-    def first(self, guess: Guess | Solution | None) -> Solution:
-        """Solve the first mesh, by other ways where the plain one fails."""
+    def begin(self) -> Judged | None:
+        """Solve and judge a first mesh; ``None``: there is no solution."""
 
     @abstractmethod
-    def start(self, solution: Solution) -> Judgement:
-        """Judge the first solution."""
+    def reached(self, current: Judged) -> bool:
+        """Whether a solution is what the refinement aims at."""
 
     @abstractmethod
-    def reached(self, current: Judgement) -> bool:
-        """Whether all errors are within what the refinement aims at."""
-
-    @abstractmethod
-    def step(self, current: Judgement) -> Judgement | None:
+    def step(self, current: Judged) -> Judged | None:
         """Solve and judge the next mesh; ``None``: nothing better was found."""
 
-    def done(self, best: Judgement) -> bool:
-        """Whether a solution is within what was asked for."""
-        return self.reached(best)
+    def goes_on(self) -> bool:
+        """Whether meshes and effort are left."""
+        return True
 
-    def better(self, best: Judgement, current: Judgement) -> Judgement:  # noqa: ARG002
+    def better(self, best: Judged, current: Judged) -> Judged:  # noqa: ARG002
         """Return the better of the best so far and the latest."""
         return current
+
+
+def refine(work: Strategy[Judged]) -> Judged | None:
+    """Refine until the aim is reached, or nothing better is found.
+
+    Returns
+    -------
+    The best; ``None`` where there was no first one.
+    """
+    best = current = work.begin()
+    while current is not None and work.goes_on() and not work.reached(current):
+        current = work.step(current)
+        if best is not None and current is not None:
+            best = work.better(best, current)
+    return best
