@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 _ABOUT = 3.0
 """Ratio by which a duration may differ from one that is given about: the next tries are
 ten times as long."""
+_FIRST = 2
+"""Calm tries before the search itself is tried from other orders of magnitude."""
+_MAGNITUDES = (1e2, 1e4, 1e-2, 1e6)
+"""Durations over their scale from which the search itself is tried."""
 _LENGTHS = (10.0, 1.0, 100.0, 1e4, 0.1, 1e-2, 1e6)
 """Durations over their scale in which a calm trajectory is looked for, likely ones
 first: a search fails in too short a time, and seldom in a long one."""
@@ -90,10 +94,11 @@ class FirstMesh:
         """Ways to a first solution, those that help most often first."""
         solve = self.attempts.attempt
         if guess is None:
-            for number, durations in enumerate(self._other_durations()):
-                longest = max(durations.values())
-                words = f"the least effort in about {longest:g}, to start from,"
-                yield words, partial(self._from_calm, mesh, durations, number)
+            yield from self._calm_ways(mesh, 0, _LENGTHS[:_FIRST])
+            for factor in _MAGNITUDES if self._unknown_durations() else ():
+                words = f"a duration {factor:g} times as long"
+                yield words, partial(self._stretched, mesh, factor)
+            yield from self._calm_ways(mesh, _FIRST, _LENGTHS[_FIRST:])
         free = partial(plain_mesh, self.auditors, degree=INNER_DEGREE)
         base = self.options.solver
         for other, strategy in (
@@ -109,12 +114,39 @@ class FirstMesh:
         if isinstance(guess, Solution):
             return
         table, parameters = self.attempts.table, self.attempts.parameters
-        if found := flown(self.problem, guess or Guess(), table, parameters):
-            yield "what the guessed controls fly", partial(solve, *found)
         # Where all slopes vanish, or have no value, other places have some.
         for number in (1, 2):
             start = varied(self.problem, guess, parameters, number)
             yield "a start with waves", partial(solve, mesh, start)
+        if found := flown(self.problem, guess or Guess(), table, parameters):
+            yield "what the guessed controls fly", partial(solve, *found)
+
+    def _calm_ways(
+        self, mesh: Mesh, number: int, factors: tuple[float, ...]
+    ) -> Iterator[_Way]:
+        """Start from the least effort in durations of several lengths."""
+        for other, durations in enumerate(self._other_durations(factors)):
+            longest = max(durations.values())
+            words = f"the least effort in about {longest:g}, to start from,"
+            yield words, partial(self._from_calm, mesh, durations, number + other)
+
+    def _unknown_durations(self) -> list[str]:
+        """Names of the scales of durations of whose length nothing is known."""
+        return [
+            name
+            for name, (_, high) in self._free_durations().items()
+            if not np.isfinite(high) and name not in self.options.scales
+        ]
+
+    def _stretched(self, mesh: Mesh, factor: float) -> Solution:
+        """Solve with other scales, and starts, of durations of unknown length."""
+        bounds = self._free_durations()
+        scales = {
+            name: max(bounds[name][0], 1.0) * factor
+            for name in self._unknown_durations()
+        }
+        self.attempts.scales = self.attempts.scales | scales
+        return self.attempts.attempt(mesh, None)
 
     def _free_durations(self) -> dict[str, tuple[float, float]]:
         """Bounds of the durations that are free, by the names of their scales."""
@@ -126,7 +158,9 @@ class FirstMesh:
             if low < high
         }
 
-    def _other_durations(self) -> Iterator[dict[str, float]]:
+    def _other_durations(
+        self, factors: tuple[float, ...]
+    ) -> Iterator[dict[str, float]]:
         """Durations for calm trajectories, by the names of their scales."""
         bounds, seen = self._free_durations(), set()
         scales = Statement(self.problem).scales(self.attempts.scales).durations
@@ -134,7 +168,7 @@ class FirstMesh:
             f"{p.name}.duration": size
             for p, size in zip(self.problem.phases, scales, strict=True)
         }
-        for factor in _LENGTHS:
+        for factor in factors:
             found = {
                 name: float(np.clip(base[name] * factor, *pair))
                 for name, pair in bounds.items()
