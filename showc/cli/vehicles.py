@@ -25,7 +25,7 @@ def numbers(
             low, high = 0, 0
         if not 1 <= low <= high <= _MOST:
             raise click.BadParameter(
-                f"{part!r} names no drones; wanted such as 1-20,23 (counting from 1)",
+                f"{part!r} names no drones; give numbers from 1, such as 1-20,23",
                 context,
                 option,
             )

@@ -144,7 +144,7 @@ def _flown_fleet(log: Path, flown: tuple[Path, ...]) -> SecondFleet:
     places = flight.places(mission_times(flight.show, times) if missions else times)
     if np.isnan(places).all():
         raise UsageError(
-            f"{flown[0]}: holds no place from the show's 0 to its {times[-1]:.1f} s; "
-            "wanted the record of a flight of this compile"
+            f"{flown[0]}: has no position between 0 and {times[-1]:.1f} s of the "
+            "show; give the record of a flight of this compile"
         )
     return SecondFleet("As flown", times, places, shown=True)

@@ -411,9 +411,9 @@ class _Builder:
         if not np.array_equal(np.sort(numbers), np.arange(len(formation.points))):
             mark = transition.mark
             raise PlanError(
-                f"{mark.path}:{mark.line}:{mark.column}: the drones cannot keep their "
-                f"places in {formation.name!r}, which has {len(formation.points)}: "
-                "theirs are others; let the assignment be optimal"
+                f"{mark.path}:{mark.line}:{mark.column}: the drones cannot keep the "
+                f"numbers of their places in {formation.name!r}, which has "
+                f"{len(formation.points)} places; write `assignment: optimal`"
             )
         return Assignment(numbers, np.inf, "every drone keeps the number of its place")
 

@@ -132,9 +132,8 @@ def _can_hover(
     mass = number_text(vehicle.mass)
     reader.say(
         "SHW207",
-        f"hovering takes {number_text(weight)} N, which "
-        f"{'is below the least' if low else 'the greatest'} thrust of "
-        f"{number_text(limit)} N{'' if low else ' does not exceed'}",
+        f"hovering takes {number_text(weight)} N, the "
+        f"{'least' if low else 'greatest'} thrust is {number_text(limit)} N",
         span,
         notes=(
             f"the weight of {mass} kg is {number_text(weight)} N",

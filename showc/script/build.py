@@ -156,7 +156,7 @@ class Builder:
             excess = gallery.excess(drones, len(self.settings.sections("transitions")))
             if excess:
                 self.reader.say(
-                    "SHW119", excess, settings.mark, help_text="make two shows of it"
+                    "SHW119", excess, settings.mark, help_text="split it into two shows"
                 )
             else:
                 formations = self._formations(gallery, drones, separation)
@@ -307,8 +307,7 @@ class Builder:
                 "SHW102",
                 f"`{asked[0]}: moving` needs a motion",
                 settings.mark_of(asked[0]),
-                help_text="say in `motion` what the formation does, or leave "
-                f"`{asked[0]}` out",
+                help_text=f"add `motion`, or leave `{asked[0]}` out",
             )
             return False, False
         return "arrive" in asked, "leave" in asked

@@ -162,11 +162,11 @@ def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
                     "SHW208",
                     f"place {pair.first + 1} of `{formation.name}` (group "
                     f"`{transition.group}`) is {number_text(pair.distance)} m from "
-                    f"drone {drone + 1}, which stands by, the separation "
+                    f"drone {drone + 1}, which waits there, the separation "
                     f"is {number_text(separation.distance)} m",
                     transition.mark,
                     notes=(f"the drone stands at {point_text(places[drone])}",),
-                    help="move the formation away, or send that drone elsewhere first",
+                    help="move the formation away, or move that drone first",
                     spot=Spot(formation.name, (pair.first,)),
                 )
         for transition in flown:

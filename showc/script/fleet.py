@@ -33,7 +33,7 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
             f"a formation or a group asks for {max(counts)} drones, at most "
             f"{MAX_PLACES} fly",
             settings.mark,
-            help_text="use fewer places",
+            help_text="use fewer places, or fewer drones in the groups",
         )
         return None
     if counts:
@@ -43,7 +43,7 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
     if not settings.broken and all(gallery.settings(name) for name in names):
         reader.say(
             "SHW115",
-            "nothing says how many drones fly",
+            "the number of drones is not given",
             settings.mark,
             help_text="add `drones: 16`, or a `count` to a formation",
         )

@@ -218,10 +218,10 @@ class Gallery:
         if name in self._deep:
             self._reader.say(
                 "SHW119",
-                f"`{name}` is like another formation, that one like the next, and so "
-                f"on, more than {MAX_CHAIN} times",
+                f"`{name}` ends a chain of formations that are each `like` the next, "
+                f"at most {MAX_CHAIN} links are followed",
                 self.mark(name),
-                help_text="let it be like the first one",
+                help_text="make it `like` the first formation of the chain",
             )
             self._drawn[name] = None
             return None
@@ -356,7 +356,7 @@ class Gallery:
             ring = " -> ".join([*self._open[self._open.index(name) :], name])
             self._reader.say(
                 "SHW113",
-                f"formations that are each like the other: {ring}",
+                f"formations are `like` each other in a circle: {ring}",
                 mark,
                 secondary=(Label(self.mark(name), "this one"),),
                 help_text="give one of them a shape",

@@ -83,8 +83,8 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
                 "above the ground, more than the usual ceiling of "
                 f"{number_text(CEILING)} m",
                 formation.mark,
-                "fly lower, or state the authorisation in a comment that passes over "
-                "this finding",
+                "fly lower, or ignore this finding in a comment that names the "
+                "authorisation",
                 notes=(f"{int(np.sum(heights > CEILING))} places are above it",),
             )
         place = int(np.argmin(heights))

@@ -221,7 +221,7 @@ def _lane_fault(
                     f"when `{one.name}` arrives is not known, and other groups move "
                     "meanwhile at times of their own",
                     asked[row].mark,
-                    help="give it `at`, or `start` and `duration`",
+                    help="give it `at`, or both `start` and `duration`",
                 )
             if any(one.under_way):
                 return Diagnostic(

@@ -334,7 +334,7 @@ def test_rotation_keeps_distances(angle, axis):
     })  # fmt: skip
     change = Settings("transform", mark, {"rotate": Setting(turn, mark, mark)})
     places = np.random.default_rng(1).normal(size=(6, 3))
-    moved, _ = transform(places, [Setting(change, mark, mark)])
+    moved, _ = transform(places, [change])
     before = np.linalg.norm(places[:, None] - places[None], axis=2)
     after = np.linalg.norm(moved[:, None] - moved[None], axis=2)
     assert np.allclose(before, after, atol=1e-12)
@@ -458,7 +458,7 @@ def test_thinning_keeps_pieces_and_holes():
         ("{type: mesh, file: bad.obj}", "SHW110", "bad.obj"),
         ("{type: mesh, file: bad.stl}", "SHW110", "bad.stl"),
         ("{type: mesh, file: bad.glb}", "SHW110", "bad.glb"),
-        ("{type: mesh, file: bad.blend}", "SHW110", "no model showc reads"),
+        ("{type: mesh, file: bad.blend}", "SHW110", "not a model that showc reads"),
         ("{type: image, file: bad.png}", "SHW110", "not a picture"),
         ("{type: text, text: A, font: bad.ttf}", "SHW110", "not a font"),
         ("{type: csv, file: bad.csv}", "SHW110", "line 1"),

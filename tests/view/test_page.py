@@ -207,7 +207,7 @@ def test_records_that_compare_refuses_view_refuses_alike(tmp_path, run_showc):
     with FlownLog(tmp_path / "late.mcap", (0,), 0) as record:
         record.add(0, 1000.0, np.zeros(3), np.zeros(3))
     run = run_showc("view", log, "--flown", tmp_path / "late.mcap")
-    assert run.code == 2 and "holds no place from the show's 0" in run.err
+    assert run.code == 2 and "has no position between 0 and" in run.err
 
 
 def test_the_second_of_a_great_fleet_has_fewer_frames(gliding_log, monkeypatch):

@@ -89,7 +89,7 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
     if suffix not in _SUFFIXES:
         raise ScriptError(
             "SHW110",
-            f"`{name}` is no model showc reads",
+            f"`{name}` is not a model that showc reads",
             key="file",
             help_text=f"endings: {', '.join(_SUFFIXES)}",
         )
