@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from showc.schedule.timeline import ScheduledLeg, Timeline
     from showc.script.show import MissionOptions, Show
 
+MOST_NAMED = 6
+"""Of more, what missions leave out is counted."""
+
 SPEED_MARGIN = 1.02
 """A speed limit that does not steer the leg stays above its need by this factor."""
 
@@ -348,14 +351,20 @@ def lights_left_out(show: Show) -> tuple[str, ...]:
     if effects:
         found.append(
             "colour effects are not in the missions, whose servo items only step: "
-            + ", ".join(dict.fromkeys(effects))
+            + _some(effects)
         )
     if stepped:
         found.append(
-            "even fades are single steps half way in the missions: "
-            + ", ".join(stepped)
+            "even fades are single steps half way in the missions: " + _some(stepped)
         )
     return tuple(found)
+
+
+def _some(names: Sequence[str]) -> str:
+    """Name the first few, each once, and count the others."""
+    every = list(dict.fromkeys(names))
+    more = [f"and {len(every) - MOST_NAMED} more"] if len(every) > MOST_NAMED else []
+    return ", ".join([*every[:MOST_NAMED], *more])
 
 
 def light_items(

@@ -121,9 +121,12 @@ def _likely(itinerary: Itinerary) -> list[str]:
         return found
     try:
         timeline = build_timeline(show, course, builder, Silent())
-        found += cue_notes(timeline, show.music)
-        clock = MissionClock.of(None, show.mission.start_minute)
+    except ExportError as error:
+        return [f"{error}; {BENDS_MAY_HELP}"]
+    found += cue_notes(timeline, show.music)
+    clock = MissionClock.of(None, show.mission.start_minute)
+    try:
         items_of(show, timeline, altitude, clock, "ardupilot")
     except ExportError as error:
-        found.append(f"{error}; {BENDS_MAY_HELP}")
+        found.append(f"on straight flights {error}")
     return found

@@ -21,6 +21,7 @@ from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.progress import Silent
 from showc.schedule.course import Course
 from showc.schedule.timeline import MANY, build_timeline
+from showc.script.operations import BATTERY
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -221,6 +222,11 @@ def _warnings(
         ),
         ARMED_IN_TIME,
     ]
+    if prediction["duration"] > BATTERY:
+        found.append(
+            f"batteries of show drones surely last {BATTERY:.0f} s, less than these "
+            "missions: measure yours, shorten the holds or lower mission.slack"
+        )
     if timeline.legs:
         latest = clock.text(prediction["latest_mission_start"])
         again = "day" if clock.start else "hour"

@@ -155,7 +155,7 @@ def least_items(show: Show) -> int:
     options = show.mission
     servos = 0 if options.light_servos is None else len(options.light_servos)
     always = ALWAYS[options.autopilot] + servos
-    most = always + (PER_LEG + servos) * len(show.transitions)
+    most = always + (PER_LEG + 1 + servos) * len(show.transitions)
     if most <= item_budget(options.autopilot, options.board):
         return always
     every = dict.fromkeys((None, *show.groups), 0.0)
@@ -196,7 +196,12 @@ def _costs(show: Show, index: int, *, lit: bool) -> IntArray:
         if len(before) <= _MOST_COLOURS:
             differs = after[:, None, :] != before
             changed = differs.sum(axis=2).min(axis=1)
-    return np.asarray((moved | (changed > 0)) + moved.astype(np.int64) + changed)
+    # Lights that change half way wait for it with an item more.
+    half_way = one.fade == "linear" and show.mission.autopilot == "ardupilot"
+    waits = moved & (changed > 0) & half_way
+    return np.asarray(
+        (moved | (changed > 0)) + moved.astype(np.int64) + changed + waits
+    )
 
 
 def _colours(show: Show, one: Transition) -> FloatArray:

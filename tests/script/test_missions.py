@@ -32,8 +32,8 @@ def turns(count, more=""):
     ("options", "most"),
     [
         ("board: 4k", 77),
-        # Red to green and back changes two outputs each time, the first time one.
-        ("board: 4k, light_servos: [9, 10, 11]", 38),
+        # Red to green and back changes two outputs half way, at first it is one.
+        ("board: 4k, light_servos: [9, 10, 11]", 30),
         ("autopilot: px4", 248),
     ],
 )
