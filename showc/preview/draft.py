@@ -341,11 +341,11 @@ def _chapters(draft: Draft) -> list[Chapter]:
                 picture=held_formation(leg),
                 state="solved" if leg.index in draft.solved else "straight",
                 moves=tuple(
-                    GroupMove(
-                        part.name.replace("->", "→"),
+                    GroupMove.of(
+                        part.name,
                         draft.show.transitions[part.transition or 0].group or "",
-                        part.depart or 0.0,
-                        part.duration or 0.0,
+                        (part.depart or 0.0, part.duration or 0.0),
+                        part.to_formation,
                     )
                     for part in leg.parts
                 ),

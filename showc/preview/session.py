@@ -22,12 +22,14 @@ import numpy as np
 from showc.errors import ShowError
 from showc.files import UnreadableFileError, open_file
 from showc.fleet.execution.cache import Cache, leg_key
+from showc.light.program import shown
 from showc.preview.draft import Draft, Memory, held_formation, lay_out, scene_of
 from showc.script import load_show
 from showc.script.files import MOST_BYTES
 from showc.view.findings import Finding
 
 if TYPE_CHECKING:
+    from showc.arrays import FloatArray
     from showc.fleet.options import SolveOptions
     from showc.flight import LegFlight
     from showc.plan.itinerary import Leg
@@ -299,20 +301,29 @@ def _pictures(draft: Draft) -> list[dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for leg, start in zip(draft.itinerary.legs, draft.starts, strict=True):
         name = held_formation(leg)
-        if name and leg.transition is not None:
-            found.setdefault(name, _picture(draft.show, leg, start))
+        if name and leg.transition is not None and name not in found:
+            places, colours = leg.places, draft.show.formations[name].colours
+            colours = np.where((places < 0)[:, None], 0.0, colours[places])
+            found[name] = _picture(name, start, leg.start, colours)
+        for part in leg.parts:
+            if not part.motion and part.to_formation not in found:
+                one = draft.show.transitions[part.transition or 0]
+                formation = draft.show.formations[one.to]
+                end = (part.depart or 0.0) + (part.duration or 0.0)
+                colours = shown(one, formation, part.places)
+                found[one.to] = _picture(one.to, end, part.goal, colours)
     return list(found.values())
 
 
-def _picture(show: Show, leg: Leg, start: float) -> dict[str, Any]:
+def _picture(
+    name: str, time: float, points: FloatArray, colours: FloatArray
+) -> dict[str, Any]:
     from showc.light.colour import srgb_bytes  # noqa: PLC0415 - beside its only use
 
-    name = held_formation(leg)
-    formation = show.formations[name]
-    step = max(1, -(-len(formation.points) // _THUMB_DRONES))
+    step = max(1, -(-len(points) // _THUMB_DRONES))
     return {
         "name": name,
-        "time": start,
-        "points": np.round(leg.start[::step], 2).tolist(),
-        "colours": srgb_bytes(formation.colours[leg.places[::step]]).tolist(),
+        "time": time,
+        "points": np.round(points[::step], 2).tolist(),
+        "colours": srgb_bytes(colours[::step]).tolist(),
     }

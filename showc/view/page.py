@@ -241,8 +241,8 @@ def _chapter(one: Digest) -> Chapter:
         duration=one.segment.duration,
         picture=held.get(one.segment.kind, ""),
         moves=tuple(
-            GroupMove(
-                move.name.replace("->", "→"), move.group, move.start, move.duration
+            GroupMove.of(
+                move.name, move.group, (move.start, move.duration), move.to_formation
             )
             for move in message.moves
         ),

@@ -7,7 +7,7 @@ bytes, all as differences in time.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -49,6 +49,17 @@ class GroupMove:
     """[s]."""
     duration: float
     """[s]."""
+    label: str
+    """Formation that it reaches, or holds."""
+    held: bool
+    """Whether the group holds it in motion."""
+
+    @classmethod
+    def of(cls, name: str, group: str, time: tuple[float, float], to: str) -> Self:
+        """Name what a group does from a time on, for a while [s]."""
+        held = name.startswith("hold after ")
+        said = f"{to} in motion" if held else name.replace("->", "→")
+        return cls(said, group, *time, to, held)
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,8 @@ def test_groups_with_times_of_their_own_are_drawn_in_them():
         ("right", 18.0, 8.0),
         ("left", 24.0, 6.0),
     ]
+    assert [one.label for one in chapter.moves if one.held] == ["wheel", "crown"]
+    assert chapter.moves[1].name == "wheel in motion"
     times = scene.step * np.arange(len(scene.positions))
     moves = np.linalg.norm(np.diff(scene.positions, axis=0), axis=-1) > 1e-9
     middle = 0.5 * (times[1:] + times[:-1])

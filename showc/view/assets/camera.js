@@ -2,7 +2,7 @@
 
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
 
-const camera = { azimuth: 0, elevation: 0, distance: 1, target: [0, 0, 0], follow: false };
+const camera = { azimuth: 0, elevation: 0, distance: 1, target: [0, 0, 0], follow: false, aside: 0 };
 
 function multiply(a, b) {
   const result = new Float32Array(16);
@@ -41,6 +41,8 @@ function viewProjection(width, height) {
   const projection = new Float32Array(16);
   projection[0] = (f * height) / width;
   projection[5] = f;
+  // What stands beside the picture pushes its middle aside, as a share of half the page.
+  projection[8] = -camera.aside;
   projection[10] = (far + near) / (near - far);
   projection[11] = -1;
   projection[14] = (2 * far * near) / (near - far);
@@ -61,7 +63,7 @@ function lookAt(view, width, height) {
   const [low, high] = show.bounds;
   const half = low.map((value, axis) => Math.max((high[axis] - value) / 2, 2));
   const fit = Math.tan(FIELD_OF_VIEW / 2);
-  const wide = width / height;
+  const wide = ((1 - Math.abs(camera.aside)) * width) / height;
   camera.follow = false;
   camera.target = low.map((value, axis) => (value + high[axis]) / 2);
   camera.azimuth = 0;

@@ -62,6 +62,8 @@ function findingMarks(onPage) {
 function foldDesk(shut) {
   $("#desk").classList.toggle("shut", shut);
   $(".desk-head").setAttribute("aria-expanded", String(!shut));
+  makeRoom();
+  if (document.documentElement.dataset.ready === "yes") wake();
 }
 
 // What a page that carries everything itself has to say; a page that follows a script

@@ -82,8 +82,16 @@ function drawNumbers(matrix) {
   }
 }
 
+// The picture stands beside the desk, and not behind it.
+function makeRoom() {
+  const desk = $("#desk");
+  const open = innerWidth > 720 && !desk.classList.contains("shut");
+  camera.aside = open ? desk.getBoundingClientRect().right / innerWidth : 0;
+}
+
 function view(name) {
   player.view = name;
+  makeRoom();
   lookAt(name, innerWidth, innerHeight);
   document.querySelectorAll("nav button[data-view]").forEach((button) => button.classList.toggle("on", button.dataset.view === name));
   wake();
@@ -343,7 +351,7 @@ function listen() {
     event.preventDefault();
     action(event);
   });
-  addEventListener("resize", () => { timeline.draw(); wake(); });
+  addEventListener("resize", () => { makeRoom(); timeline.draw(); wake(); });
   $(".desk-head").onclick = () => foldDesk(!$("#desk").classList.contains("shut"));
   $("#play").onclick = () => play(!player.playing);
   $("#previous").onclick = () => chapterStep(-1);

@@ -4,6 +4,21 @@
 const FULL = { names: [0, 17], light: [20, 22], distance: [46, 14], mesh: [63, 11], ruler: [77, 24], wave: [103, 22] };
 const MESHLESS = { ...FULL, ruler: [63, 24], wave: [89, 22] };
 const PLAIN = { names: [0, 17], light: [20, 22], ruler: [45, 24], wave: [71, 22] };
+const LANE = 14;
+const MOST_LANES = 6;
+
+// Groups that have times of their own in a leg, each in a lane.
+function groupsOf(segment) {
+  return [...new Set(segment.moves.map((move) => move.group))];
+}
+
+// The same rows with room for the most lanes that a leg has.
+function withLanes(rows) {
+  const most = Math.max(0, ...show.segments.map((segment) => groupsOf(segment).length));
+  const more = Math.max(0, Math.min(most, MOST_LANES) * LANE - rows.names[1]);
+  const lower = Object.entries(rows).map(([name, [top, tall]]) => [name, name === "names" ? [top, tall + more] : [top + more, tall]]);
+  return Object.fromEntries(lower);
+}
 
 // What is flown at a time: of groups with times of their own, the moves of those that move.
 function movingAt(segment, time) {
@@ -65,7 +80,7 @@ class Timeline {
     this.drone = drone;
     this.element.setAttribute("aria-valuemax", show.duration);
     const density = window.devicePixelRatio || 1;
-    this.rows = display.client ? PLAIN : show.meshes.length > 1 ? FULL : MESHLESS;
+    this.rows = withLanes(display.client ? PLAIN : show.meshes.length > 1 ? FULL : MESHLESS);
     const [last, tall] = sound.peaks ? this.rows.wave : this.rows.ruler;
     this.element.style.height = `${last + tall}px`;
     const foot = this.element.closest("footer").offsetHeight;
@@ -176,14 +191,14 @@ class Timeline {
 
   // A strip for each group, with a bar wherever it moves.
   drawLanes(c, segment, top, height) {
-    const groups = [...new Set(segment.moves.map((move) => move.group))];
+    const groups = groupsOf(segment);
     const tall = height / groups.length;
     c.font = `${Math.min(11, Math.max(tall - 1, 5))}px system-ui, 'DejaVu Sans', sans-serif`;
     for (const move of segment.moves) {
       const left = this.x(move.start);
       const wide = this.x(move.duration);
       const above = top + groups.indexOf(move.group) * tall;
-      c.fillStyle = "rgba(125, 180, 255, 0.45)";
+      c.fillStyle = `rgba(125, 180, 255, ${move.held ? 0.16 : 0.38})`;
       c.beginPath();
       c.roundRect(left + 0.5, above, Math.max(wide - 1, 1), Math.max(tall - 1, 1), 3);
       c.fill();
@@ -193,7 +208,7 @@ class Timeline {
       c.rect(left, above, wide - 4, tall);
       c.clip();
       c.fillStyle = "rgba(233, 237, 246, 0.85)";
-      c.fillText(move.group, left + 6, above + tall / 2);
+      c.fillText(move.held ? move.label : `${move.group}: ${move.label}`, left + 6, above + tall / 2);
       c.restore();
     }
   }
