@@ -217,8 +217,8 @@ def read_aborts(
         If it is malformed.
     """
     one = next(one for one in log.attachments if one.name == ABORT_NAME)
-    offset, content = one.span[0], bytes(log.view[slice(*one.span)])
-    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, content, offset))
+    offset = one.position
+    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, one.content, offset))
     flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
     for found in table.flights:
         flights[found.segment][found.drone] = _table(found, offset)

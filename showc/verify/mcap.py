@@ -136,7 +136,7 @@ class LogFile:
         """Content of the attachment of that name; None if there is none."""
         for attachment in self.attachments:
             if attachment.name == name:
-                return bytes(self.view[slice(*attachment.span)])
+                return attachment.content
         return None
 
     @contextmanager
@@ -277,12 +277,9 @@ class _Walk:
 
     def run(self) -> LogFile:
         view, log = self.view, self.log
-        if len(view) == 0:
-            raise Damage(0, "the file is empty")
         if bytes(view[: len(MAGIC)]) != MAGIC:
-            raise Damage(
-                0, "this is not an MCAP file: its first eight bytes are others"
-            )
+            what = "its first eight bytes are others" if len(view) else "it is empty"
+            raise Damage(0, f"this is not an MCAP file: {what}")
         record = self._next(len(MAGIC))
         if record.opcode != Opcode.HEADER:
             raise Damage(record.position, "the first record is not a header")
@@ -327,17 +324,13 @@ class _Walk:
             self._define(record, fields(self.view, record))
         elif kind == Opcode.ATTACHMENT:
             *found, _ = fields(self.view, record)
-            one = Attachment(*found)
+            one = Attachment._make([*found, position])
             covered = self.view[record.start : record.stop - 4]
             self._crc(record, f"attachment {one.name!r}", covered)
             self.log.attachments.append(one)
-            times, size = (one.log_time, one.create_time), one.span[1] - one.span[0]
-            self.index[Opcode.ATTACHMENT_INDEX].append(
-                (
-                    *(position, record.stop - position),
-                    *(*times, size, one.name, one.media_type),
-                )
-            )
+            times, size = (one.log_time, one.create_time), len(one.content)
+            row = (position, record.stop - position, *times, size)
+            self.index[Opcode.ATTACHMENT_INDEX].append((*row, *one[2:4]))
         elif kind == Opcode.METADATA:
             name, content = fields(self.view, record)
             self.log.metadata.append((name, dict(content)))
@@ -370,8 +363,8 @@ class _Walk:
 
     def _chunk(self, record: Record) -> Record:
         """Take a chunk and the message indexes after it."""
-        start, end, size, crc, compression, span = fields(self.view, record)
-        position = record.position
+        start, end, size, crc, compression, packed = fields(self.view, record)
+        position, span = record.position, (record.stop - len(packed), record.stop)
         if compression != "zstd":
             raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
         data = inflate(self.view, span, size)
@@ -399,17 +392,13 @@ class _Walk:
         at, positions = record.stop, []
         for channel, some in entries.items():
             index = encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
-            if bytes(self.view[at : at + len(index)]) != index:
-                raise Damage(
-                    at,
-                    "a message index does not say where the messages of its chunk lie",
-                )
+            self._same(at, index, "a message index, by where messages lie,")
             positions.append((channel, at))
             at += len(index)
         self.index[Opcode.CHUNK_INDEX].append(
             (
                 *(start, end, position, record.stop - position, positions),
-                *(at - record.stop, compression, span[1] - span[0], size),
+                *(at - record.stop, compression, len(packed), size),
             )
         )
         return self._next(at)
@@ -477,22 +466,19 @@ class _Walk:
         position, offsets = begin, []
         for kind, rows in self._groups().items():
             group = b"".join(encoded(kind, *row) for row in rows)
-            if bytes(view[position : position + len(group)]) != group:
-                what = _IN_SUMMARY[kind]
-                raise Damage(
-                    position, f"the {what} in the summary differ from the data"
-                )
+            self._same(position, group, f"the {_IN_SUMMARY[kind]} in the summary")
             offsets.append((kind, position, len(group)))
             position += len(group)
         last = b"".join(encoded(Opcode.SUMMARY_OFFSET, *row) for row in offsets)
         if bytes(view[position : footer.position]) != last:
             raise Damage(position, "the offsets in the summary do not fit")
         if starts != (begin, position):
-            raise Damage(
-                footer.position,
-                f"the footer says that the summary begins at byte {starts[0]:,} and "
-                f"its offsets at {starts[1]:,}; it is {begin:,} and {position:,}",
-            )
+            raise Damage(footer.position, "the footer names other places than these")
+
+    def _same(self, position: int, wanted: bytes, what: str) -> None:
+        """Hold what stands at a place against what the data come to."""
+        if bytes(self.view[position : position + len(wanted)]) != wanted:
+            raise Damage(position, f"{what} is not what the data come to")
 
     def _groups(self) -> dict[Opcode, list[tuple[Any, ...]]]:
         """Return what the summary must hold, in its order."""

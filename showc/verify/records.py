@@ -42,10 +42,10 @@ _FIELDS = {
     Opcode.FOOTER: "8 8 4",
     Opcode.SCHEMA: "2 text text bytes4",
     Opcode.CHANNEL: "2 2 text text text-text",
-    Opcode.CHUNK: "8 8 8 4 text span8",
+    Opcode.CHUNK: "8 8 8 4 text bytes8",
     Opcode.MESSAGE_INDEX: "2 bytes4",
     Opcode.CHUNK_INDEX: "8 8 8 8 2-8 8 text 8 8",
-    Opcode.ATTACHMENT: "8 8 text text span8 4",
+    Opcode.ATTACHMENT: "8 8 text text bytes8 4",
     Opcode.ATTACHMENT_INDEX: "8 8 8 8 8 text text",
     Opcode.STATISTICS: "8 2 4 4 4 4 8 8 2-8",
     Opcode.METADATA: "text text-text",
@@ -54,7 +54,7 @@ _FIELDS = {
     Opcode.DATA_END: "4",
 }
 """Fields of each kind, in order: integers by their size, texts, maps by what they map,
-bytes and spans (start and stop of bytes), those with the size of their length."""
+and bytes with the size of their length."""
 
 
 class DamagedLogError(DamagedFileError):
@@ -126,8 +126,9 @@ class Attachment(NamedTuple):
     create_time: int
     name: str
     media_type: str
-    span: tuple[int, int]
-    """Start and stop of its content in the file [bytes]."""
+    content: bytes
+    position: int
+    """Of its record in the file [bytes]."""
 
 
 class Record(NamedTuple):
@@ -159,55 +160,38 @@ def next_record(view: memoryview | bytes, position: int) -> Record:
 
 
 def fields(view: memoryview | bytes, record: Record) -> tuple[Any, ...]:
-    """Return the fields of a record, which must fill it."""
-    reader = _Reader(view, record)
-    found = tuple(reader.field(kind) for kind in _FIELDS[reader.opcode].split())
-    if reader.position != record.stop:
-        left = record.stop - reader.position
-        raise reader.damage(f"has {left:,} bytes more than its fields")
-    return found
+    """Return the fields of a record; written again, they must be its bytes."""
+    opcode, data = Opcode(record.opcode), bytes(view[record.start : record.stop])
+    what = f"a record ({opcode.name.lower().replace('_', ' ')})"
+    found, at = [], 0
+    try:
+        for kind in _FIELDS[opcode].split():
+            value, at = _taken(data, at, kind)
+            found.append(value)
+    except UnicodeDecodeError:
+        raise Damage(record.start, f"{what} holds what is not UTF-8 text") from None
+    # So nothing is cut, longer than its fields, or there twice in a map.
+    if encoded(opcode, *found)[HEAD.size :] != data:
+        raise Damage(record.start, f"{what} has bytes that its fields have not")
+    return tuple(found)
 
 
-class _Reader:
-    """Takes fields one after the other."""
-
-    def __init__(self, data: memoryview | bytes, record: Record) -> None:
-        self.data, self.position, self.stop = data, record.start, record.stop
-        self.opcode = Opcode(record.opcode)
-
-    def damage(self, text: str) -> Damage:
-        what = self.opcode.name.lower().replace("_", " ")
-        return Damage(self.position, f"a record ({what}) {text}")
-
-    def _span(self, size: int) -> tuple[int, int]:
-        start, left = self.position, self.stop - self.position
-        if size > left:
-            raise self.damage(f"needs {size:,} bytes where {left:,} are left")
-        self.position += size
-        return start, self.position
-
-    def field(self, kind: str) -> Any:  # noqa: ANN401 - whatever the kind says
-        if kind.isdecimal():
-            return int.from_bytes(self.data[slice(*self._span(int(kind)))], "little")
-        if "-" in kind:
-            return self._map(*kind.split("-"))
-        span = self._span(self.field("4" if kind == "text" else kind[-1]))
-        if kind.startswith("span"):
-            return span
-        content = bytes(self.data[slice(*span)])
-        try:
-            return content.decode() if kind == "text" else content
-        except UnicodeDecodeError as error:
-            raise self.damage("holds what is not UTF-8 text") from error
-
-    def _map(self, key: str, value: str) -> tuple[tuple[Any, Any], ...]:
-        self.position, end = self.field("span4")
-        found = []
-        while self.position < end:
-            found.append((self.field(key), self.field(value)))
-        if self.position != end or len(dict(found)) != len(found):
-            raise self.damage("holds a map that is cut, or has one key twice")
-        return tuple(found)
+def _taken(data: bytes, at: int, kind: str) -> tuple[Any, int]:
+    """Return the field at a place of a record's content, and where it ends."""
+    if kind.isdecimal():
+        end = at + int(kind)
+        return int.from_bytes(data[at:end], "little"), end
+    size, at = _taken(data, at, kind[-1] if kind.startswith("bytes") else "4")
+    end = at + size
+    if "-" not in kind:
+        value = data[at:end]
+        return value.decode() if kind == "text" else value, end
+    pairs: dict[Any, Any] = {}
+    first, second = kind.split("-")
+    while at < min(end, len(data)):
+        key, at = _taken(data, at, first)
+        pairs[key], at = _taken(data, at, second)
+    return tuple(pairs.items()), at
 
 
 def encoded(opcode: Opcode, *values: Any) -> bytes:  # noqa: ANN401 - see the table

@@ -44,12 +44,7 @@ _LEGS = {
 
 def bound_to(log: LogFile, added: list[str]) -> Check:
     """Hold each thing that was ``added`` against the log that it names."""
-    # Before a content stand its record's head, two times, three lengths, two names.
-    begin = min(
-        one.span[0] - 41 - len(one.name.encode()) - len(one.media_type.encode())
-        for one in log.attachments
-        if one.name in added
-    )
+    begin = min(one.position for one in log.attachments if one.name in added)
     wanted = hashlib.sha256(log.view[:begin]).hexdigest().encode()
     other = [name for name in added if wanted not in (log.attachment(name) or b"")]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
