@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import signal
 import subprocess
@@ -200,6 +201,17 @@ def guarded_executor(jobs: int, method: str) -> ProcessPoolExecutor:
     )
 
 
+def give_back() -> None:
+    """Give memory that is free, but between what is in use, back to the system.
+
+    Of what was read and decoded, piece by piece, most is free in the end. A process
+    would keep it, and so would every copy of it.
+    """
+    # Systems with another library of C keep it.
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 _at_work: list[Sequence[Callable[[], Any]]] = []
 """Parts that copies made now will know; the last entry counts."""
 
@@ -263,6 +275,7 @@ def _in_copies(
     from multiprocessing import active_children  # noqa: PLC0415
 
     before = set(active_children())
+    give_back()
     executor = guarded_executor(count, "fork")
     futures: dict[int, Future[Result]] = {}
     _at_work.append(parts)

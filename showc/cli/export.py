@@ -41,11 +41,15 @@ def _solved(log: Path) -> SolvedShow:
     """Read what there is to write."""
     from showc.export.solved import solved_show
     from showc.log.reader import read_log
+    from showc.processes import give_back
 
     logged = read_log(log)
     show = logged.read_script().show
     # A script that this version cannot read leaves no room for drones that stray.
-    return solved_show(logged, 0.0 if show is None else show.tracking)
+    solved = solved_show(logged, 0.0 if show is None else show.tracking)
+    del logged
+    give_back()
+    return solved
 
 
 def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:

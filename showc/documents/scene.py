@@ -46,14 +46,25 @@ class Scene:
     def _moved(self) -> tuple[list[tuple[dict[str, Any], Any, int]], set[int]]:
         """Find what moves nodes: (animation, sampler, node); and nodes that turn."""
         moves, turned = [], set()
+        shown = self._shown()
         for animation, sampler, path, node in self.document.channels():
             if node is None or "camera" in self.entry("nodes", node):
+                continue
+            if shown and shown.isdisjoint({node, *self.above(node)}):
                 continue
             if path == "translation":
                 moves.append((animation, sampler, node))
             elif path in {"rotation", "scale"}:
                 turned.add(node)
         return moves, turned
+
+    def _shown(self) -> set[Any]:
+        """Return the nodes that the scene begins with; none: all nodes are shown."""
+        scenes = self.top.get("scenes")
+        if not isinstance(scenes, list) or not scenes:
+            return set()
+        roots = self.entry("scenes", self.top.get("scene", 0)).get("nodes")
+        return {one for one in roots if isinstance(one, int)} if roots else set()
 
     def _family(self) -> None:
         """Note the parent of each node."""
@@ -129,8 +140,8 @@ class Scene:
             If that is no curve by itself, or not what the format wants.
         """
         found: dict[int, str] = {}
-        moves, turned = self._moved()
         self._family()
+        moves, turned = self._moved()
         moving = {node for _, _, node in moves} | turned
         for animation, sampler, node in moves:
             if node in found:

@@ -15,8 +15,18 @@ from mcap.reader import make_reader
 from showc.errors import DamagedFileError
 from showc.export.fit import error_of, tracks_of
 from showc.export.lights import TOLERANCE as FADE
+from showc.export.pictures import RATE
 from showc.export.solved import solved_show
-from showc.export.stage import SAMPLED, ExportOptions, folder_for, kept_apart, rules_of
+from showc.export.stage import (
+    SAMPLED,
+    WAITING,
+    ExportOptions,
+    folder_for,
+    kept_apart,
+    rules_of,
+)
+from showc.export.tables import CSV_STEP
+from showc.export.takeoff import slowed
 from showc.files import open_file
 from showc.foreign.folder import MAPS, hashes, is_export, prove, read_manifest
 from showc.foreign.lights import FRAME, read_lights
@@ -34,6 +44,16 @@ if TYPE_CHECKING:
     from showc.export.solved import SolvedShow
     from showc.foreign.show import ForeignShow
     from showc.script.show import Export
+
+UNLIT = {"poly7", "crazyflie"}
+"""Formats without lights."""
+
+STEPS = {"skybrush-csv": CSV_STEP, "vviz": 1.0 / RATE}
+"""Time between two samples of lights [s]."""
+
+TURNED = 0.5
+"""Greatest difference of yaw [deg]: it is written to 0.1 deg, and straight between the
+nodes of the fit."""
 
 ROUNDING = 1e-6
 """How far rounding may carry a written flight beyond the tolerance [m]."""
@@ -95,7 +115,9 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
         note = f"it has {written.drones} flights, the log {solved.drones}"
         return [*checks, _check("VRF584", "flights of the log", where, [note])]
     lead = ExportOptions.usual(wish.to).lead if wish.lead is None else wish.lead
-    fit = error_of(tracks_of(solved), written.tracks, round(lead, 3))
+    lead = round(lead, 3)
+    followed = slowed(solved, lead) if wish.to in WAITING else solved
+    fit = error_of(tracks_of(followed), written.tracks, lead - followed.early)
     limit = max(wish.tolerance, SAMPLED.get(wish.to, 0.0))
     off = fit.position
     checks.append(
@@ -110,39 +132,88 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
             Place(file=str(folder), drone=off.drone + 1, time=off.time),
         )
     )
-    checks += _lit(written, solved, round(lead, 3), where)
+    checks += _lit(written, solved, wish, lead, where)
+    checks += _turned(written, followed, wish, lead, where)
     asked = rules_of(solved, off.upper, fit.velocity.upper)
     return checks + prove(folder, wish.to, asked, flown)
 
 
 def _lit(
-    written: ForeignShow, solved: SolvedShow, lead: float, where: Place
+    written: ForeignShow, solved: SolvedShow, wish: Export, lead: float, where: Place
 ) -> list[Check]:
-    """Hold programs of lights against the log's samples, in frames of the program."""
-    programs = [one for one in written.lights if isinstance(one, bytes)]
-    if len(programs) != solved.drones:
+    """Hold lights against the log's samples, at the instants that the format keeps."""
+    if wish.to in UNLIT:
         return []
-    frame = np.rint((solved.light_times + lead) / FRAME)
+    name = "lights of the log, their difference at its samples"
+    if len(written.lights) != solved.drones or None in written.lights:
+        return [_check("VRF585", name, where, ["a drone has no lights"])]
+    step = STEPS.get(wish.to, FRAME)
+    frame = np.rint((solved.light_times + lead) / step)
     # Of samples in one frame the last one counts.
     keep = np.append(np.diff(frame) > 0.0, True)
-    moments = frame[keep] * FRAME
+    moments = frame[keep] * step
+    shown = solved.lights[keep]
+    if wish.to in STEPS:
+        # A table has the sample before each of its rows.
+        moments = step * np.arange(frame[0] + 1.0, frame[-1])
+        row = np.searchsorted(solved.light_times, moments - lead + 1e-9, side="right")
+        shown = solved.lights[row - 1]
     worst, drone, time = 0.0, 0, 0.0
-    for number, program in enumerate(programs):
-        track = read_lights(program, written.names[number], float(moments[-1]) + FRAME)
-        off = np.abs(track.at(moments) - solved.lights[keep, number])
-        shown = off.max(axis=1)
-        if shown.max() > worst:
-            step = int(np.argmax(shown))
-            worst, drone, time = float(shown[step]), number, float(moments[step] - lead)
+    for number, light in enumerate(written.lights):
+        end = float(moments[-1]) + step
+        if isinstance(light, bytes):
+            track = read_lights(light, written.names[number], end)
+        elif light is not None:
+            track = light
+        off = np.abs(track.at(moments) - shown[:, number]).max(axis=1)
+        if off.max() > worst:
+            most = int(np.argmax(off))
+            worst, drone, time = float(off[most]), number, float(moments[most] - lead)
     return [
         Check(
             "VRF585",
             "",
-            "lights of the log, their difference at its samples",
+            name,
             "pass" if worst <= FADE + 1.0 else "fail",
             worst,
             FADE + 1.0,
             "of 255",
+            replace(where, drone=drone + 1, time=time),
+        )
+    ]
+
+
+def _turned(
+    written: ForeignShow, solved: SolvedShow, wish: Export, lead: float, where: Place
+) -> list[Check]:
+    """Hold yaw against the flights', at every second of the file."""
+    if wish.to not in WAITING:
+        return []
+    name = "yaw of the log, its difference every second"
+    if len(written.yaws) != solved.drones or None in written.yaws:
+        return [_check("VRF586", name, where, ["a drone has no yaw"])]
+    moments = np.arange(np.floor(written.duration) + 1.0)
+    worst, drone, time = 0.0, 0, 0.0
+    for number, (track, flight) in enumerate(
+        zip(written.yaws, solved.flights, strict=True)
+    ):
+        assert track is not None  # noqa: S101 - seen above
+        asked = -np.degrees(flight(moments - lead + solved.early)[:, 3])
+        off = np.interp(moments, track.times, track.angles) - asked
+        # Full turns say nothing.
+        off = np.abs((off + 180.0) % 360.0 - 180.0)
+        if off.max() > worst:
+            row = int(np.argmax(off))
+            worst, drone, time = float(off[row]), number, float(moments[row] - lead)
+    return [
+        Check(
+            "VRF586",
+            "",
+            name,
+            "pass" if worst <= TURNED else "fail",
+            worst,
+            TURNED,
+            "deg",
             replace(where, drone=drone + 1, time=time),
         )
     ]

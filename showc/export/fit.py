@@ -14,7 +14,7 @@ from the difference of both polynomials, the rounding included.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -107,10 +107,14 @@ class FittedFleet:
         """When each drone is at its nodes, shape (drones, pieces + 1) [ms]."""
         return self.begin[:, None] + self.step * np.arange(self.pieces + 1)
 
+    def times_of(self, drone: int) -> IntArray:
+        """When one drone is at its nodes, shape (pieces + 1,) [ms]."""
+        return np.asarray(self.begin[drone] + self.step * np.arange(self.pieces + 1))
+
     @property
     def duration(self) -> float:
         """When the last drone's last piece ends [s]."""
-        return float(self.times[:, -1].max()) / 1000.0
+        return float(self.begin.max() + self.step * self.pieces) / 1000.0
 
 
 def tracks_of(show: SolvedShow) -> Tracks:
@@ -151,7 +155,8 @@ def fit_fleet(
     exact = tracks_of(show)
     fitted = None
     for step in STEPS:
-        fitted = _fit(exact, round(1000.0 * lead), step)
+        fitted = _fit(exact, round(1000.0 * (lead - show.early)), step)
+        fitted = replace(fitted, lead=round(1000.0 * lead))
         if fitted.error.position.upper <= tolerance:
             return fitted
     assert fitted is not None  # noqa: S101 - there are steps
@@ -165,7 +170,7 @@ def fit_fleet(
 
 
 def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
-    crossing = _crossing(exact)
+    crossing = crossings(exact)
     if lead < step:
         # The odd rest of the time lies before the launch, and there is no room for it.
         crossing = np.full_like(crossing, np.inf)
@@ -208,13 +213,13 @@ def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
         _NOTHING,
     )
     error = error_of(exact, decoded(fitted), lead / 1000.0)
-    return FittedFleet(lead, step, begin, scale, points, fitted.yaw, error)
+    return replace(fitted, error=error)
 
 
 _NOTHING = FitError(*(Greatest(0.0, 0.0, 0, 0.0) for _ in range(3)))
 
 
-def _crossing(exact: Tracks) -> FloatArray:
+def crossings(exact: Tracks) -> FloatArray:
     """When each drone first is at the take-off height above its start [s]; inf: never.
 
     Shape (drones,).

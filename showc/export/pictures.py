@@ -128,7 +128,7 @@ def glb_file(show: SolvedShow, fitted: FittedFleet) -> bytes:
     for drone in range(fitted.drones):
         begin = int(fitted.begin[drone])
         if begin not in clocks:
-            times = fitted.times[drone] / 1000.0
+            times = fitted.times_of(drone) / 1000.0
             keys = np.concatenate([[0.0], times]) if begin > 0 else times
             clocks[begin] = scene.numbers(keys[:, None], "SCALAR")
         values = np.stack([tangent[drone], place[drone], tangent[drone]], axis=1)

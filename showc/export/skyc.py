@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
+import struct
 import zipfile
+import zlib
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -17,11 +19,14 @@ from showc.processes import side_by_side
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from numpy.typing import NDArray
+
     from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
 
-STAMP = (1980, 1, 1, 0, 0, 0)
-"""Date of every entry: the oldest a zip knows, that equal shows have equal bytes."""
+STAMP = 1 << 5 | 1
+"""Date of every entry, 1 January 1980: the oldest a zip knows, that equal shows have
+equal bytes."""
 
 LEVEL = 4
 """Of compression: beyond it the file shrinks by a twentieth, in 1.6 times the time."""
@@ -61,7 +66,7 @@ def skyc_file(
     """
     strings = _Decimals()
 
-    def written(drones: Sequence[int]) -> list[tuple[str, str]]:
+    def written(drones: Sequence[int]) -> list[Entry]:
         entries = []
         for drone, (program, yaw) in zip(drones, beside(drones), strict=True):
             folder = f"drones/{drone_name(drone)}"
@@ -69,34 +74,67 @@ def skyc_file(
             turns = {"version": 1, "setpoints": yaw}
             flight = _trajectory(fitted, drone, strings)
             entries += [
-                (f"{folder}/trajectory.json", flight),
-                (f"{folder}/lights.json", _json(lights)),
-                (f"{folder}/yaw.json", _json(turns)),
+                Entry.of(f"{folder}/trajectory.json", flight),
+                Entry.of(f"{folder}/lights.json", _json(lights)),
+                Entry.of(f"{folder}/yaw.json", _json(turns)),
             ]
         return entries
 
-    every = range(fitted.drones)
-    most = -(-fitted.drones // PARTS)
-    parts = [partial(written, every[low : low + most]) for low in every[::most]]
+    parts = [partial(written, some) for some in shared(fitted.drones)]
     entries = [
-        ("show.json", _json(_top(show, fitted))),
-        ("cues.json", _json(_cues(show, fitted))),
+        Entry.of("show.json", _json(_top(show, fitted))),
+        Entry.of("cues.json", _json(_cues(show, fitted))),
     ]
     for some in side_by_side(parts):
         entries += some
     return archive(entries)
 
 
-def archive(entries: Iterable[tuple[str, str]]) -> bytes:
-    """Return a zip of texts by name, the same bytes at any time of day."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as out:
-        for name, text in entries:
-            entry = zipfile.ZipInfo(name, STAMP)
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16
-            out.writestr(entry, text)
-    return stream.getvalue()
+def shared(drones: int) -> list[Sequence[int]]:
+    """Cut a fleet into parts that are written side by side."""
+    most = -(-drones // PARTS)
+    return [range(drones)[low : low + most] for low in range(0, drones, most)]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A file in an archive, packed."""
+
+    name: str
+    """Its path in the archive, ASCII."""
+    packed: bytes
+    """Its content, deflated."""
+    size: int
+    """Length of its content [bytes]."""
+    crc: int
+    """CRC-32 of its content."""
+
+    @classmethod
+    def of(cls, name: str, text: str) -> Self:
+        """Pack a text, the same bytes at any time of day."""
+        content = text.encode()
+        deflate = zlib.compressobj(LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS)
+        packed = deflate.compress(content) + deflate.flush()
+        return cls(name, packed, len(content), zlib.crc32(content))
+
+
+def archive(entries: Iterable[Entry]) -> bytes:
+    """Return a zip of entries that were packed side by side (PKWARE's APPNOTE 6.3)."""
+    out, index, count = bytearray(), bytearray(), 0
+    for entry in entries:
+        name = entry.name.encode("ascii")
+        described = struct.pack(
+            "<5H3I2H",
+            *(20, 0, zipfile.ZIP_DEFLATED, 0, STAMP),
+            *(entry.crc, len(entry.packed), entry.size, len(name), 0),
+        )
+        # Made on Unix: a file that its owner may write, and all may read.
+        beside = struct.pack("<3H2I", 0, 0, 0, 0o100644 << 16, len(out))
+        index += b"PK\x01\x02" + b"\x14\x03" + described + beside + name
+        out += b"PK\x03\x04" + described + name + entry.packed
+        count += 1
+    end = struct.pack("<4H2IH", 0, 0, count, count, len(index), len(out), 0)
+    return bytes(out + index + b"PK\x05\x06" + end)
 
 
 def _json(value: Any) -> str:  # noqa: ANN401 - any JSON
@@ -184,9 +222,9 @@ class _Decimals:
     """Coordinates as text that a reader turns back into the same whole step."""
 
     def __init__(self) -> None:
-        self._tables: dict[int, list[str]] = {}
+        self._tables: dict[int, NDArray[np.object_]] = {}
 
-    def table(self, scale: int) -> list[str]:
+    def table(self, scale: int) -> NDArray[np.object_]:
         """Text of every step of the grid; index 0 is step -32768."""
         if scale not in self._tables:
             steps = np.arange(-32_768, 32_768)
@@ -195,32 +233,33 @@ class _Decimals:
             # The server drops fractions: none may be left by the last bit of a float.
             short = np.trunc(metres * factor) != steps
             metres[short] = np.nextafter(metres[short], np.sign(steps[short]) * np.inf)
-            self._tables[scale] = [repr(value) for value in metres.tolist()]
+            self._tables[scale] = np.array([repr(value) for value in metres.tolist()])
+            self._tables[scale] = self._tables[scale].astype(object)
         return self._tables[scale]
 
 
+_STANDING, _MOVING = "[%s,[%s,%s,%s],[]]", "[%s,[%s,%s,%s],[[%s,%s,%s],[%s,%s,%s]]]"
+"""A point of a trajectory: its time, its place, and the controls before it."""
+
+
 def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:
-    table = strings.table(int(fitted.scale[drone]))
     points = fitted.points[drone]
-    text = [table[value] for value in (points.ravel() + 32_768).tolist()]
     begin, step = int(fitted.begin[drone]), fitted.step
-    rows = []
-    place = f"[{text[0]},{text[1]},{text[2]}]"
-    time = 0
-    rows.append(f"[0.0,{place},[]]")
-    for wait in waiting(begin):
-        time += wait
-        rows.append(f"[{_seconds(time)},{place},[]]")
+    waits = np.cumsum([0, *waiting(begin)]).tolist()
     starts, lengths = runs(points, step)
-    moving = np.any(points[starts] != points[starts, :1], axis=(1, 2)).tolist()
-    for first, length, moves in zip(
-        starts.tolist(), lengths.tolist(), moving, strict=True
-    ):
-        time = begin + step * (first + length)
-        a, b, c, d, e, f, g, h, i = text[12 * first + 3 : 12 * first + 12]
-        inner = f"[{a},{b},{c}],[{d},{e},{f}]" if moves else ""
-        rows.append(f"[{_seconds(time)},[{g},{h},{i}],[{inner}]]")
-    return f'{{"version":1,"points":[{",".join(rows)}],"takeoffTime":0}}'
+    moving = np.any(points[starts] != points[starts, :1], axis=(1, 2))
+    cells = strings.table(int(fitted.scale[drone]))[points[starts] + 32_768]
+    # One formatting of all cells: a million rows of a fleet would take a while.
+    sizes = np.where(moving, 10, 4)
+    at = np.cumsum(sizes) - sizes
+    text = np.empty(int(sizes.sum()), dtype=object)
+    text[at] = [_seconds(time) for time in (begin + step * (starts + lengths)).tolist()]
+    text[at[:, None] + np.arange(1, 4)] = cells[:, 3]
+    text[at[moving, None] + np.arange(4, 10)] = cells[moving, 1:3].reshape(-1, 6)
+    first = [cell for time in waits for cell in (_seconds(time), *cells[0, 0])]
+    shapes = [_STANDING] * len(waits) + np.where(moving, _MOVING, _STANDING).tolist()
+    rows = ",".join(shapes) % (*first, *text.tolist())
+    return f'{{"version":1,"points":[{rows}],"takeoffTime":0}}'
 
 
 def _seconds(milliseconds: int) -> str:

@@ -54,13 +54,18 @@ class SolvedShow:
     frame: SiteFrame
     """Where the show frame lies on the globe."""
     flights: tuple[PiecewisePolynomial, ...]
-    """x, y, z [m] and yaw [rad] of each drone over the whole show."""
+    """x, y, z [m] and yaw [rad] of each drone over the whole show; time is that of the
+    show, and ``early``."""
     light_times: FloatArray
     """When lights were sampled, shape (T,) [s]."""
     lights: ByteArray
     """Linear light, 0 to 255, shape (T, drones, 3)."""
     stages: tuple[Stage, ...]
     """Legs in order of their start."""
+    launches: tuple[PiecewisePolynomial, ...] = ()
+    """The launch alone of each drone that has one, as solved."""
+    early: float = 0.0
+    """How long before the show's clock the flights begin [s]."""
     tracking: float = 0.0
     """How far a drone may stray from its path, by the script [m]."""
 
@@ -108,7 +113,7 @@ class SolvedShow:
             default=self.duration,
         )
         return {
-            "takeoff": (0.0, launched),
+            "takeoff": (-self.early, launched),
             "show": (launched, landing),
             "landing": (landing, self.duration),
         }
@@ -133,10 +138,13 @@ def solved_show(log: LoggedShow, tracking: float = 0.0) -> SolvedShow:
     """
     site = log.rules.site
     pieces: list[list[PiecewisePolynomial]] = [[] for _ in range(log.drones)]
+    launches: dict[int, PiecewisePolynomial] = {}
     for segment in log.segments:
         for position, drone in enumerate(segment.drones):
             state = segment.trajectory(position).state.select([0, 1, 2, 8])
             pieces[drone].append(state.shifted(segment.start))
+            if segment.kind == "launch":
+                launches[drone] = pieces[drone][-1]
     # A screen's byte stands for one value of linear light.
     linear = drive_bytes(linear_light(np.arange(256, dtype=np.uint8)))
     lights = np.stack(
@@ -157,5 +165,6 @@ def solved_show(log: LoggedShow, tracking: float = 0.0) -> SolvedShow:
             )
             for segment in log.segments
         ),
-        tracking,
+        tuple(launches[drone] for drone in sorted(launches)),
+        tracking=tracking,
     )

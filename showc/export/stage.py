@@ -25,6 +25,7 @@ from showc.export.tables import (
     memory_notes,
     poly7_files,
 )
+from showc.export.takeoff import slowed
 from showc.files import alone, stage_for, unwritable, write_through
 from showc.foreign.facts import Asked
 from showc.foreign.folder import (
@@ -115,6 +116,7 @@ class Exported:
 
 def _binary(show: SolvedShow, options: ExportOptions) -> Written:
     """Make one binary file a drone."""
+    show = slowed(show, options.lead)
     fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
     programs = _programs(show, options.lead, range(show.drones))
     comment = f"showc {__version__}: {show.rules.name}"
@@ -141,6 +143,7 @@ def _binary(show: SolvedShow, options: ExportOptions) -> Written:
 
 def _compiled(show: SolvedShow, options: ExportOptions) -> Written:
     """Put the whole show in one archive."""
+    show = slowed(show, options.lead)
     fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
     times = _yaw_times(fitted)
 
@@ -306,7 +309,7 @@ def _yaw(
     fitted: FittedFleet, drone: int, times: np.ndarray[Any, np.dtype[np.int64]]
 ) -> list[float]:
     """Degrees clockwise from +x at ``times`` [ms]."""
-    nodes = fitted.times[drone]
+    nodes = fitted.times_of(drone)
     return [-value for value in np.interp(times, nodes, fitted.yaw[drone]).tolist()]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +10,15 @@ import numpy as np
 from showc.errors import ExportError
 from showc.export.fit import error_of, states, tracks_of
 from showc.export.skyb import trajectory_block
-from showc.export.skyc import archive, drone_name
+from showc.export.skyc import Entry, archive, drone_name, shared
 from showc.foreign.motion import derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers
+from showc.processes import side_by_side
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from showc.arrays import ByteArray, FloatArray
     from showc.export.fit import FitError, FittedFleet
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 CSV_STEP = 0.05
 """Time between two rows of a table [s]: straight lines are 3 mm off at 10 m/s²."""
+
+_ROW = "%d,%.4f,%.4f,%.4f,%d,%d,%d\n"
+"""A row of a table."""
 
 HEADING = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
 """First line of a table, as importers demand it."""
@@ -42,22 +47,20 @@ RAW_PIECES, COMPRESSED_BYTES = 31, 4096
 def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, float]:
     """Return a zip of one table a drone, its error, and how long the show is [s]."""
     times, place, light = sampled(show, lead, CSV_STEP)
-    whole = np.rint(times * 1000.0).astype(np.int64).tolist()
+    whole = np.rint(times * 1000.0).astype(np.int64)
 
-    def table(drone: int) -> tuple[str, str]:
-        rows = [HEADING]
-        rows += [
-            f"{time},{x:.4f},{y:.4f},{z:.4f},{r},{g},{b}"
-            for time, (x, y, z), (r, g, b) in zip(
-                whole,
-                (place[drone] + 0.0).tolist(),
-                light[drone].tolist(),
-                strict=True,
-            )
-        ]
-        return f"{drone_name(drone)}.csv", "\n".join(rows) + "\n"
+    def table(drones: Sequence[int]) -> list[Entry]:
+        entries = []
+        for drone in drones:
+            cells = np.empty((times.size, 7), dtype=object)
+            cells[:, 0], cells[:, 1:4] = whole, place[drone] + 0.0
+            cells[:, 4:] = light[drone]
+            text = _ROW * times.size % tuple(cells.ravel().tolist())
+            entries.append(Entry.of(f"{drone_name(drone)}.csv", f"{HEADING}\n{text}"))
+        return entries
 
-    content = archive(table(drone) for drone in range(show.drones))
+    parts = [partial(table, some) for some in shared(show.drones)]
+    content = archive(entry for some in side_by_side(parts) for entry in some)
     lines = np.round(place, 4)
     body = np.stack([lines[:, :-1], lines[:, 1:]], axis=2)
     error = error_of(tracks_of(show), uniform(times, body), lead)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from showc.foreign.motion import (
     Greatest,
     component,
     derivative,
+    during,
     greatest,
     jumps,
     length,
@@ -27,7 +29,7 @@ from showc.verify.kernel.separation import closest_in
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from showc.foreign.show import FencePolygon, ForeignShow
     from showc.verify.kernel.separation import Encounter
@@ -298,10 +300,53 @@ def searched(tracks: Tracks, wanted: Separation) -> Separation:
     return found
 
 
+def searches(
+    tracks: Tracks, rules: list[Asked], spans: int
+) -> dict[Measured, list[Callable[[], Encounter | None]]]:
+    """Return searches for the closest encounter by each measure that is asked for.
+
+    Each searches one of ``spans`` parts of the time; a sphere where nothing is asked.
+    """
+    found: dict[Measured, list[Callable[[], Encounter | None]]] = {}
+    borders = np.linspace(tracks.begin, tracks.end, spans + 1).tolist()
+    for asked in _apart(rules):
+        assert asked.separation is not None  # noqa: S101 - chosen so
+        if _measure(asked.separation) not in found:
+            wanted = searched(tracks, asked.separation)
+            found[_measure(asked.separation)] = [
+                partial(_closest, tracks, low, high, wanted)
+                for low, high in pairwise(borders)
+            ]
+    return found
+
+
+Measured = tuple[int, float]
+"""A measure of distances: its shape and its vertical stretch."""
+
+
+def _measure(separation: Separation) -> Measured:
+    return separation.shape, separation.vertical_stretch
+
+
+def _apart(rules: list[Asked]) -> list[Asked]:
+    """Return the rules that ask for a separation; a sphere of 0 m where none does."""
+    wanted = [asked for asked in rules if asked.separation is not None]
+    return wanted or [Asked("", Separation(distance=0.0, vertical_stretch=1.0))]
+
+
+def _closest(
+    tracks: Tracks, begin: float, end: float, wanted: Separation
+) -> Encounter | None:
+    whole = begin == tracks.begin and end == tracks.end
+    return closest_in(tracks if whole else during(tracks, begin, end), wanted)
+
+
 def all_pairs(
-    show: ForeignShow, rules: list[Asked]
+    show: ForeignShow, rules: list[Asked], known: dict[Measured, Encounter | None]
 ) -> tuple[list[Check], Encounter | None]:
     """Prove or refute the separation of all pairs, at every instant.
+
+    ``known`` is the closest encounter by each measure.
 
     Returns
     -------
@@ -312,17 +357,10 @@ def all_pairs(
         does; None: one drone.
     """
     checks, tracks = [], show.tracks
-    wanted = [asked for asked in rules if asked.separation is not None]
-    if not wanted:
-        wanted = [Asked("", Separation(distance=0.0, vertical_stretch=1.0))]
-    known: dict[tuple[int, float], Encounter | None] = {}
     found = None
-    for asked in wanted:
+    for asked in _apart(rules):
         assert asked.separation is not None  # noqa: S101 - chosen so
-        measure = asked.separation.shape, asked.separation.vertical_stretch
-        if measure not in known:
-            known[measure] = closest_in(tracks, searched(tracks, asked.separation))
-        found = known[measure]
+        found = known[_measure(asked.separation)]
         source = f", {asked.source}" if asked.source else ""
         name = f"separation of all pairs{source}"
         if found is None:

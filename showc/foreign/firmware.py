@@ -46,6 +46,10 @@ LARGEST_BLOCK = 65_535
 HIGHEST_SOLVED = 3
 """Highest degree in which the firmware finds the take-off height."""
 
+PASSED = 0.9
+"""Speed at the take-off height up to which vehicles stayed within 0.3 m of their files
+after the hand-over, in flight [m/s]; a twentieth is for rounding."""
+
 _LIGHTS_JUDGED = 300
 """Light programs that are played; the rest are alike as a rule."""
 
@@ -84,6 +88,8 @@ class Phases:
 
     above: FloatArray
     """When the file is first at the take-off height [s]; inf: not found, (drones,)."""
+    passing: FloatArray
+    """How fast it climbs there [m/s], shape (drones,)."""
     takeoff: FloatArray
     """When the motors start [s], shape (drones,)."""
     landing: FloatArray
@@ -178,7 +184,7 @@ them is looked at again: 64 to the ninth is all that float64 tells apart."""
 def phases(tracks: Tracks, stored: tuple[Stored, ...], firmware: Firmware) -> Phases:
     """Work out when the firmware takes off and lands."""
     count = tracks.drones
-    above, drift = np.full(count, np.inf), np.zeros(count)
+    above, drift, passing = np.full(count, np.inf), np.zeros(count), np.zeros(count)
     landing, height = np.empty(count), np.empty(count)
     for drone in range(count):
         rows = slice(int(tracks.first[drone]), int(tracks.first[drone + 1]))
@@ -188,12 +194,14 @@ def phases(tracks: Tracks, stored: tuple[Stored, ...], firmware: Firmware) -> Ph
         solved = np.ones(starts.size, dtype=bool)
         # Pieces at the end that only fill up the time are constants.
         solved[: degrees.shape[0]] = degrees[:, 2] <= HIGHEST_SOLVED
-        above[drone] = _first_touch(body[:, :, 2], starts, ends, solved, firmware)
+        above[drone], passing[drone] = _first_touch(
+            body[:, :, 2], starts, ends, solved, firmware
+        )
         early = body[starts < min(above[drone], ends[-1])][:, :, :2] - body[0, 0, :2]
         drift[drone] = np.sqrt((early**2).sum(axis=2)).max(initial=0.0)
         landing[drone], height[drone] = _landing(body, starts, ends, solved, firmware)
     takeoff = above - firmware.climb_time - firmware.spool_up
-    return Phases(above, takeoff, landing, height, drift)
+    return Phases(above, passing, takeoff, landing, height, drift)
 
 
 def _first_touch(
@@ -202,8 +210,11 @@ def _first_touch(
     ends: FloatArray,
     solved: BoolArray,
     firmware: Firmware,
-) -> float:
-    """When a height (rows, degree + 1) [m] first is at the take-off height [s]."""
+) -> tuple[float, float]:
+    """When a height (rows, degree + 1) [m] first is at the take-off height [s].
+
+    And how fast it rises there [m/s]; inf and 0: never.
+    """
     target = height[0, 0] + firmware.takeoff_height
     low, high = height.min(axis=1), height.max(axis=1)
     for row in np.flatnonzero(
@@ -211,8 +222,13 @@ def _first_touch(
     ):
         share = _touch(height[row], target)
         if share is not None:
-            return float(starts[row] + share * (ends[row] - starts[row]))
-    return np.inf
+            width = float(ends[row] - starts[row])
+            slope = (height.shape[1] - 1) * np.diff(height[row])[None, :, None] / width
+            # A joint belongs to the piece that goes on from it.
+            return float(starts[row] + share * width), float(
+                values(slope, np.array([share]))[0, 0]
+            )
+    return np.inf, 0.0
 
 
 def _touch(points: FloatArray, target: float) -> float | None:
@@ -272,6 +288,7 @@ def what_it_becomes(show: ForeignShow, firmware: Firmware | None = None) -> list
         _takeoff(found, firmware),
         _waits(found, firmware),
         _climb(found, firmware),
+        _passes(found, firmware),
         _lands(found, tracks, firmware),
         _stands(show, tracks, firmware),
     ]
@@ -368,6 +385,30 @@ def _climb(found: Phases, firmware: Firmware) -> Check:
         ()
         if value <= VERTICAL
         else ("the vehicle climbs straight up while the file moves sideways",),
+    )
+
+
+def _passes(found: Phases, firmware: Firmware) -> Check:
+    """Whether the vehicle, which stops at the take-off height, falls behind there."""
+    worst = int(np.argmax(found.passing))
+    value = float(found.passing[worst])
+    return Check(
+        "VRF548",
+        GROUP,
+        f"speed at which the file passes {firmware.takeoff_height:g} m",
+        "pass" if value <= PASSED else "warning",
+        value,
+        PASSED,
+        "m/s",
+        Place(drone=worst + 1, time=_finite(float(found.above[worst]))),
+        ()
+        if value <= PASSED
+        else (
+            (
+                "the vehicle's own climb ends standing at that height: at 2 m/s it was "
+                "0.7 m behind its file at once, and on it again after 1.2 s"
+            ),
+        ),
     )
 
 

@@ -220,13 +220,13 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
     if form in SMOOTH:
         checks = [_strict(check) for check in checks]
     if form in SHOW_MODE:
-        checks += found.becomes
+        checks += [_strict(check) for check in found.becomes]
         checks += what_show_mode_makes(show.tracks, found.closest, flown)
     return checks
 
 
 def _strict(check: Check) -> Check:
-    """Of our own files a jump of velocity is a fault, not a remark."""
+    """Call a fault of our own files what of others is remarked."""
     return replace(check, verdict="fail") if check.verdict == "warning" else check
 
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.documents.gltf import Keys
 
-_STEP_GAP = 1e-3
-"""Time in which a STEP sampler changes here [s]: a jump is a very fast move."""
+_LAST = 1e-3
+"""How long the last place of a STEP sampler is kept [s]: there is no later one."""
 
 
 def _course_of(keys: Keys) -> Course:
@@ -33,11 +33,7 @@ def _course_of(keys: Keys) -> Course:
     if keys.way == "CUBICSPLINE":
         return _hermite(times, values.reshape(-1, 3, 3))
     if keys.way == "STEP" and times.size > 1:
-        before = np.maximum(times[1:] - _STEP_GAP, 0.5 * (times[:-1] + times[1:]))
-        moments = np.empty(2 * times.size - 1)
-        moments[::2], moments[1::2] = times, before
-        kept = np.repeat(values, 2, axis=0)[:-1]
-        return polyline(moments, kept)
+        return Course(np.append(times, times[-1] + _LAST), values[:, None])
     return polyline(times, values)
 
 

@@ -127,6 +127,19 @@ def common(
     )
 
 
+def during(tracks: Tracks, begin: float, end: float) -> Tracks:
+    """Return what a fleet flies from ``begin`` to ``end``, which it must cover."""
+    low, high = np.maximum(tracks.starts, begin), np.minimum(tracks.ends, end)
+    keep = np.flatnonzero(high - low > SHORTEST)
+    low, high = low[keep], high[keep]
+    position = tracks.position[keep]
+    cut = np.flatnonzero((low > tracks.starts[keep]) | (high < tracks.ends[keep]))
+    position[cut] = tracks.between(keep[cut], low[cut], high[cut])
+    counts = np.bincount(owners(tracks)[keep], minlength=tracks.drones)
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return Tracks(begin, end, first, low, high, position)
+
+
 def difference(first: Tracks, second: Tracks) -> Tracks:
     """Return the difference of two fleets, over the time that both cover."""
     one, other = common(

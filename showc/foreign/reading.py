@@ -114,6 +114,7 @@ def _binaries(path: Path, files: list[Path]) -> ForeignShow:
         names=tuple(file.stem for file in files),
         tracks=courses.tracks(),
         lights=() if raw else tuple(one.lights for one in found),
+        yaws=() if raw else tuple(one.yaw for one in found),
         stored=() if raw else tuple(one.stored for one in found),
     )
 

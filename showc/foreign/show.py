@@ -75,6 +75,16 @@ class LightTrack:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class YawTrack:
+    """Yaw that a file asks for, linear between instants."""
+
+    times: FloatArray
+    """Shape (n,) [s]."""
+    angles: FloatArray
+    """Clockwise from the bearing of +x, shape (n,) [deg]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cue:
     """A named instant."""
@@ -143,6 +153,8 @@ class ForeignShow:
     """The file's own fence."""
     lights: tuple[LightTrack | bytes | None, ...] = ()
     """Of each drone, programs as they are stored; empty where the format has none."""
+    yaws: tuple[YawTrack | None, ...] = ()
+    """Of each drone; empty where the format has none."""
     home: FloatArray | None = None
     """Where each drone starts by what the file says beside the flight, (drones, 3)."""
     land: FloatArray | None = None

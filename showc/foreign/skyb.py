@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import DamagedFileError
-from showc.foreign.show import Course, Stored
+from showc.foreign.show import Course, Stored, YawTrack
 from showc.verify.kernel.bernstein import elevate
 
 if TYPE_CHECKING:
@@ -44,16 +44,6 @@ _SIZES = [
     for header in range(256)
 ]
 """Length of a segment by its header [bytes]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class YawTrack:
-    """Yaw that a file asks for, linear between instants."""
-
-    times: FloatArray
-    """Shape (n,) [s]."""
-    angles: FloatArray
-    """Clockwise from the bearing of +x, shape (n,) [deg]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ from showc.foreign.show import (
     ForeignShow,
     Location,
     Oddity,
+    YawTrack,
 )
 from showc.processes import side_by_side
 from showc.verify.kernel.bernstein import elevate
@@ -62,6 +63,7 @@ class _Drone:
     name: str
     course: Course
     lights: bytes | None
+    yaw: YawTrack | None
     home: FloatArray
     land: FloatArray
     flown: list[str]
@@ -126,6 +128,7 @@ class _Reading:
             declared=self._declared(settings),
             fences=self._fences(settings),
             lights=tuple(one.lights for one in fleet),
+            yaws=tuple(one.yaw for one in fleet),
             home=np.array([one.home for one in fleet]),
             land=np.array([one.land for one in fleet]),
             location=self._location(environment),
@@ -167,15 +170,17 @@ class _Reading:
         own = self.mapping(settings, f"{what}: settings")
         course, flown = self._course(own.get("trajectory"), drone)
         lights, oddity = self._lights(own.get("lights"), drone)
+        yaw, turned = self._yaw(own.get("yawControl"), drone)
         first, last = course.position[0, 0], course.position[-1, -1]
         return _Drone(
             str(own.get("name") or what)[:80],
             course,
             lights,
+            yaw,
             self._place(own.get("home"), drone, "home", first),
             self._place(own.get("landAt"), drone, "landAt", last),
             flown,
-            oddity,
+            oddity or turned,
         )
 
     def _alone(self, references: list[str], drone: int) -> None:
@@ -256,6 +261,23 @@ class _Reading:
             return base64.b64decode(data, validate=True), None
         except (TypeError, ValueError, binascii.Error):
             return None, Oddity("its light program is no base64", drone)
+
+    def _yaw(
+        self,
+        value: Any,  # noqa: ANN401
+        drone: int,
+    ) -> tuple[YawTrack | None, Oddity | None]:
+        """Read set points of yaw, or what is wrong with them."""
+        turns = self.mapping(value, f"drone {drone}: yawControl")
+        points = self.items(turns.get("setpoints"), f"drone {drone}: set points")
+        if not points:
+            return None, None
+        try:
+            rows = places(array(points, (-1, 2), "its yaw"), "its yaw")
+            times = rising(rows[:, 0].copy(), "its yaw", strictly=False)
+        except DamagedFileError as error:
+            return None, Oddity(str(error), drone)
+        return YawTrack(times, rows[:, 1]), None
 
     def _place(
         self,

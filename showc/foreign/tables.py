@@ -9,9 +9,13 @@ yaw in the time since the piece's start.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from math import comb
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
@@ -20,9 +24,10 @@ from showc.documents.numbers import places, rising
 from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.show import Course, Courses, ForeignShow, LightTrack, polyline
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from showc.arrays import FloatArray
@@ -41,11 +46,15 @@ COLUMNS = 1 + 4 * (DEGREE + 1)
 """Numbers on a line of a poly7 file."""
 
 _POLY7 = "duration"
+_FIRST = 2000
+"""How much of a file is looked at for its first line [bytes]."""
 
 
 def is_poly7(content: bytes) -> bool:
-    """Whether a file begins like polynomial pieces."""
-    return content[:40].lstrip().lower().startswith(_POLY7.encode())
+    """Whether a file begins like polynomial pieces, by its heading or its columns."""
+    begun = content[:_FIRST].lstrip().split(b"\n", 1)[0]
+    named = begun.lower().startswith(_POLY7.encode())
+    return named or begun.count(b",") == COLUMNS - 1
 
 
 def table(content: bytes, name: str) -> tuple[list[str], FloatArray]:
@@ -91,11 +100,20 @@ def table(content: bytes, name: str) -> tuple[list[str], FloatArray]:
             f"{name}: line {first + uneven[0]} has "
             f"{lines[uneven[0]].count(',') + 1} columns; the first has {count}"
         )
+    return head, _numbers(",".join(lines), name).reshape(len(lines), count)
+
+
+def _numbers(cells: str, name: str) -> FloatArray:
+    """Read numbers between commas; what is wrong is found cell by cell."""
+    with suppress(DeprecationWarning, ValueError), catch_warnings():
+        simplefilter("error")
+        values = np.fromstring(cells, sep=",")
+        if values.size == cells.count(",") + 1:
+            return values
     try:
-        values = np.array(",".join(lines).split(","), dtype=np.float64)
+        return np.array(cells.split(","), dtype=np.float64)
     except ValueError as error:
         raise DamagedFileError(f"{name}: holds what is no number ({error})") from None
-    return head, np.asarray(values.reshape(len(lines), count))
 
 
 def _worded(line: str) -> bool:
@@ -247,38 +265,77 @@ def bernstein_of_powers(degree: int) -> FloatArray:
     )
 
 
-def read_tables(path: Path, contents: dict[str, Callable[[], bytes]]) -> ForeignShow:
-    """Read the tables of a whole fleet, by the name of each drone, one after the other.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flown:
+    """What the table of one drone says."""
+
+    course: Course
+    light: LightTrack | None
+    poly7: bool
+
+
+Opened = Callable[[str], bytes]
+"""Gives the content of a member by its name."""
+
+
+def read_tables(
+    path: Path, members: dict[str, str], opened: Callable[[], Opened]
+) -> ForeignShow:
+    """Read the tables of a whole fleet, those of a great one side by side.
+
+    Parameters
+    ----------
+    path
+        Of the show.
+    members
+        Which member has the table of a drone, by the drone's name.
+    opened
+        Opens the show, once for each copy of this process: two must not share a file.
 
     Raises
     ------
     DamagedFileError
         If one is not what its format wants, or the fleet mixes two.
     """
-    courses, lights = Courses(path), []
-    kinds = set()
-    for name, read in contents.items():
-        content, light = read(), None
-        kinds.add(is_poly7(content))
-        if len(kinds) > 1:
-            raise DamagedFileError(
-                f"{path}: mixes polynomial pieces and tables of places"
-            )
-        if is_poly7(content):
-            course = poly7_course(content, name)
-        else:
-            course, light = skybrush_course(content, name)
-        courses.add(course)
-        lights.append(light)
-    poly7 = kinds.pop()
+
+    def some(names: Sequence[str]) -> list[_Flown]:
+        read, found, counted = opened(), list[_Flown](), Courses(path)
+        for name in names:
+            content = read(members[name])
+            if is_poly7(content):
+                found.append(_Flown(poly7_course(content, name), None, poly7=True))
+            else:
+                found.append(_Flown(*skybrush_course(content, name), poly7=False))
+            counted.add(found[-1].course)
+        return found
+
+    names = list(members)
+    most = len(names) if len(names) < GREAT else -(-len(names) // PARTS)
+    parts = [
+        partial(some, names[low : low + most]) for low in range(0, len(names), most)
+    ]
+    fleet = [one for part in side_by_side(parts) for one in part]
+    if len({one.poly7 for one in fleet}) > 1:
+        raise DamagedFileError(f"{path}: mixes polynomial pieces and tables of places")
+    courses = Courses(path)
+    for one in fleet:
+        courses.add(one.course)
+    poly7 = fleet[0].poly7
     return ForeignShow(
         str(path),
         "poly7 .csv" if poly7 else "Skybrush .csv",
         path.stem,
-        tuple(contents),
+        tuple(names),
         courses.tracks(),
-        lights=() if poly7 else tuple(lights),
+        lights=() if poly7 else tuple(one.light for one in fleet),
     )
+
+
+GREAT = 100
+"""Drones from which on a fleet is read in parts."""
+
+PARTS = 4
+"""Parts of a great fleet that are read side by side."""
 
 
 def read_csv_zip(path: Path) -> ForeignShow:
@@ -289,23 +346,25 @@ def read_csv_zip(path: Path) -> ForeignShow:
     DamagedFileError
         If it is not that.
     """
-    archive = Archive(path)
-    members = [name for name in archive.names if name.lower().endswith(".csv")]
+    members = [name for name in Archive(path).names if name.lower().endswith(".csv")]
     if not 1 <= len(members) <= MOST_DRONES:
         raise DamagedFileError(
             f"{path}: has {len(members):,} .csv files; wanted 1 to {MOST_DRONES:,}"
         )
-    contents: dict[str, Callable[[], bytes]] = {}
+    named: dict[str, str] = {}
     for member in members:
         stem = member.rsplit("/", 1)[-1][: -len(".csv")]
-        if stem in contents:
+        if stem in named:
             raise DamagedFileError(f"{path}: has two drones named {stem!r}")
-        contents[stem] = partial(archive.read, member)
-    return read_tables(path, contents)
+        named[stem] = member
+    return read_tables(path, named, lambda: Archive(path).read)
 
 
 def read_csv_files(path: Path, files: Sequence[Path]) -> ForeignShow:
     """Read a folder of tables, one a drone."""
+    folder = path if path.is_dir() else path.parent
     return read_tables(
-        path, {file.stem: partial(read_file, file, LARGEST_ENTRY) for file in files}
+        path,
+        {file.stem: file.name for file in files},
+        lambda: lambda name: read_file(folder / name, LARGEST_ENTRY),
     )

@@ -20,13 +20,14 @@ from showc.foreign.facts import (
     each_alone,
     own_rules,
     searched,
+    searches,
 )
 from showc.foreign.firmware import Firmware, what_it_becomes
 from showc.foreign.reading import read_show
 from showc.foreign.smoothing import Agility, least_smoothing, smoothed
 from showc.log.showc_pb2 import Separation
 from showc.processes import side_by_side
-from showc.verify.kernel.separation import closest_in
+from showc.verify.kernel.separation import closest_in, closest_of
 from showc.verify.report import Check, Place, Verification
 
 if TYPE_CHECKING:
@@ -48,6 +49,9 @@ GROUP = "whether it can be flown"
 MOST_ROWS = 120_000
 """Pieces up to which the smoothed fleet's separation is proved itself; beyond, it is
 bounded by the file's less twice the tube."""
+
+SPANS = 4
+"""Parts of a great show's time that are searched side by side."""
 
 GREAT = 20_000
 """Pieces from which on the answers are sought side by side."""
@@ -206,13 +210,19 @@ def answer(
     def becomes() -> list[Check]:
         return [] if firmware is None else what_it_becomes(show, firmware)
 
+    great = show.tracks.starts.size >= GREAT
+    sought = searches(show.tracks, rules, SPANS if great else 1)
     parts: list[Callable[[], Any]] = [
-        partial(all_pairs, show, rules),
+        *(one for some in sought.values() for one in some),
         becomes,
         partial(each_alone, show, rules),
     ]
-    great = show.tracks.starts.size >= GREAT
-    apart, made, alone = side_by_side(parts, None if great else 1)
+    *near, made, alone = side_by_side(parts, None if great else 1)
+    closest = {
+        measure: closest_of([near.pop(0) for _ in some])
+        for measure, some in sought.items()
+    }
+    apart = all_pairs(show, rules, closest)
     soft, soft_closest = _soften(show, rules, agility)
     facts = sorted([*alone, *apart[0]], key=lambda check: check.code)
     return Answers(facts, apart[1], made, soft, soft_closest)

@@ -15,6 +15,7 @@ from showc.export.beside import verify_beside
 from showc.export.solved import solved_show
 from showc.export.stage import ExportOptions, export, refuse_foreign
 from showc.foreign.folder import verify_export
+from showc.log.additions import digest_of
 from showc.log.reader import read_log
 from showc.script import load_show
 
@@ -28,6 +29,7 @@ transitions:
   - {to: high, hold: 1 s}
 exports: [kml, crazyflie, {to: skyb, separation: 1.5 m, lead: 12 s}]
 """
+MORE = ("skyc", "skyb", "skybrush-csv", "vviz", "gltf")
 
 
 @pytest.fixture(scope="module")
@@ -112,15 +114,50 @@ def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
     assert failed(beside) >= {"VRF584"}
 
 
-def test_an_export_with_other_lights_is_found_out(beside):
+@pytest.fixture(scope="module")
+def wished(tmp_path_factory):
+    """A log that asks for every format with lights or yaw, and is without them yet."""
+    folder = tmp_path_factory.mktemp("more")
+    path, log = folder / "show.yaml", folder / "show.mcap"
+    path.write_text(
+        SCRIPT.split("exports:", maxsplit=1)[0] + f"exports: [{', '.join(MORE)}]\n"
+    )
+    arguments = [str(path), "-o", str(log), "--no-missions", "-q", "-j", "1"]
+    run = CliRunner().invoke(command, arguments, standalone_mode=False)
+    assert run.return_value == 0, run.output
+    return log
+
+
+def codes(log, form, **changed):
+    """Failures of one format after it was written of a changed show."""
+    source = {"data_sha256": digest_of(log)}
+    show = replace(solved_show(read_log(log), 0.0), **changed)
+    folder = log.with_name(f"{log.stem}-{form}")
+    options = ExportOptions.usual(form)
+    export(show, source, form, folder, options)
+    found = [one for one in verify_beside(log) if one.group == f"export {form}"]
+    return {one.code for one in found if one.verdict == "fail"}
+
+
+@pytest.mark.parametrize("form", MORE)
+def test_an_export_with_other_lights_is_found_out(wished, form):
     """Written by the export itself, of the same flight and log in other colours."""
-    folder = beside.with_name("show-skyb")
-    manifest = json.loads((folder / "export.json").read_text())
-    solved = solved_show(read_log(beside), 0.0)
-    dark = replace(solved, lights=solved.lights // 2)
-    options = replace(ExportOptions.usual("skyb"), lead=12.0, separation=1.5)
-    export(dark, manifest["source"], "skyb", folder, options)
-    assert failed(beside) == {"VRF585"}
+    solved = solved_show(read_log(wished), 0.0)
+    assert codes(wished, form) == set()
+    assert codes(wished, form, lights=solved.lights // 2) == {"VRF585"}
+    late = solved.lights.copy()
+    late[: late.shape[0] // 2] = 0
+    assert codes(wished, form, lights=late) == {"VRF585"}
+
+
+@pytest.mark.parametrize("form", ["skyc", "skyb"])
+def test_an_export_with_another_yaw_is_found_out(wished, form):
+    solved = solved_show(read_log(wished), 0.0)
+    turned = list(solved.flights)
+    coefficients = turned[1].coefficients.copy()
+    coefficients[-1, :, 3] += 0.02
+    turned[1] = replace(turned[1], coefficients=coefficients)
+    assert "VRF586" in codes(wished, form, flights=tuple(turned))
 
 
 def test_an_export_of_another_log_is_found_out(beside):

@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from showc.foreign.facts import Asked, searches
 from showc.foreign.fence import furthest_outside, inside_by
 from showc.foreign.motion import (
     derivative,
     difference,
+    during,
     greatest,
     jumps,
     length,
@@ -24,6 +26,8 @@ from showc.foreign.smoothing import (
     smoothed,
     widened,
 )
+from showc.log.showc_pb2 import Separation
+from showc.verify.kernel.separation import closest_of
 
 SEEDS = st.integers(0, 2**31)
 
@@ -89,6 +93,22 @@ def test_portions_are_the_fleet():
     for first, part in parts:
         wanted = place_at(tracks, 1.0)[first : first + part.drones]
         assert place_at(part, 1.0) == pytest.approx(wanted)
+
+
+def test_the_closest_encounter_is_that_of_the_parts_of_the_time():
+    tracks = random_fleet(11, drones=6)
+    rules = [Asked("", Separation(distance=0.5, vertical_stretch=1.0))]
+    whole, parts = (
+        closest_of(
+            [one() for one in next(iter(searches(tracks, rules, spans).values()))]
+        )
+        for spans in (1, 4)
+    )
+    assert parts.upper == pytest.approx(whole.upper, abs=1e-6)
+    assert parts.time == pytest.approx(whole.time, abs=1e-3)
+    for time in np.linspace(tracks.begin, tracks.end, 50)[1:-1]:
+        part = during(tracks, time - 0.01, time + 0.01)
+        assert place_at(part, time) == pytest.approx(place_at(tracks, time))
 
 
 @settings(max_examples=12)

@@ -626,6 +626,36 @@ def test_lights_of_a_scene_change_with_its_materials(tmp_path):
     assert found[:, 1] == pytest.approx([255 * 0.15625, 127.5, 255])
 
 
+def test_what_steps_from_place_to_place_jumps(tmp_path):
+    top = scene()
+    top["animations"][0]["samplers"][0]["interpolation"] = "STEP"
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert "VRF502" in findings(path)
+    assert place_at(read_show(path).tracks, 0.9)[0] == pytest.approx([0, -2, 1])
+
+
+def test_nodes_of_another_scene_do_not_fly(tmp_path):
+    top = scene(nodes=[{"name": "a"}, {"name": "b", "children": [2]}, {"name": "c"}])
+    animation = top["animations"][0]
+    animation["channels"].append(
+        {"sampler": 0, "target": {"node": 2, "path": "translation"}}
+    )
+    path = tmp_path / "a.gltf"
+    for shown, names in (({"nodes": [0]}, ("a",)), ({"nodes": [1]}, ("c",))):
+        path.write_text(json.dumps(top | {"scene": 0, "scenes": [shown]}))
+        assert read_show(path).names == names
+
+
+def test_pieces_are_known_by_their_columns_without_a_heading(tmp_path):
+    folder = tmp_path / "pieces"
+    folder.mkdir()
+    (folder / "a.csv").write_text(f"1{',0' * 16},3,1{',0' * 14}\n")
+    found = read_show(folder)
+    assert found.format == "poly7 .csv"
+    assert place_at(found.tracks, 0.5)[0] == pytest.approx([0, 0, 3.5])
+
+
 def test_a_material_that_two_channels_change_is_refused(tmp_path):
     fade = ("emissiveFactor", "VEC3", [0, 2], [[1, 0, 0], [0, 0, 1]], "LINEAR")
     path = tmp_path / "a.gltf"
