@@ -40,14 +40,18 @@ def colour_wanted(stream: Any) -> bool:  # noqa: ANN401 - any text stream
     return bool(stream.isatty()) and os.environ.get("TERM") != "dumb"
 
 
-class PlainProgress:
-    """One line a stage on standard error, and now and then how far it is."""
+class _Lines:
+    """Progress in lines on standard error, at most one in an interval [s]."""
 
-    def __init__(self, interval: float = 5.0) -> None:
+    def __init__(self, interval: float) -> None:
         self._interval = interval
         self._title, self._done = "", 0
         self._total: int | None = None
         self._spoken = self._begun = time.monotonic()
+
+
+class PlainProgress(_Lines):
+    """One line a stage, and now and then how far it is."""
 
     def stage(self, title: str, total: int | None = None) -> None:
         """Say the title."""
@@ -75,14 +79,8 @@ class PlainProgress:
         return f"{self._done} of {self._total}, about {max(left, 0.0):.0f} s left"
 
 
-class JsonProgress:
-    """One JSON object a line on standard error, for programs that wait."""
-
-    def __init__(self, interval: float = 1.0) -> None:
-        self._interval = interval
-        self._title, self._done = "", 0
-        self._total: int | None = None
-        self._spoken = self._begun = time.monotonic()
+class JsonProgress(_Lines):
+    """One JSON object a line, for programs that wait."""
 
     def stage(self, title: str, total: int | None = None) -> None:
         """Say the title, and of how many steps it is."""
@@ -152,7 +150,7 @@ def progress(*, quiet: bool, as_json: bool = False) -> Iterator[Progress]:
     if quiet:
         yield Silent()
     elif as_json:
-        yield JsonProgress()
+        yield JsonProgress(1.0)
     elif colour_wanted(sys.stderr) and sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import (
@@ -175,4 +173,4 @@ def progress(*, quiet: bool, as_json: bool = False) -> Iterator[Progress]:
             yield watcher
             watcher.finish()
     else:
-        yield PlainProgress()
+        yield PlainProgress(5.0)

@@ -25,7 +25,7 @@ from showc.script.lights import lights_of
 from showc.script.motions import formations_of, motions_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
-from showc.script.scalars import certain, suggestion
+from showc.script.scalars import no_such
 from showc.script.settings import Setting, Settings
 from showc.script.show import (
     Export,
@@ -111,15 +111,7 @@ class Builder:
             return True
         if "formations" not in self.settings:
             return False  # why there are none is said already
-        near = suggestion(name, self.table)
-        names = ", ".join(self.table) or "none"
-        self.reader.say(
-            "SHW107",
-            f"there is no formation `{name}`",
-            mark,
-            help_text=f"did you mean `{near}`?" if near else f"formations: {names}",
-            fix=certain(name, self.table),
-        )
+        self.reader.refuse(no_such("formation", name, self.table), mark)
         return False
 
     def sketch(self, source: Source) -> Sketch:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from showc.script.diagnostic import Label
 from showc.script.gallery import MAX_PLACES
 from showc.script.motions import formations_of
+from showc.script.scalars import no_such
 from showc.script.settings import Setting, Settings
 
 if TYPE_CHECKING:
@@ -138,23 +139,11 @@ def groups_of(
                 break
             owner[drone] = name
         groups[name] = tuple(sorted(drone - 1 for drone in set(members)))
-    _group_references(settings, groups, reader)
-    return groups
-
-
-def _group_references(
-    settings: Settings, groups: Mapping[str, tuple[int, ...]], reader: Reader
-) -> None:
-    known = set(_members(settings))
     for item in settings.sound("transitions"):
-        if "group" in item and item.text("group") not in known:
-            names = ", ".join(groups) or "none"
-            reader.say(
-                "SHW107",
-                f"there is no group `{item.text('group')}`",
-                item.mark_of("group"),
-                help_text=f"groups: {names}",
-            )
+        named = item.word("group")
+        if named is not None and named not in written:
+            reader.refuse(no_such("group", named, written), item.mark_of("group"))
+    return groups
 
 
 def needed_counts(

@@ -10,7 +10,7 @@ import numpy as np
 from showc.script.diagnostic import Label, ScriptError
 from showc.script.formations import SHAPES, Request
 from showc.script.placing import colours_in, paint, transform, unit_vector
-from showc.script.scalars import certain, suggestion
+from showc.script.scalars import no_such
 from showc.script.settings import Setting, Settings
 from showc.script.show import Effect, EffectKind, Mark, Music
 from showc.script.spacing import closest, crowded
@@ -343,14 +343,7 @@ class Gallery:
         name = settings.text("like")
         mark = settings.mark_of("like")
         if name not in self._table:
-            near = suggestion(name, self._table)
-            self._reader.say(
-                "SHW107",
-                f"there is no formation `{name}`",
-                mark,
-                help_text=f"did you mean `{near}`?" if near else "define it",
-                fix=certain(name, self._table),
-            )
+            self._reader.refuse(no_such("formation", name, self._table), mark)
             return None
         if name in self._open:
             ring = " -> ".join([*self._open[self._open.index(name) :], name])

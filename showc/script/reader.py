@@ -42,7 +42,7 @@ from showc.script.meaning import (
     spaced,
     with_commas,
 )
-from showc.script.scalars import certain, read_scalar, suggestion
+from showc.script.scalars import certain, no_word, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
 from showc.script.wording import counted, form_of, shortened, wanted_text
 
@@ -378,15 +378,9 @@ class Reader:
         if not known or not numbers or not isinstance(node, Scalar):
             return
         if node.text[:1].isalpha() and node.text not in known:
-            near = suggestion(node.text, known)
-            raise self._bad(
-                "SHW106",
-                f"`{key}` cannot be `{node.text}`",
-                node.mark,
-                help_text=(f"did you mean `{near}`? " if near else "")
-                + f"give {wanted_text(kind)}",
-                fix=certain(node.text, known),
-            )
+            otherwise = f"give {wanted_text(kind)}"
+            self.refuse(no_word(key, node.text, known, otherwise), node.mark)
+            raise _BadValueError
 
     def _choose(self, kind: Either, node: Node) -> Kind:
         """Return the option whose form the node has; the first, if none has."""

@@ -59,6 +59,30 @@ def certain(word: str, known: Iterable[str]) -> str:
     return suggestion(word, names)
 
 
+def no_such(what: str, name: str, known: Iterable[str]) -> ScriptError:
+    """Return what is wrong where a script names something that it does not define."""
+    names = list(known)
+    near, listed = suggestion(name, names), ", ".join(names) or "none"
+    return ScriptError(
+        "SHW107",
+        f"there is no {what} `{name}`",
+        help_text=f"did you mean `{near}`?" if near else f"{what}s: {listed}",
+        fix=certain(name, names),
+    )
+
+
+def no_word(key: str, word: str, known: Iterable[str], otherwise: str) -> ScriptError:
+    """Return what is wrong where a word is none of a choice."""
+    names = list(known)
+    near = suggestion(word, names)
+    return ScriptError(
+        "SHW106",
+        f"`{key}` cannot be `{word}`",
+        help_text=(f"did you mean `{near}`? " if near else "") + otherwise,
+        fix=certain(word, names),
+    )
+
+
 def _near(word: str, lower: Iterable[str]) -> list[str]:
     """Return the words of small letters that are like another, best first."""
     from difflib import get_close_matches  # noqa: PLC0415 - start-up counts
@@ -190,14 +214,8 @@ def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
 def _choice(kind: kinds.Choice, node: Scalar, key: str) -> str:
     if node.text in kind.options:
         return node.text
-    near = suggestion(node.text, kind.options)
-    raise ScriptError(
-        "SHW106",
-        f"`{key}` cannot be `{node.text}`",
-        help_text=(f"did you mean `{near}`? " if near else "")
-        + f"words: {', '.join(kind.options)}",
-        fix=certain(node.text, kind.options),
-    )
+    words = f"words: {', '.join(kind.options)}"
+    raise no_word(key, node.text, kind.options, words)
 
 
 def _moment(kind: kinds.Moment, node: Scalar, key: str) -> datetime:

@@ -404,3 +404,13 @@ def test_a_preference_that_is_none_ends_in_one_message(read):
     (found,) = read(text + "transitions: [a]\n").errors
     assert found.code == "SHW106" and "`calm`" in found.message
     assert {"`time`", "`energy`"} <= set(found.help.replace(",", "").split())
+
+
+def test_a_misspelt_group_is_answered_with_the_one_that_is_meant(read):
+    text = (
+        "groups: {left: 1-2, right: 3-4}\nformations: {a: {type: circle, radius: 9}}\n"
+    )
+    (found,) = read(text + "transitions: [{to: a, group: lefft}]\n").errors
+    assert (found.code, found.help, found.fix) == (
+        "SHW107", "did you mean `left`?", "left",
+    )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections import Counter
 from pathlib import PurePath
 from typing import TYPE_CHECKING
@@ -76,11 +77,7 @@ def _rule(known: Code) -> Plain:
     return {
         "id": known.code,
         "name": "".join(
-            word.capitalize()
-            for word in "".join(
-                sign if sign.isalnum() and sign.isascii() else " "
-                for sign in known.title
-            ).split()
+            word.capitalize() for word in re.findall("[A-Za-z0-9]+", known.title)
         ),
         "shortDescription": {"text": known.title},
         "fullDescription": {"text": known.cause or known.title},
