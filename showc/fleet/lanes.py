@@ -132,11 +132,12 @@ def _flown(leg: Leg, moves: Sequence[LegFlight], show: Show) -> tuple[Trajectory
 def _around(part: Leg, leg: Leg, flown: Sequence[Trajectory]) -> Leg:
     """Return a part that is to be flown around all others as they fly now."""
     begin, duration = _begin(part, leg), part.duration or 0.0
+    rows = np.flatnonzero(~np.isin(leg.drones, part.drones)).tolist()
     others = tuple(
-        _during(flown[row].state.select(slice(0, 3)), begin, duration)
-        for row in np.flatnonzero(~np.isin(leg.drones, part.drones)).tolist()
+        _during(flown[row].state.select(slice(0, 3)), begin, duration) for row in rows
     )
-    return replace(part, others=others, others_parked=None)
+    numbers = tuple(leg.drones[rows].tolist())
+    return replace(part, others=others, others_parked=None, others_drones=numbers)
 
 
 def _during(

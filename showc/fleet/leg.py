@@ -461,8 +461,9 @@ def place(leg: Leg) -> str:
 def pair_names(leg: Leg, first: int, second: int) -> str:
     """Names of two drones for people; after ``leg.drones`` come those of no part."""
     one = f"drone {int(leg.drones[first]) + 1}"
-    if second < leg.drones.size:
-        return f"{one} and drone {int(leg.drones[second]) + 1}"
+    every = [*leg.drones.tolist(), *leg.others_drones]
+    if second < len(every):
+        return f"{one} and drone {every[second] + 1}"
     return f"{one} and another drone"
 
 

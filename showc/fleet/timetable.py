@@ -230,7 +230,8 @@ def _among(part: Leg, leg: Leg, parts: Sequence[Leg]) -> Leg:
     parked = places[still] if still.any() else None
     if parked is not None:
         parked.setflags(write=False)
-    return replace(part, others_parked=parked)
+    numbers = tuple(leg.drones[still].tolist())
+    return replace(part, others_parked=parked, others_drones=numbers)
 
 
 def _late(

@@ -60,6 +60,8 @@ class Leg:
     """Positions (m, 3) [m] of drones that stand still meanwhile and take no part."""
     others: tuple[PiecewisePolynomial, ...] = ()
     """Positions over its time of drones that fly meanwhile and take no part."""
+    others_drones: tuple[int, ...] = ()
+    """Which drones those are, counting from 0, in this order; for messages."""
     assignment: str = ""
     """How the places were given out, in words."""
     arrive: float | None = None

@@ -5,19 +5,29 @@ Drones that are parked, other groups, and drones that stand by.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Spot
-from showc.script.lanes import arrival, chapters, departure, own_times
+from showc.script.lanes import (
+    arrival,
+    chapters,
+    departure,
+    ending,
+    lanes,
+    own_times,
+)
+from showc.script.moving import moving_places
 from showc.script.spacing import closest_between
 from showc.script.wording import number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.arrays import IntArray
+    from showc.arrays import FloatArray, IntArray
     from showc.script.build import Sketch
     from showc.script.settings import Settings
     from showc.script.show import Formation, Show, Transition
@@ -27,6 +37,7 @@ def company_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     """Yield what is wrong between drones that stand at the same time."""
     yield from _parking(sketch)
     yield from _groups(sketch)
+    yield from _in_motion(sketch)
     yield from _standing_by(sketch)
 
 
@@ -131,6 +142,96 @@ def _gone(show: Show | None) -> set[tuple[str, int]]:
                 if there is not None and leaves is not None and leaves < there:
                     found.add((str(later.group), index))
     return found
+
+
+def _in_motion(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Check formations that move while they are held against other groups' (SHW208).
+
+    At some instants: what is found is impossible, what is not found may be so too.
+    """
+    show, settings = sketch.show, list(sketch.settings.sound("transitions"))
+    if show is None or sketch.separation is None:
+        return
+    separation, limit = sketch.separation, sketch.separation.distance - _ROUNDING
+    for chapter in chapters(show):
+        held = list(_held(show, chapter))
+        for one, other in combinations(held, 2):
+            first, second = (show.transitions[part.index] for part in (one, other))
+            low, high = max(one.begin, other.begin), min(one.end, other.end)
+            moving = first.motion or second.motion
+            if first.group == second.group or not moving or high <= low:
+                continue
+            still, theirs = (
+                show.formations[part.to].points for part in (first, second)
+            )
+            if closest_between(still, theirs, limit, separation) is not None:
+                continue  # said already, of formations that stand
+            times = np.linspace(low, high, _INSTANTS)
+            both = zip(one.places(show, times), other.places(show, times), strict=True)
+            pairs = [
+                (closest_between(mine, theirs, limit, separation), float(time))
+                for time, (mine, theirs) in zip(times, both, strict=True)
+            ]
+            near = [(pair.distance, time, pair) for pair, time in pairs if pair]
+            if not near:
+                continue
+            distance, time, pair = min(near, key=lambda found: found[:2])
+            mover = one if first.motion else other
+            yield Diagnostic(
+                "SHW208",
+                f"place {pair.first + 1} of `{first.to}` (group `{first.group}`) comes "
+                f"within {number_text(round(distance, 3))} m of place "
+                f"{pair.second + 1} of `{second.to}` (group `{second.group}`), "
+                f"the separation is {number_text(separation.distance)} m",
+                settings[mover.index].mark_of("motion"),
+                notes=(f"{time - mover.begin:.1f} s into this motion",),
+                help="make the motion smaller, or move one of the formations away",
+                spot=Spot(first.to, (pair.first,)),
+            )
+
+
+_INSTANTS = 25
+"""Instants at which two groups are looked at while they hold their formations."""
+_ROUNDING = 1e-6
+"""What counts as rounding of a distance [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """How long a group holds a formation."""
+
+    index: int
+    """Of the transition that reaches it."""
+    begin: float
+    """Show time, or time since all groups of a chapter stand [s]."""
+    end: float
+
+    def places(self, show: Show, times: FloatArray) -> FloatArray:
+        """Places of its formation at times (m,) of the hold [s], (m, n, 3) [m]."""
+        one = show.transitions[self.index]
+        formation = show.formations[one.to]
+        every = np.arange(len(formation.points))
+        moving = moving_places(every, every, formation, one, show.formations)
+        since = times - self.begin
+        return np.asarray(moving.derivatives(self.end - self.begin, since)[0])
+
+
+def _held(show: Show, chapter: list[int]) -> Iterator[_Held]:
+    """Yield when groups of a chapter hold their formations, as far as that is known."""
+    flown = [show.transitions[index] for index in chapter]
+    if not own_times(flown):
+        hold = max(one.hold for one in flown)
+        yield from (_Held(index, 0.0, hold) for index in chapter if hold > 0.0)
+        return
+    over = ending(flown)
+    for lane in lanes(flown):
+        for at, after in zip(lane, [*lane[1:], None], strict=True):
+            one, begin = flown[at], arrival(flown[at])
+            end = over if after is None else departure(flown[after])
+            if after is None and one.motion and begin is not None:
+                end = begin + one.hold
+            if begin is not None and end is not None and end > begin:
+                yield _Held(chapter[at], begin, end)
 
 
 def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:

@@ -131,3 +131,33 @@ def test_a_motion_among_groups_is_as_quick_as_its_own_time_asks():
     found = fault(quick.replace("hold: 1", "hold: 6"), B)
     assert found.code == "SHW217"
     assert "of `up` asks for" in found.message
+
+
+MEETS = "motion: [{travel: [[16, 30, -6], [0, 0, 0]]}]"
+
+
+@pytest.mark.parametrize(
+    "transitions",
+    [
+        # Beside a group that has arrived; that comes later; with one common time.
+        (B, f"to: up, group: a, at: 30, duration: 9, hold: 60, {MEETS}"),
+        (f"to: up, group: a, at: 20, duration: 9, hold: 60, {MEETS}", B),
+        (f"to: up, group: a, hold: 40, {MEETS}", "to: far, group: b"),
+    ],
+)  # fmt: skip
+def test_a_motion_into_what_another_group_holds_is_found(transitions):
+    found = fault(*transitions)
+    assert found.code == "SHW208"
+    assert "(group `a`)" in found.message
+    assert "(group `b`)" in found.message
+    assert "comes within 0" in found.message
+    assert "into this motion" in found.notes[0]
+
+
+def test_a_motion_through_places_that_another_group_has_left_is_none():
+    left = "to: down, group: b, at: 45, duration: 8"
+    gone = "to: up, group: a, at: 48, duration: 5, hold: 30"
+    far = "to: far, group: b, at: 30, duration: 14, hold: 1"
+    stay = "to: up, group: a, at: 31, duration: 9, hold: 1"
+    result = read(far, stay, left, f"{gone}, {MEETS}")
+    assert not [one for one in result.errors if "into this motion" in str(one.notes)]
