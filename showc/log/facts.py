@@ -7,13 +7,12 @@ verifier works it out again, and compares.
 from __future__ import annotations
 
 import hashlib
-from fractions import Fraction
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from showc.log import showc_pb2 as pb
 from showc.log.layout import layout_json
-from showc.log.sample import GRID
+from showc.log.sample import GRID, nanoseconds
 from showc.log.schema import FORMAT_VERSION, LAYOUT_NAME, MANIFEST_NAME
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def media_type(name: str) -> str:
 
 def epoch_of(show: Show) -> int:
     """Time stamp of show time zero [ns]."""
-    return round(Fraction(show.epoch.timestamp()) * 1_000_000_000)
+    return nanoseconds(show.epoch.timestamp())
 
 
 def metadata_of(

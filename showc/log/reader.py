@@ -29,8 +29,7 @@ from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.additions import data_digest, names
-from showc.log.sample import PLACE, POINT
-from showc.log.sampling import NANOSECONDS, nanoseconds
+from showc.log.sample import NANOSECONDS, PLACE, POINT, nanoseconds
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:

@@ -1,7 +1,9 @@
-"""One sample of one drone, as it stands in the bytes of the log."""
+"""When samples are taken, and one of them as it stands in the bytes of the log."""
 
 from __future__ import annotations
 
+from fractions import Fraction
+from math import floor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from showc.arrays import ByteArray, FloatArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
 
 
 POINT = np.dtype(
@@ -28,6 +30,8 @@ quaternion from body to map, body rates [rad/s], thrust [N] and torques [N m].""
 PLACE = np.dtype([(name, POINT[name]) for name in (POINT.names or ())[:7]])
 """A point of /fleet/predicted: position and colour alone."""
 
+NANOSECONDS = 1_000_000_000
+"""Per second."""
 GRID = {
     "position": 2.0**-10,
     "velocity": 2.0**-10,
@@ -37,6 +41,33 @@ GRID = {
     "torque": 2.0**-17,
 }
 """Samples are rounded to whole multiples of these (SI units); it halves the file."""
+
+
+def nanoseconds(seconds: float) -> int:
+    """Nearest whole nanosecond of a time [s]."""
+    return round(Fraction(seconds) * NANOSECONDS)
+
+
+def sample_times(duration: float, rate: float) -> IntArray:
+    """Return the samples' times [ns]: the grid k / rate, and the end if not on it.
+
+    Parameters
+    ----------
+    duration
+        Length of the show [s].
+    rate
+        Samples per second [Hz].
+
+    Returns
+    -------
+    ndarray
+        Increasing from 0 to the end; grid times are rounded down to nanoseconds.
+    """
+    end = nanoseconds(duration)
+    step = NANOSECONDS / Fraction(rate).limit_denominator(1_000_000)
+    count = floor(end / step)
+    times = np.arange(count + 1, dtype=np.int64) * step.numerator // step.denominator
+    return times if times[-1] == end else np.append(times, end)
 
 
 def on_grid(values: FloatArray, quantity: str) -> FloatArray:

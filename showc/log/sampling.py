@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
-from math import comb, floor
+from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,37 +16,8 @@ if TYPE_CHECKING:
     from showc.trajectory import PiecewisePolynomial
 
 
-NANOSECONDS = 1_000_000_000
-"""Per second."""
 BLOCK = 8192
 """Samples evaluated at a time, so that their coefficients stay in the cache."""
-
-
-def nanoseconds(seconds: float) -> int:
-    """Nearest whole nanosecond of a time [s]."""
-    return round(Fraction(seconds) * NANOSECONDS)
-
-
-def sample_times(duration: float, rate: float) -> IntArray:
-    """Return the samples' times [ns]: the grid k / rate, and the end if not on it.
-
-    Parameters
-    ----------
-    duration
-        Length of the show [s].
-    rate
-        Samples per second [Hz].
-
-    Returns
-    -------
-    ndarray
-        Increasing from 0 to the end; grid times are rounded down to nanoseconds.
-    """
-    end = nanoseconds(duration)
-    step = NANOSECONDS / Fraction(rate).limit_denominator(1_000_000)
-    count = floor(end / step)
-    times = np.arange(count + 1, dtype=np.int64) * step.numerator // step.denominator
-    return times if times[-1] == end else np.append(times, end)
 
 
 def _bernstein(degree: int, s: FloatArray) -> FloatArray:

@@ -11,13 +11,15 @@ from showc.light import LightProgram, srgb_bytes
 from showc.light.colour import GREATEST, drive_bytes
 from showc.log.sample import (
     DRONE_STATE,
+    NANOSECONDS,
     PLACE,
     POINT,
     pack_drone_states,
     pack_places,
     pack_points,
+    sample_times,
 )
-from showc.log.sampling import NANOSECONDS, FleetSampler, sample_times
+from showc.log.sampling import FleetSampler
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

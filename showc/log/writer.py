@@ -22,7 +22,7 @@ from showc.log import showc_pb2 as pb
 from showc.log.chunks import ChunkWriter
 from showc.log.content import rules_message, segment_message, trajectory_message
 from showc.log.facts import attachments_of, epoch_of, media_type, metadata_of
-from showc.log.sampling import NANOSECONDS, nanoseconds
+from showc.log.sample import NANOSECONDS, nanoseconds
 from showc.log.scene import (
     fleet_transforms,
     point_cloud,

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property, partial
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,7 +22,15 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
 
 from showc.light.colour import drive_bytes, srgb_bytes
-from showc.log.sample import DRONE_STATE, GRID, PLACE, POINT, pack_drone_states
+from showc.log.sample import (
+    DRONE_STATE,
+    GRID,
+    PLACE,
+    POINT,
+    pack_drone_states,
+    quaternion,
+    sample_times,
+)
 from showc.log.scene import (
     fleet_transforms,
     point_cloud,
@@ -197,15 +204,6 @@ def join(found: Iterable[Found]) -> list[Check]:
         for code, compared in part.items():
             whole[code].join(compared)
     return [compared.check(code) for code, compared in sorted(whole.items())]
-
-
-def sample_times(duration: float, rate: float) -> IntArray:
-    """Return times of samples since the start [ns]: the grid k / rate, and the end."""
-    end = round(Fraction(duration) * 1_000_000_000)
-    step = 1_000_000_000 / Fraction(rate).limit_denominator(1_000_000)
-    count = end * step.denominator // step.numerator
-    times = np.arange(count + 1, dtype=np.int64) * step.numerator // step.denominator
-    return times if times[-1] == end else np.append(times, end)
 
 
 class Samples:
@@ -473,8 +471,8 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     """
     expected, turned = flown, len(values) > len(flown)
     if turned:
-        quaternion = _quaternion(*flown[6:9])
-        expected = np.concatenate([flown[:6], quaternion, flown[9:]])
+        turn = quaternion(flown[6:9].T).T
+        expected = np.concatenate([flown[:6], turn, flown[9:]])
     # The change of each quantity within the nanosecond of rounding.
     fastest = max(float(np.abs(flown[rows]).max()) for rows in ([3, 4, 5], [9, 10, 11]))
     drift = 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
@@ -483,20 +481,3 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     ratio = np.abs(values - expected) / allowed
     ratio[np.isnan(ratio)] = np.inf
     return np.asarray(ratio)
-
-
-def _quaternion(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
-    """Rotation by roll about x, then pitch about y, then yaw about z: x, y, z, w.
-
-    The product of the three elementary quaternions qz qy qx.
-    """
-    halves = 0.5 * np.stack([roll, pitch, yaw])
-    (s_roll, s_pitch, s_yaw), (roll, pitch, yaw) = np.sin(halves), np.cos(halves)
-    return np.stack(
-        [
-            s_roll * pitch * yaw - roll * s_pitch * s_yaw,
-            roll * s_pitch * yaw + s_roll * pitch * s_yaw,
-            roll * pitch * s_yaw - s_roll * s_pitch * yaw,
-            roll * pitch * yaw + s_roll * s_pitch * s_yaw,
-        ]
-    )

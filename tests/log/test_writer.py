@@ -31,8 +31,15 @@ from synthetic import gliding_flight
 
 from showc.light import LightProgram, srgb_bytes
 from showc.log import showc_pb2 as pb
-from showc.log.sample import DRONE_STATE, GRID, POINT, pack_drone_states, quaternion
-from showc.log.sampling import FleetSampler, sample_times
+from showc.log.sample import (
+    DRONE_STATE,
+    GRID,
+    POINT,
+    pack_drone_states,
+    quaternion,
+    sample_times,
+)
+from showc.log.sampling import FleetSampler
 from showc.log.writer import Topics, write_log
 from showc.plan.itinerary import Itinerary
 from showc.trajectory import PiecewisePolynomial
