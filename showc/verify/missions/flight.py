@@ -350,76 +350,44 @@ def _as_claimed(
     ``nearest`` are the nearest encounters of the ``legs``, the ``launch``, the
     ``land``.
     """
+    said: Any = described.get("prediction")
+    start, timed = described.get("start"), logged[1:-1]
     try:
-        said, start = described["prediction"], described["start"]
-        wrong = _unlike_found(said, fleet, show, start, logged[1:-1])
-        off = _off(said, nearest)
+        keys = _LEG if start is None else _LEG | {"slots_utc"}
+        legs = [*said["legs"], *[{}] * len(timed)]
+        # What is free stands here as it is said.
+        wanted = {key: said.get(key) for key in _PREDICTED} | {
+            "firmware": FIRMWARE,
+            "clock": "hour" if start is None else "UTC",
+            "start": start,
+            "delay_spread": SPREAD,
+            "clock_lag": CLOCK_LAG,
+            "required_separation": show.rules.separation.distance,
+            "legs": [
+                {key: leg.get(key) for key in keys}
+                | {"leg": move.segment, "name": move.name}
+                for leg, move in zip(legs, timed, strict=False)
+            ],
+        }
+        wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
+        # Until when a mission may start, and reach its first slot.
+        first = fleet.filled(fleet.release, np.inf)[:, 0]
+        latest = float((first - _climbs(fleet)).min())
+        if not (said["latest_mission_start"] or 0.0) <= latest:
+            wrong.append(f"prediction.latest_mission_start is after {latest:.3f} s")
+        met = [leg["closest"] for leg in said["legs"] if leg["closest"] is not None]
+        claimed = {
+            "launch": said["launch"],
+            "land": said["land"],
+            "legs": min(met, key=lambda one: one["distance"], default=None),
+        }
+        for key, one in nearest.items():
+            found = None if one is None else one.distance
+            near = claimed[key] and float(claimed[key]["distance"])
+            if (found is None) != (near is None) or (
+                found is not None and not abs(near - found) <= AGREEMENT
+            ):
+                wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
     except (KeyError, TypeError, ValueError, AttributeError):
-        wrong, off = ["the prediction is nothing that can be read"], {}
-    if wrong:
-        return agreement("VRF414", wrong)
-    key = max(off, key=lambda key: off[key], default="")
-    worst = off.get(key, 0.0)
-    fits = worst <= AGREEMENT
-    notes = () if fits else (f"the encounter of {key} is another one",)
-    verdict: Verdict = "pass" if fits else "fail"
-    return checked("VRF414", verdict, worst, AGREEMENT, "m", notes=notes)
-
-
-def _unlike_found(
-    said: Any,  # noqa: ANN401 - JSON
-    fleet: FleetLegs,
-    show: LoggedShow,
-    start: str | None,
-    timed: list[Move],
-) -> list[str]:
-    """Say what differs of a prediction besides its encounters."""
-    keys = _LEG if start is None else _LEG | {"slots_utc"}
-    # What is free stands here as it is said.
-    wanted = {key: said.get(key) for key in _PREDICTED} | {
-        "firmware": FIRMWARE,
-        "clock": "hour" if start is None else "UTC",
-        "start": start,
-        "delay_spread": SPREAD,
-        "clock_lag": CLOCK_LAG,
-        "required_separation": show.rules.separation.distance,
-        "legs": [
-            {key: leg.get(key) for key in keys}
-            | {"leg": move.segment, "name": move.name}
-            for leg, move in zip(
-                [*said["legs"], *[{}] * len(timed)], timed, strict=False
-            )
-        ],
-    }
-    wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
-    # Until when a mission may start, and reach its first slot.
-    first = fleet.filled(fleet.release, np.inf)[:, 0]
-    latest = float((first - _climbs(fleet)).min())
-    claimed = said["latest_mission_start"]
-    if claimed is not None and not claimed <= latest:
-        wrong.append(
-            f"prediction.latest_mission_start is {claimed:g} s, at most {latest:.3f} s "
-            "leave time for the first slot"
-        )
-    return wrong
-
-
-def _off(
-    said: Any,  # noqa: ANN401 - JSON
-    nearest: Mapping[str, Nearest | None],
-) -> dict[str, float]:
-    """How far predicted encounters are off those found [m], by their keys."""
-    of_legs = (leg["closest"] for leg in said["legs"] if leg["closest"] is not None)
-    claimed = {
-        "launch": said["launch"],
-        "land": said["land"],
-        "legs": min(of_legs, key=lambda one: one["distance"], default=None),
-    }
-    off = {}
-    for key, one in nearest.items():
-        if one is not None and claimed[key] is not None:
-            gap = abs(float(claimed[key]["distance"]) - one.distance)
-            off[key] = gap if gap >= 0.0 else np.inf
-        elif (one, claimed[key]) != (None, None):
-            off[key] = np.inf
-    return off
+        wrong = ["the prediction is nothing that can be read"]
+    return agreement("VRF414", wrong)
