@@ -17,7 +17,7 @@ from showc.log import showc_pb2 as pb
 from showc.script.show import MissionOptions
 from showc.verify.missions import Missions
 from showc.verify.missions.folder import check_parameters, check_plan
-from showc.verify.missions.language import read_mission
+from showc.verify.missions.language import MissionFormatError, read_mission
 from showc.verify.missions.law import parameter_file
 
 LIGHTS = MissionOptions(light_servos=(9, 10, 11))
@@ -574,3 +574,35 @@ def test_a_prediction_of_other_moves_is_caught(case, change):
         return manifest
 
     assert "VRF414" in case.caught(manifest=edited)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda text: text.replace(b"\n", b"\r\n"),
+        lambda text: b"\xef\xbb\xbf" + text,
+        lambda text: text + b"\n",
+        lambda text: text + b"\0",
+        lambda text: text[:-1],
+        lambda text: text.replace(b"\t", b" "),
+        lambda text: text.replace(b"\t16\t", b"\t+16\t"),
+        lambda text: text.replace(b"\t16\t", b"\t1_6\t"),
+        lambda text: text.replace(b"\t16\t", b"\t016\t"),
+        lambda text: text.replace(b"\t16\t", b"\t16.0\t"),
+        lambda text: text.replace(b"\t16\t", "\t１６\t".encode()),
+        lambda text: text.replace(b"\t0\t0\t0\t0\t", b"\t-0\t0\t0\t0\t", 1),
+        lambda text: text.replace(b"\t0\t0\t0\t0\t", b"\tnan\t0\t0\t0\t", 1),
+        lambda text: text.replace(b"\t0\t0\t0\t0\t", b"\t0e9\t0\t0\t0\t", 1),
+        lambda text: text.replace(b"\t0\t0\t0\t0\t", b"\t0x0\t0\t0\t0\t", 1),
+        lambda text: text.replace(b"QGC WPL 110", b"QGC WPL 120"),
+        lambda text: text.replace(b"QGC WPL 110", b"qgc wpl 110"),
+        lambda text: text.replace(b"\t1\n", b"\t0\n", 1),
+        lambda text: text.replace(b"\t1\n", b"\t1\t1\n", 1),
+        lambda text: text.replace(b"\t1\n", b"\t1 \n", 1),
+    ],
+)
+def test_a_mission_in_other_bytes_is_refused_though_it_says_the_same(case, other):
+    changed = other(case.files[MISSION])
+    assert changed != case.files[MISSION]
+    with pytest.raises(MissionFormatError):
+        read_mission(changed)
