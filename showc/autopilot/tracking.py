@@ -167,8 +167,8 @@ def _steps(stage: Stage, until: FloatArray) -> int:
 
 def _blank(stage: Stage, until: FloatArray, *, shared: bool) -> Tracks:
     """Return room for the flights of ``stage``; if ``shared``, for copies of us too."""
-    count = stage.drones.size
-    places = (_steps(stage, until) + 1) * count * 3
+    count, steps = stage.drones.size, _steps(stage, until) + 1
+    places = steps * count * 3
     room = mmap(-1, max(4 * places + 16 * count, 1)) if shared else None
 
     def array(size: int, offset: int, kind: type) -> Any:  # noqa: ANN401 - of any kind
@@ -178,7 +178,7 @@ def _blank(stage: Stage, until: FloatArray, *, shared: bool) -> Tracks:
 
     return Tracks(
         stage.end - stage.begin,
-        array(places, 16 * count, np.float32).reshape(-1, count, 3),
+        array(places, 16 * count, np.float32).reshape(steps, count, 3),
         until,
         array(count, 0, np.float64),
         array(count, 8 * count, np.float64),

@@ -180,9 +180,11 @@ class _Writer:
         self.clock += duration
 
     def land(self, stored: GlobalPoints, row: int) -> None:
-        """Pause, and straight down at explicit coordinates."""
+        """Pause, go dark, and straight down at explicit coordinates."""
         pause = self.encoder.timeline.landing_pause
         self.items.append(without_position(Command.NAV_DELAY, round(pause, 2)))
+        options = self.encoder.show.mission
+        self.items.extend(self._lights(pulse_widths(options, np.zeros((1, 3)))[0]))
         self._position(Command.NAV_LAND, stored, row)
 
     def leg(

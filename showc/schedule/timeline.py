@@ -215,7 +215,9 @@ class _Layout:
         climbed = LIFT_OFF + takeoff.finish() + staging.finish()
         legs = self._scheduled(climbed)
         positions = self.places[-1]
-        pause = max(self.show.landing.hold, 1.0)
+        # Above the pads already, the last formation is held as well.
+        held = [step.hold for step in self.course.steps[-1:]]
+        pause = max(self.show.landing.hold, 1.0, *held)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
         )
@@ -293,14 +295,11 @@ class _Layout:
         for step in self.course.steps:
             if len(step.moves) > 1:
                 legs += self._beside(number, step)
-            elif encodings[number].stages:
+            else:
                 release = self._release(number, encodings[number].stages, self.free)
                 leg, self.free = self._timed(number, encodings[number], release)
                 self.arrival = leg.arrival
                 legs.append(leg)
-            else:
-                duration = step.moves[0].duration
-                self.free = max(self.free, self.arrival + duration)
             number += len(step.moves)
             self.free = max(self.free, self.arrival + step.hold)
         return legs
@@ -308,7 +307,7 @@ class _Layout:
     def _wanted(self, number: int, stages: Sequence[Stage]) -> float | None:
         """Show time at which a move is to be released, as the script asks [s]."""
         cue = self.moves[number].cue
-        if cue is None or not stages:
+        if cue is None:
             return None
         time, arrives = cue
         return time - self._takes(number, stages)[0] if arrives else time
@@ -380,7 +379,7 @@ class _Layout:
         self.arrival = max(leg.arrival for leg in legs)
         flown = [part for leg in legs for part in leg.flown]
         around = self._around(number)
-        return [_seen_among(leg, flown, around) for leg in legs if leg.releases]
+        return [_seen_among(leg, flown, around) for leg in legs]
 
     def _straight(self, number: int) -> tuple[Stage, ...]:
         """Straight lines of a move in the shortest time, for what they take."""
@@ -467,7 +466,10 @@ class _Layout:
         return replace(around, positions=places, others=others)
 
     def _encoded(self, number: int, around: Surroundings) -> Encoding:
-        """Encode a move; stages in which no drone flies are left out."""
+        """Encode a move; stages in which no drone flies are left out, but a single one.
+
+        Lights may change in it.
+        """
         move = self.moves[number]
         builder = replace(self.builder, fastest=self.fastest[number])
         chosen = choose_encoding(move.leg, move.flight, builder, around)
@@ -476,7 +478,7 @@ class _Layout:
             for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
             if stage.drones.size
         ]
-        stages, closest = zip(*kept, strict=True) if kept else ((), ())
+        stages, closest = zip(*(kept or [(chosen.stages[0], None)]), strict=True)
         return Encoding(chosen.name, stages, closest)
 
     def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:

@@ -235,7 +235,7 @@ class Missions:
         if token != str(self.manifest.get("fleet")):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
-            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, script)]
+            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, self.show)]
             plan, written = name.replace(".waypoints", ".plan"), self.log.library
             try:
                 content = self.contents.get(plan, b"")
@@ -343,12 +343,13 @@ def _shown(mission: Mission, servos: Sequence[int], dark: int) -> list[list[int]
     return found
 
 
-def _wrong_pause(mission: Mission, script: Show) -> Iterator[str]:
-    """Say if a drone hovers longer or shorter before its landing than it must."""
-    pause = mission.items[-2].parameters[0]
-    wanted = round(max(script.landing.hold, 1.0), 2)
+def _wrong_pause(mission: Mission, show: LoggedShow) -> Iterator[str]:
+    """Say if a drone hovers longer or shorter before its landing than in the log."""
+    (pause,) = (item.parameters[0] for item in mission.items if item.word == "P")
+    last = max(one.end for one in show.segments[:-1] if not one.holds)
+    wanted = round(max(show.segments[-1].start - last, 1.0), 2)
     if pause != wanted:
-        yield f"hovers {pause:g} s before its landing, by the script {wanted:g} s"
+        yield f"hovers {pause:g} s before its landing, by the log {wanted:g} s"
 
 
 def check_plan(

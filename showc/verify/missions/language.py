@@ -5,8 +5,8 @@ where its grammar does not have it, is refused: what an autopilot makes of other
 is not known here, so nothing about them can be proved. The words are in ``WORDS``,
 and the sentences, with lights (V) before, half way (D) or after a leg:
 
-    ArduPilot   H T V* S* W (S* C F? (V* W V* | D V+ W | V+))* P L
-    PX4         T V* S* W (S* (F|G)? (V* W V* | V+))* P L
+    ArduPilot   H T V* S* W (S* C F? (V* W V* | D V+ W | V+))* P V* L
+    PX4         T V* S* W (S* (F|G)? (V* W V* | V+))* P V* L
 
 Rows are written in one way only: numbers in their shortest form, places with eight
 decimals, heights with three. So the bytes of a file follow from what it says.
@@ -45,8 +45,8 @@ DECIMALS = 4
 ZERO, NONE = range(1), range(-1, 0)
 YAW = (0.0, 359.9999)
 """Of a waypoint [deg]: PX4 turns to it, ArduPilot's missions leave it at zero."""
-PAUSE = (1.0, 600.0)
-"""A wait that is no slot, and the longest of these [s]."""
+PAUSE = (1.0, 7200.0)
+"""A wait that is no slot: a second at least, two holds of an hour at most [s]."""
 PART = (0.0001, 0.9999)
 """What a slot may lie behind a whole second [s]."""
 DURING = (0.0001, 600.0)
@@ -73,8 +73,8 @@ a part of a second behind it, the same wait for PX4, a pause; a speed (level, up
 an output's pulse width [us]; a wait during the leg that follows."""
 
 _GRAMMARS = {
-    "ardupilot": re.compile("HTV*S*W(?:S*CF?(?:V*WV*|DV+W|V+))*PL"),
-    "px4": re.compile("TV*S*W(?:S*[FG]?(?:V*WV*|V+))*PL"),
+    "ardupilot": re.compile("HTV*S*W(?:S*CF?(?:V*WV*|DV+W|V+))*PV*L"),
+    "px4": re.compile("TV*S*W(?:S*[FG]?(?:V*WV*|V+))*PV*L"),
 }
 
 _NAMES = {
