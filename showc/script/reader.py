@@ -121,16 +121,11 @@ class Reader:
             fix=fault.fix,
         )
 
-    def _bad(self, code: str, message: str, span: Mark, **more: str) -> _BadValueError:
+    def _bad(
+        self, code: str, message: str, span: Mark, *, help_text: str = "", fix: str = ""
+    ) -> _BadValueError:
         """Add an error and return what to raise."""
-        self.say(
-            code,
-            message,
-            span,
-            label=more.get("label", ""),
-            help_text=more.get("help_text", ""),
-            fix=more.get("fix", ""),
-        )
+        self.say(code, message, span, help_text=help_text, fix=fix)
         return _BadValueError()
 
     def section(self, section: Section, node: Node, span: Mark) -> Settings:

@@ -43,12 +43,12 @@ def shortened(text: str) -> str:
     return f"{text[:half]} … {text[-half:]}"
 
 
-def words(items: Iterable[str], joint: str = "or") -> str:
+def words(items: Iterable[str]) -> str:
     """Join words with commas and a last ``or``."""
     names = list(items)
     if len(names) < 2:
         return "".join(names)
-    return f"{', '.join(names[:-1])} {joint} {names[-1]}"
+    return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def form_of(node: Node) -> str:
