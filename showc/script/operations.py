@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.diagnostic import Diagnostic, Label, Severity
+from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import fence_distance, inside_polygon
 from showc.script.missions import mission_findings
 from showc.script.spacing import closest
@@ -35,6 +35,11 @@ NETWORK = 250
 """Vehicles that one MAVLink network can address."""
 BATTERY = 720.0
 """Time that batteries of show drones surely last [s]."""
+CRAZYFLIE_REACH = 32.767
+"""Furthest coordinate of a Crazyflie's compressed trajectory, 16 bits of 1 mm [m]."""
+FLOWN_APART = 0.14
+"""How much nearer drones come in Skybrush's show mode than their files, at most, as
+flown in calm air [m]."""
 REACTION = 1.0
 """Time from a fault to the reaction of pilot or autopilot [s]."""
 
@@ -48,6 +53,7 @@ def operation_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _battery(sketch)
     yield from _fence_margin(sketch)
     yield from mission_findings(sketch)
+    yield from _exports(sketch)
 
 
 def _warning(
@@ -224,3 +230,44 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
                 Label(sketch.settings.section("site").mark_of("fence"), "the fence"),
             ),
         )
+
+
+def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Places that a format does not hold, or its firmware not keep (SHW309, SHW310)."""
+    show = sketch.show
+    if show is None:
+        return
+    for wish, section in zip(
+        show.exports, sketch.settings.sections("exports"), strict=True
+    ):
+        for formation in sketch.formations.values():
+            far = np.abs(formation.points).max(axis=1)
+            place = int(np.argmax(far))
+            if wish.to == "crazyflie" and far[place] > CRAZYFLIE_REACH:
+                yield Diagnostic(
+                    "SHW309",
+                    f"place {place + 1} of `{formation.name}` is "
+                    f"{number_text(float(far[place]))} m from the "
+                    f"origin along an axis; `crazyflie` holds {CRAZYFLIE_REACH} m",
+                    section.mark,
+                    help="bring the formation nearer to the origin, or export `poly7`",
+                    spot=Spot(formation.name, (place,)),
+                )
+            if wish.to not in {"skyb", "skyc"}:
+                continue
+            kept = wish.separation
+            if kept is None:
+                kept = show.separation.distance - 2.0 * show.tracking
+            pair = closest(formation.points, kept + FLOWN_APART, show.separation)
+            if pair is None:
+                continue
+            yield _warning(
+                "SHW310",
+                f"places {pair.first + 1} and {pair.second + 1} of `{formation.name}` "
+                f"are {number_text(pair.distance)} m apart; `{wish.to}` needs "
+                f"{number_text(kept + FLOWN_APART)} m: show mode takes up to "
+                f"{FLOWN_APART} m, and {number_text(kept)} m must be left",
+                section.mark,
+                "write `separation: {tracking: 8 cm}`, or a smaller `separation` for "
+                "the export",
+            )
