@@ -24,7 +24,8 @@ import click
     type=click.Choice(("none", "light", "moderate", "severe")),
     default="none",
     show_default=True,
-    help="Dryden turbulence.",
+    help="Dryden turbulence: what MIL-F-8785C has at that wind (moderate), half of it "
+    "(light), or half as much again (severe).",
 )
 @click.option(
     "--runs", type=click.IntRange(1, 10_000), default=10, show_default=True,
@@ -80,6 +81,7 @@ def command(
     from dataclasses import replace
 
     from showc.cli.console import progress
+    from showc.errors import UsageError
     from showc.files import write_file
     from showc.log.additions import add, digest_of
     from showc.log.reader import read_log
@@ -89,6 +91,11 @@ def command(
     from showc.simulate.results import Weather
     from showc.simulate.tracking import Gains
 
+    if gusts != "none" and not wind:
+        raise UsageError(
+            f"--gusts {gusts} without a wind: turbulence grows with the wind, and is "
+            "none in still air; give --wind too, for example --wind 8"
+        )
     digest = digest_of(log)
     logged = read_log(log)
     show = show_of(logged)
@@ -119,6 +126,10 @@ def command(
             "for"
         )
     saturated = 100.0 * found.whole.saturated
-    click.echo(f"rotors at their limits: {saturated:.2f} % of commands")
+    click.echo(
+        f"rotors at their limits: {saturated:.2f} % of commands; of limits of speed, "
+        "body rates, thrust and the controllers' tilt up to "
+        f"{100.0 * found.whole.used:.0f} % was taken"
+    )
     click.echo(f"added to {log}; wrote {place}")
     return 0

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.processes import side_by_side
-from showc.simulate.gusts import LOWEST, Gusts, Scales
+from showc.simulate.gusts import LOWEST, SEVERITY, Gusts, Scales
 from showc.simulate.plant import Imperfections, Plant
 from showc.simulate.predictive import Predictor
 from showc.simulate.results import CONFIDENCE, WANTED, WHOLE, Campaign, Tube
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.script.show import Show
     from showc.simulate.results import Weather
+    from showc.vehicle import Limits
 
 STEP = 0.005
 """Step of the integration, classical Runge-Kutta [s]."""
@@ -105,6 +106,7 @@ def campaign(
     errors = np.stack([one.errors for one in flown])
     closest = np.min([one.closest for one in flown], axis=0)
     saturated = np.mean([one.saturated for one in flown], axis=0)
+    used = np.max([one.used for one in flown], axis=0)
     tubes = []
     for name, start, duration in [*legs, (WHOLE, 0.0, logged.duration)]:
         met = (course.times >= start) & (course.times <= start + duration)
@@ -118,6 +120,7 @@ def campaign(
                 float(np.sqrt(np.mean(errors[:, met] ** 2))),
                 float(closest[met].min()),
                 float(saturated[met].mean()),
+                float(used[met].max()),
             )
         )
     return Campaign(
@@ -153,6 +156,9 @@ class Flown:
     """Least distance of two drones, (commands,) [m]; infinite where nothing looked."""
     saturated: FloatArray
     """Share of drones whose rotors could not follow, shape (commands,)."""
+    used: FloatArray
+    """Greatest share of a limit that any drone took, see :func:`share_of_limits`,
+    shape (commands,)."""
 
 
 def fly_once(
@@ -174,6 +180,7 @@ class _Run:
         model: Model,
     ) -> None:
         self.course, self.off = course, model.imperfections
+        self.limits = replace(show.limits, tilt=model.gains.lean)
         area = 0.5 * sum(show.body.drag_area)
         self.plant = Plant(show.vehicle, area, self.off.rotor_lag)
         step = STEP * CONTROL
@@ -183,6 +190,7 @@ class _Run:
                 course,
                 self.off.delay + self.off.rotor_lag,
                 step,
+                limits=show.limits,
                 gains=model.gains,
             )
             if model.predictive
@@ -195,7 +203,7 @@ class _Run:
         self.frame = np.stack([along, across, [0.0, 0.0, 1.0]])
         self.mean = weather.wind * along
         height = course.state[:, :, 2].max(axis=0)
-        scales = Scales.at(height, weather.gusts)
+        scales = Scales.at(height, weather.wind * SEVERITY[weather.gusts])
         seed = int(self.random.integers(2**31))
         self.gusts = Gusts(scales, weather.wind, STEP * CONTROL, seed)
 
@@ -209,6 +217,7 @@ class _Run:
         error = sizes * self.random.standard_normal((drones, 12))
         waiting = [course.control[0]] * max(1, round(off.delay / (STEP * CONTROL)))
         errors = np.empty(course.state.shape[:2])
+        used = np.empty(course.times.size)
         closest = np.full(course.times.size, np.inf)
         clipped = np.empty(course.times.size)
         for number in range(course.times.size):
@@ -228,8 +237,34 @@ class _Run:
             air *= np.clip(wanted[:, 2:3] / LOWEST, 0.0, 1.0)
             for _ in range(CONTROL):
                 state, thrust = self.plant.after(state, thrust, command, air, STEP)
+            used[number] = share_of_limits(self.limits, state, thrust)
             self.tracker.observe(estimate, thrust)
-        return Flown(errors, closest, clipped)
+        return Flown(errors, closest, clipped, used)
+
+
+def share_of_limits(limits: Limits, state: FloatArray, control: FloatArray) -> float:
+    """Return the greatest share of a limit that n drones take; above 1: beyond it.
+
+    Looked at are roll and pitch, body rates, thrust, torques and speeds.
+
+    Parameters
+    ----------
+    limits
+        Of flight.
+    state, control
+        Shapes (n, 12) and (n, 4).
+    """
+    torque, rate = np.array(limits.torque_max), np.array(limits.body_rate)
+    low = [*limits.velocity_min, -limits.tilt, -limits.tilt, *-rate]
+    high = [*limits.velocity_max, limits.tilt, limits.tilt, *rate]
+    low, high = [*low, limits.thrust_min, *-torque], [*high, limits.thrust_max, *torque]
+    middle, half = np.add(low, high) / 2.0, np.subtract(high, low) / 2.0
+    value = np.hstack([state[:, [3, 4, 5, 6, 7, 9, 10, 11]], control])
+    share = float((np.abs(value - middle) / half).max())
+    if not limits.level_speed:
+        return share
+    level = np.hypot(state[:, 3], state[:, 4]).max()
+    return max(share, float(level) / limits.level_speed)
 
 
 def _closest(places: FloatArray) -> float:

@@ -16,14 +16,10 @@ import numpy as np
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
 
-FOOT, KNOT = 0.3048, 1852.0 / 3600.0
-SEVERITY = {
-    "none": 0.0,
-    "light": 15.0 * KNOT,
-    "moderate": 30.0 * KNOT,
-    "severe": 45.0 * KNOT,
-}
-"""Wind at 20 ft that stands for the turbulence [m/s]."""
+FOOT = 0.3048
+SEVERITY = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 1.5}
+"""Turbulence over that which the standard has at the wind: as its light, moderate and
+severe ones (15, 30 and 45 knots at 20 ft) are to each other."""
 SLOWEST = 1.0
 """Least speed at which air passes by [m/s]."""
 LOWEST = 3.0
@@ -44,11 +40,14 @@ class Scales:
     """Standard deviation of vertical gusts [m/s]."""
 
     @classmethod
-    def at(cls, height: FloatArray, severity: str) -> Scales:
-        """Return the scales at heights over the ground, (n,) [m]."""
+    def at(cls, height: FloatArray, wind: float) -> Scales:
+        """Return the scales at heights over the ground, (n,) [m].
+
+        ``wind`` at 20 ft stands for the turbulence [m/s].
+        """
         feet = np.maximum(height, LOWEST) / FOOT
         shape = 0.177 + 0.000823 * feet
-        up = np.full(feet.shape, 0.1 * SEVERITY[severity])
+        up = np.full(feet.shape, 0.1 * wind)
         return cls(
             np.asarray(feet / shape**1.2 * FOOT),
             np.asarray(feet * FOOT),

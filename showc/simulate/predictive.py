@@ -2,6 +2,11 @@
 
 Every 10 ms an optimal control problem is solved for each drone: over a short horizon
 squared distance to the reference and effort are least, rotors within their limits.
+Speeds, thrust and body rates have those of the show. Roll and pitch have that of all
+controllers, for a plan at its greatest tilt leaves none for the wind; so it is with
+accelerations, which are the plan's. What gusts and the estimator's errors add to what
+was looked ahead is a reserve, and limits of states have a price: there is always a best
+way, even from beyond one.
 Intervals are stages of the condensed transcription
 (:mod:`showc.ocp.transcription.condensed`), solved by a structured interior-point method
 from the solution of the step before. The state from which it looks ahead is the
@@ -13,7 +18,7 @@ Yaw is kept by a loop of its own: it moves no drone aside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +27,13 @@ from showc.simulate.tracking import Gains, Observer
 from showc.vehicle.motion import angular_acceleration, state_derivative, torques_for
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from showc.arrays import FloatArray
     from showc.ocp.solution import Solution
     from showc.ocp.transcription.condensed.transcription import CondensedTranscription
     from showc.simulate.tracking import Course
-    from showc.vehicle import Quadrotor
+    from showc.vehicle import Limits, Quadrotor
 
 STATES = ("x", "y", "z", "vx", "vy", "vz", "roll", "pitch", "p", "q")
 """States of the horizon: all but yaw and its rate."""
@@ -36,6 +43,9 @@ INPUTS = ("thrust", "p_dot", "q_dot")
 """Constant on each interval: thrust [N] and angular accelerations [rad/s²]."""
 SPARE = 0.03
 """Share of each rotor's range that is left to the yaw."""
+RESERVE_ANGLE, RESERVE_RATE, RESERVE_SPEED = 0.04, 0.1, 0.12
+"""What is left to limits of roll and pitch [rad], body rates [rad/s] and speeds [m/s]:
+of speeds over twice what estimates err; gusts move the others."""
 FASTEST = 60.0
 """Greatest angular acceleration that is asked for [rad/s²]: beyond it rotors that lag
 by 30 ms only overshoot."""
@@ -59,6 +69,8 @@ class Horizon:
     """Of squared difference of thrust over that of hovering."""
     turning: float = 0.003
     """Of squared difference of angular accelerations [s⁴/rad²]."""
+    limit: float = 2e5
+    """Of squared excess over a limit, as a share of it."""
 
 
 class Predictor:
@@ -74,6 +86,8 @@ class Predictor:
         Time from an estimate to the thrust that follows from it [s]: delay and lag.
     step
         Time between two commands [s].
+    limits
+        What is kept, but for the tilt: that is the controllers' own.
     """
 
     def __init__(
@@ -83,13 +97,15 @@ class Predictor:
         late: float,
         step: float,
         *,
+        limits: Limits,
         gains: Gains | None = None,
         horizon: Horizon | None = None,
     ) -> None:
         self.vehicle, self.course, self.step = vehicle, course, step
         self.gains, self.horizon = gains or Gains(), horizon or Horizon()
+        bound = replace(limits, tilt=self.gains.lean)
         self.observer = Observer(vehicle, self.gains.observer, course.state[0, :, 3:6])
-        self._program = program(vehicle, self.horizon)
+        self._program = program(vehicle, bound, self.horizon)
         self._sent = [course.control[0]] * max(1, round(late / step))
         self._guesses: list[Solution | None] = [None] * course.state.shape[1]
         planned = angular_acceleration(
@@ -192,8 +208,10 @@ class Predictor:
         return float(np.clip(control[3], -most, most))
 
 
-def program(vehicle: Quadrotor, horizon: Horizon) -> CondensedTranscription:
-    """State the problem of a horizon and put it on its mesh."""
+def program(
+    vehicle: Quadrotor, limits: Limits, horizon: Horizon
+) -> CondensedTranscription:
+    """State the problem of a horizon within limits, and put it on its mesh."""
     import casadi  # noqa: PLC0415 - the core loads it where something is solved
 
     from showc.ocp.problem import Problem  # noqa: PLC0415 - as above
@@ -211,8 +229,9 @@ def program(vehicle: Quadrotor, horizon: Horizon) -> CondensedTranscription:
         name: phase.state(name, start=problem.parameter(f"start_{name}"), scale=scale)
         for name, scale in scales.items()
     }
+    most = min(limits.thrust_max, vehicle.thrust_max)
     thrust = phase.control(
-        "thrust", 0.0, vehicle.thrust_max, degree=0, scale=vehicle.hover_thrust
+        "thrust", limits.thrust_min, most, degree=0, scale=vehicle.hover_thrust
     )
     turning = [
         phase.control(name, -FASTEST, FASTEST, degree=0, scale=20.0)
@@ -254,6 +273,11 @@ def program(vehicle: Quadrotor, horizon: Horizon) -> CondensedTranscription:
     running += horizon.thrust * off**2
     for name, change in zip(INPUTS[1:], turning, strict=True):
         running += horizon.turning * (change - wanted[name]) ** 2
+    for value, low, high in _kept(state, limits):
+        # Both sides at once: the distance from the middle of what is allowed.
+        half = 0.5 * (high - low)
+        over = casadi.fmax(casadi.fabs(value - 0.5 * (low + high)) / half - 1.0, 0.0)
+        running += horizon.limit * over**2
     problem.minimise(phase.integral(running))
     return CondensedTranscription(
         problem,
@@ -267,6 +291,23 @@ def program(vehicle: Quadrotor, horizon: Horizon) -> CondensedTranscription:
             inset=0.0,
         ),
     )
+
+
+def _kept(
+    state: Mapping[str, Any], limits: Limits
+) -> Iterator[tuple[Any, float, float]]:
+    """Each state that has limits, with the least and the greatest value wanted."""
+    tilt = limits.tilt - RESERVE_ANGLE
+    yield from ((state[name], -tilt, tilt) for name in ("roll", "pitch"))
+    for name, most in zip("pq", limits.body_rate, strict=False):
+        rate = most - RESERVE_RATE
+        yield state[name], -rate, rate
+    ranges = zip(limits.velocity_min, limits.velocity_max, strict=True)
+    for axis, (low, high) in zip("xyz", ranges, strict=True):
+        yield state[f"v{axis}"], low + RESERVE_SPEED, high - RESERVE_SPEED
+    if limits.level_speed:
+        square = (limits.level_speed - RESERVE_SPEED) ** 2
+        yield state["vx"] ** 2 + state["vy"] ** 2, -square, square
 
 
 def _columns(rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -29,7 +29,8 @@ class Weather:
     wind: float
     """Mean wind, of a direction drawn for each run [m/s]."""
     gusts: str
-    """``none``, ``light``, ``moderate`` or ``severe``."""
+    """``none``, ``light``, ``moderate`` or ``severe``, for the wind; there are none in
+    still air."""
     runs: int
     """How often the show is flown."""
     seed: int = 0
@@ -57,6 +58,8 @@ class Tube:
     for one drone."""
     saturated: float
     """Share of commands that rotors could not follow."""
+    used: float
+    """Greatest share of a limit that any drone took; above 1: beyond it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +110,7 @@ class Campaign:
                     if isfinite(tube.closest)
                     else None,
                     "saturated": round(tube.saturated, 6),
+                    "used": round(tube.used, 4),
                 }
                 for tube in self.tubes
             ],
@@ -138,6 +142,7 @@ class Campaign:
                     float(leg["rms"]),
                     inf if leg["closest"] is None else float(leg["closest"]),
                     float(leg["saturated"]),
+                    float(leg["used"]),
                 )
                 for leg in content["legs"]
             ),

@@ -200,9 +200,10 @@ def _aborts(logged: LoggedShow) -> str:
         "Smallest separation [m]",
     ]  # fmt: skip
     said = (
-        "<h3>Abort table</h3><p>Stops, ways down and ways home are in the log, flight "
-        "by flight: <code>showc verify</code> proves them as it proves the show. Ways "
-        "back along the plan keep its distances; how long they take is estimated.</p>"
+        "<h3>Abort table</h3><p>Ways down and ways home are in the log, flight by "
+        "flight: <code>showc verify</code> proves them as it proves the show, from "
+        "where the fleet stands. It does not cover the accelerations of the stop, "
+        "which were kept as it was planned, nor ways back along the plan.</p>"
     )
     return said + table(heads, lines, words=words)
 
@@ -226,11 +227,12 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
                 f"{100.0 * tube.share:.1f}",
                 near,
                 f"{100.0 * tube.saturated:.2f}",
+                f"{100.0 * tube.used:.0f}",
             ]
         )
     heads = [
         "Leg", "Error, RMS [m]", "Tube [m]", "Share of flights [%]",
-        "Nearest two drones [m]", "Rotors at limits [%]",
+        "Nearest two drones [m]", "Rotors at limits [%]", "Limits taken [%]",
     ]  # fmt: skip
     watched = "with" if flown.observer else "without"
     planned = (

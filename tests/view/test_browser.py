@@ -487,7 +487,7 @@ def test_a_frame_of_a_thousand_drones_makes_no_more_calls_than_one_of_sixteen(
 
 def test_tubes_of_simulated_wind_are_drawn_about_the_drones(tab, tmp_path, gliding_log):
     legs = [(one.message.name, one.start) for one in gliding_log.segments]
-    numbers = (1.0, 0.999, 0.2, 1.6, 0.0)
+    numbers = (1.0, 0.999, 0.2, 1.6, 0.0, 0.9)
     tubes = [
         Tube(name, start, 1.1, *numbers) for name, start in [*legs, ("whole", 0.0)]
     ]
