@@ -2,7 +2,7 @@
 
 Run as ``python tests/benchmarks/predictive_time.py OUTPUT.mcap``. A step every 10 ms is
 to be done within 10 ms. Printed are median, 99th percentile and greatest processor
-time, and the error that the controller leaves beside that of flatness, in the same gusts.
+time, and the error that the controller leaves beside those of flatness.
 """
 
 import sys
