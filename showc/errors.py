@@ -2,7 +2,7 @@
 
 A :class:`ShowError` is the user's to mend: the command line prints its message,
 never a traceback, and ends with its ``exit_code``. Anything else that escapes is
-our own fault; the command line says so and leaves a report file.
+a fault of showc itself; the command line says so and leaves a report file.
 
 Exit codes: 0 fine; 1 findings (a rule of the show is broken, a transition has no
 solution, verification failed); 2 wrong usage, unreadable or damaged input.

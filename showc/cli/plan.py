@@ -41,8 +41,8 @@ def command(
 ) -> int:
     """Say what compile would solve and why, and bounds on each transition's time.
 
-    Gives out the places and bounds every leg's time from below (a proof) and from
-    above (a straight flight that always exists), without solving anything. Shows when
+    Assigns drones to places without solving anything. Bounds every leg's time from
+    below (a proof) and from above (a straight flight that always exists). Shows when
     each begins, moves not solved yet taken as straight flights. Says what missions
     cannot carry.
 

@@ -113,7 +113,7 @@ def manifest_of(
     height
         Greatest height of any drone at any instant, show frame [m].
     given
-        How the places of each leg were given out, in words.
+        How places were assigned to the drones of each leg, in words.
     """
     source = show.source
     return {

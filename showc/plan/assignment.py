@@ -38,7 +38,7 @@ BOTTLENECK_LIMIT = 2500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assignment:
-    """Places given out, and why this way."""
+    """The place of each drone, and why it is this one."""
 
     places: IntArray
     """Place of each drone, shape (drones,)."""

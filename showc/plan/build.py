@@ -66,7 +66,7 @@ def build_itinerary(
 ) -> Itinerary:
     """Lay out all legs of ``show`` and assign drones to places.
 
-    ``progress`` hears of each chapter; ``optimal`` gives out places where the script
+    ``progress`` hears of each chapter; ``optimal`` assigns places where the script
     leaves that open, as :func:`assign` does, perhaps from memory.
 
     Raises

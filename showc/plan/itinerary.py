@@ -63,7 +63,7 @@ class Leg:
     others_drones: tuple[int, ...] = ()
     """Which drones those are, counting from 0, in this order; for messages."""
     assignment: str = ""
-    """How the places were given out, in words."""
+    """How places were assigned to drones, in words."""
     arrive: float | None = None
     """Show time at which the script wants it to end [s]."""
     depart: float | None = None

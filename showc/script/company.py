@@ -1,6 +1,6 @@
 """Company: formations against whatever stands in the air at the same time.
 
-Drones that are parked, other groups, and drones that stand by.
+Drones that are parked, other groups, and drones of no group that wait.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ def _held(show: Show, chapter: list[int]) -> Iterator[_Held]:
 
 
 def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Check formations of groups against drones that stand by (SHW208).
+    """Check formations of groups against drones that wait (SHW208).
 
     Where a drone stands that was given its place by the planner is not known here.
     """

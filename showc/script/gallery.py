@@ -1,4 +1,4 @@
-"""The gallery: all formations of a script, drawn when somebody asks for them."""
+"""The gallery: all formations of a script, each drawn once, when it is needed."""
 
 from __future__ import annotations
 

@@ -311,7 +311,7 @@ class Transition:
     """Time to hover in the formation afterwards [s]; the least one where the next
     transition has a time of its own."""
     assignment: Literal["optimal", "fixed", "keep"]
-    """Whether places are given out optimally, drone i takes place i, or every drone
+    """Whether places are assigned optimally, drone i takes place i, or every drone
     keeps its number of place."""
     mark: Mark
     """Where the script says so."""

@@ -36,7 +36,7 @@ def point_text(point: FloatArray) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a message with its middle left out if it is longer than anyone reads."""
+    """Return a message with its middle left out if it is too long to be read."""
     if len(text) <= _LONGEST:
         return text
     half = _LONGEST // 2
