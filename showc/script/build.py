@@ -22,7 +22,7 @@ from showc.script.diagnostic import Label, ScriptError
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
 from showc.script.lights import lights_of
-from showc.script.motions import formations_of, motions_of
+from showc.script.motions import morphs_of, motion_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
 from showc.script.scalars import no_such
@@ -165,8 +165,8 @@ class Builder:
         for item in self.settings.sections("transitions"):
             if "to" in item:
                 self._known(item.text("to"), item.mark_of("to"))
-            for name in formations_of(item):
-                self._known(name, item.mark_of("motion"))
+            for name in morphs_of(item):
+                self._known(str(name.value), name.mark)
 
     def _formations(
         self, gallery: Gallery, drones: int, separation: Separation | None
@@ -262,20 +262,22 @@ class Builder:
         self, settings: Settings, formation: Formation, sketch: Sketch
     ) -> tuple[Motion, ...]:
         """Return what a formation does over its hold, if that can be done."""
-        try:
-            motion = motions_of(settings, self.files)
-        except ScriptError as fault:
-            mark = settings.mark_of("motion")
-            self.reader.refuse(fault, mark)
-            return ()
-        for name in formations_of(settings):
+        motion: list[Motion] = []
+        for item in settings.sound("motion"):
+            try:
+                motion.append(motion_of(item, self.files))
+            except ScriptError as fault:
+                self.reader.refuse(fault, item.mark)
+                return ()
+        for written in morphs_of(settings):
+            name = str(written.value)
             other = sketch.formations.get(name)
             if other is not None and len(other.points) != len(formation.points):
                 self.reader.say(
                     "SHW205",
                     f"`{formation.name}` has {len(formation.points)} places, "
                     f"`{name}`, which it becomes, {len(other.points)}",
-                    settings.mark_of("motion"),
+                    written.mark,
                     help_text="give both the same number of places",
                 )
         for one in motion:
@@ -289,7 +291,7 @@ class Builder:
                     f"`type: frames` with `file: {one.file}` has those of the first",
                 )
                 return ()
-        return motion
+        return tuple(motion)
 
     def _under_way(self, settings: Settings) -> tuple[bool, bool]:
         """Whether drones join, and leave, a motion that is under way."""

@@ -122,7 +122,8 @@ def _seconds(text: str) -> float:
             why = f"`{text}` is no time: minutes and seconds end at 59"
         else:
             why = f"`{text}` is no time"
-        cue = f'a cue is written `"@{text}"`; ' if _CUE.fullmatch(f"@{text}") else ""
+        word = _CUE.fullmatch(f"@{text}") and not re.match("bar|beat", text)
+        cue = f'a cue is written `"@{text}"`; ' if word else ""
         raise ScriptError("SHW103", why, help_text=cue + FORMS) from None
 
 

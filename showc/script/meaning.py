@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
 from showc.script.fields import resolve
-from showc.script.kinds import Either, Section
+from showc.script.kinds import Either, Items, Section
 from showc.script.quantity import NUMBER, comma_fault
-
-if TYPE_CHECKING:
-    from showc.script.kinds import Items
+from showc.script.scalars import suggestion
 
 MEANT = {
     "lat": "latitude",
@@ -80,6 +77,31 @@ def about_colours(node: Node) -> str:
     if len(words) == written == 3:
         return "red, green and blue are whole numbers from 0 to 255: `[255, 128, 0]`"
     return "a list of colours, one for each place, is written `{each: [red, white]}`"
+
+
+def meant(word: str, keys: list[str]) -> bool:
+    """Tell whether an unknown key is one of some others, mistyped."""
+    colon = word.split(":", maxsplit=1)[0]
+    return MEANT.get(word.lower()) in keys or bool(suggestion(colon, keys))
+
+
+def flat(kind: Items, node: Sequence) -> str:
+    """Return a list of lists that was written as one of numbers, or nothing."""
+    item = resolve(kind.item)
+    texts = [one.text for one in node.items if isinstance(one, Scalar)]
+    if not isinstance(item, Items) or len(texts) != len(node.items):
+        return ""
+    numbers = all(re.fullmatch(NUMBER, text) for text in texts)
+    if not numbers or not item.least <= len(texts) <= item.most:
+        return ""
+    return f"[[{', '.join(texts)}]]"
+
+
+def about_braces(section: Section, node: Node) -> str:
+    """Say how the keys of a section are written."""
+    word = node.text if isinstance(node, Scalar) else ""
+    key = word if word in section.one_of else section.fields[0].key
+    return f"its keys stand in braces, or indented below: `{{{key}: …}}`"
 
 
 def about_brackets(kind: Items, node: Node) -> str:

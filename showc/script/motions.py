@@ -19,7 +19,7 @@ from showc.script.show import (
 
 if TYPE_CHECKING:
     from showc.script.files import InputFiles
-    from showc.script.settings import Settings
+    from showc.script.settings import Setting, Settings
     from showc.vehicle import Vector
 
 SETTING_IN = 0.75
@@ -38,26 +38,23 @@ _KINDS: dict[str, tuple[type[Rotate | Breathe | Wave | Orbit], dict[str, Any]]] 
 
 def formations_of(transition: Settings) -> list[str]:
     """Return the names of formations that a transition's motions become."""
-    return [
-        str(name.value)
-        for item in transition.sound("motion")
-        if "morph" in item
-        for name in item.items("morph")
-    ]
+    return [str(name.value) for name in morphs_of(transition)]
 
 
-def motions_of(transition: Settings, files: InputFiles) -> tuple[Motion, ...]:
-    """Return the motions that a transition asks for.
+def morphs_of(transition: Settings) -> list[Setting]:
+    """Return the same as they are written."""
+    morphs = [item for item in transition.sound("motion") if "morph" in item]
+    return [name for item in morphs for name in item.items("morph")]
+
+
+def motion_of(item: Settings, files: InputFiles) -> Motion:
+    """Return a motion that a transition asks for.
 
     Raises
     ------
     ScriptError
         If an axis has no length, or a file no frames.
     """
-    return tuple(_motion(item, files) for item in transition.sound("motion"))
-
-
-def _motion(item: Settings, files: InputFiles) -> Motion:
     if "follow" in item:
         own = item.section("follow")
         name = own.text("file")

@@ -34,10 +34,13 @@ from showc.script.kinds import (
 )
 from showc.script.meaning import (
     MEANT,
+    about_braces,
     about_brackets,
     about_colours,
     about_commas,
     decimal_comma,
+    flat,
+    meant,
     mixed_colour,
     spaced,
     with_commas,
@@ -153,6 +156,7 @@ class Reader:
                     f"`{section.name}` is {form_of(node)}, {wanted_text(section)} "
                     "is wanted",
                     _near(node.mark, span),
+                    help_text=about_braces(section, node),
                 )
                 settings.broken = True
                 return settings
@@ -167,6 +171,10 @@ class Reader:
     ) -> tuple[Field, ...] | None:
         """Return the fields that hold here; None: the variant is not known."""
         entry = node.get(section.tag) if section.tag else None
+        if entry is None and section.tag in section.one_of:
+            # What else may stand here depends on what is not said.
+            said = any(node.get(key) is not None for key in section.one_of)
+            return section.fields if said else None
         if entry is None:
             return section.fields
         word = entry.value.text if isinstance(entry.value, Scalar) else ""
@@ -189,7 +197,9 @@ class Reader:
         for entry in node:
             field = known.get(entry.key)
             if field is None:
-                if fields is not None:
+                lacks = fields is None and section.tag and not node.get(section.tag)
+                only = [key for key in section.one_of if node.get(key) is None]
+                if fields is not None or (lacks and meant(entry.key, only)):
                     self._unknown(section, known, entry, node)
                     settings.broken = True
                 continue
@@ -318,6 +328,7 @@ class Reader:
         match kind:
             case Either():
                 self._misspelt(kind, node, key)
+                self._formless(kind, node, span, key)
                 return self.value(self._choose(kind, node), node, span, key)
             case Section():
                 return self.section(kind, node, span)
@@ -376,6 +387,20 @@ class Reader:
             otherwise = f"give {wanted_text(kind)}"
             self.refuse(no_word(key, node.text, known, otherwise), node.mark)
             raise _BadValueError
+
+    def _formless(self, kind: Either, node: Node, span: Mark, key: str) -> None:
+        """Refuse keys where a file or a list of sections is wanted."""
+        options = [resolve(option) for option in kind.options]
+        lists = [one for one in options if isinstance(one, Items)]
+        if isinstance(node, Mapping) and not any(
+            isinstance(one, Section | Table) for one in options
+        ):
+            raise self._bad(
+                "SHW103",
+                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+                help_text=about_brackets(lists[0], node) if lists else "",
+            )
 
     def _choose(self, kind: Either, node: Node) -> Kind:
         """Return the option whose form the node has; the first, if none has."""
@@ -437,6 +462,14 @@ class Reader:
                 _near(node.mark, span),
                 help_text=about_commas(kind, node) or about_brackets(kind, node),
                 fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
+            )
+        if nested := flat(kind, node):
+            raise self._bad(
+                "SHW103",
+                f"`{key}` is a list of numbers, {wanted_text(kind)} is wanted",
+                _near(node.mark, span),
+                help_text=f"write `{nested}`",
+                fix=nested if _on_one_line(node.mark) else "",
             )
         size = len(node.items)
         if not kind.least <= size <= kind.most:

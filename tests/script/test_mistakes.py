@@ -104,6 +104,16 @@ CASES = {
         f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\ntransitions: it\n"
     ),
     "a mistyped motion": shown(", hold: 9, motion: [{rotaet: 90}]"),
+    "a mistyped name of what it becomes": shown(", hold: 9, motion: [{morph: [itt]}]"),
+    "one displacement without brackets": shown(
+        ", hold: 30, motion: [{travel: [2, 0, 0]}]"
+    ),
+    "a motion without numbers": shown(", hold: 9, motion: [rotate]"),
+    "a motion that follows no file": shown(", hold: 9, motion: [{follow: gone.csv}]"),
+    "one light without brackets": shown(", lights: {after: 1, colour: red}"),
+    "pads without a type": shown("", head="pads: {step: 4, rows: 2}\n"),
+    "a mistyped key of the type": formation("tpye: circle, radius: 9"),
+    "a launch without a key": shown("", head="launch: 10\n"),
     "a motion in no time": shown(", hold: 0, motion: [{rotate: 90}]"),
     "not a number": shown(", hold: .nan"),
     "seconds beyond 59": shown(', at: "00:01:61:12@25"'),
@@ -166,7 +176,7 @@ def test_one_mistake_is_one_message_that_helps(name, tmp_path):
     for file, content in FILES.items():
         (tmp_path / file).write_bytes(content)
     found = read_show(CASES[name].encode(), folder=tmp_path).errors
-    assert len(found) == (2 if name in {"lat and lon", "no space behind colons"} else 1)
+    assert len(found) == (2 if name == "lat and lon" else 1)
     assert all(item.help for item in found)
 
 
@@ -189,6 +199,9 @@ MENDABLE = {
     "a minus sign of typesetters": "centre: [-5, 0, 20]",
     "a mistyped motion": "[{rotate: 90}]",
     "velocity": "{speed: 9}",
+    "a mistyped name of what it becomes": "motion: [{morph: [it]}]",
+    "one displacement without brackets": "[{travel: [[2, 0, 0]]}]",
+    "a mistyped key of the type": "{type: circle, radius: 9}",
 }
 """What stands in the script after ``check --fix``."""
 
