@@ -24,7 +24,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_
 from zstandard import ZstdError
 
 from showc.errors import DamagedFileError, UsageError
-from showc.files import UnreadableFileError, open_file
+from showc.files import UnreadableFileError, open_file, reason_of
 from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
@@ -232,16 +232,11 @@ def read_log(source: Path | bytes) -> LoggedShow:
     try:
         with open_file(source) as stream:
             return _Reading(str(source), stream, source.stat().st_size).read()
-    except UnreadableFileError as error:
+    except (UnreadableFileError, OSError) as error:
+        reason = getattr(error, "reason", None) or reason_of(error)
         raise UsageError(
-            f"{source}: cannot be read ({error.reason}); wanted a log that "
-            "'showc compile' has written"
+            f"{source}: cannot be read ({reason}); give a log of 'showc compile'"
         ) from None
-    except OSError as error:
-        raise UsageError(
-            f"{source}: cannot be read ({error.strerror}); wanted a log that "
-            "'showc compile' has written"
-        ) from error
 
 
 class _Reading:

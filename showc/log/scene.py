@@ -26,7 +26,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from showc.log.schema import FRAME, ROOT_FRAME, drone_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
@@ -198,22 +198,7 @@ def _lines(
     )
 
 
-def _entity(
-    ns: int,
-    name: str,
-    *,
-    arrows: Sequence[ArrowPrimitive] = (),
-    cubes: Sequence[CubePrimitive] = (),
-    lines: Sequence[LinePrimitive] = (),
-    texts: Sequence[TextPrimitive] = (),
-) -> SceneEntity:
+def _entity(ns: int, name: str, **shapes: Any) -> SceneEntity:  # noqa: ANN401 - lists of shapes
     return SceneEntity(
-        timestamp=stamp(ns),
-        frame_id=FRAME,
-        id=name,
-        frame_locked=True,
-        arrows=arrows,
-        cubes=cubes,
-        lines=lines,
-        texts=texts,
+        timestamp=stamp(ns), frame_id=FRAME, id=name, frame_locked=True, **shapes
     )
