@@ -68,6 +68,8 @@ _QUICK: dict[str, object] = {
 }
 _NEAR = 1e-3
 """First barrier parameter where a solution on another mesh is known."""
+_ROUGHLY = 1e-4
+"""Solver's tolerance on meshes that only tell the next one where to be fine."""
 _STILL = 1e-2
 """Range over its scale below which a state counts as one that hardly moves: its errors
 are relative to this range then."""
@@ -105,7 +107,7 @@ class Graded(Collocated):
     def first(self) -> Solution:
         """Solve the first mesh, by other ways where the plain one fails."""
         counts = self.grading.intervals
-        rough: dict[str, object] = {"tol": 1e-4} if len(counts) > 1 else {}
+        rough: dict[str, object] = {"tol": _ROUGHLY} if len(counts) > 1 else {}
         for number, way in _STARTS:
             mesh = self._even(counts[min(number, len(counts) - 1)])
             if number == 0 and self.options.mesh is not None:
@@ -150,11 +152,14 @@ class Graded(Collocated):
         """Solve a mesh graded by what the last one loses; mend the last."""
         while self._counts and current.moved > self.options.tolerance:
             proposal = self._graded(current, self._counts.pop(0))
-            fresh = self._take(proposal, current)
+            # A second mesh of several moves the objective by far more than that.
+            rough = _ROUGHLY if np.isinf(current.moved) and self._counts else 0.0
+            rough *= self.options.tolerance < _ROUGHLY
+            fresh = self._take(proposal, current, rough)
             if fresh.result.usable:
                 size = objective_size(fresh)
                 change = abs(fresh.objective - current.solution.objective)
-                return self._judged(fresh, change / size)
+                return self._judged(fresh, max(change / size, rough))
             words = "the solver failed; a finer mesh is tried"
             self.history.note(fresh, None, words)
         error = current.error
@@ -166,9 +171,15 @@ class Graded(Collocated):
         better = self._take(self._repaired(current), current)
         return self._judged(better, current.moved) if better.result.usable else None
 
-    def _take(self, proposal: Proposal, current: Judgement) -> Solution:
+    def _take(
+        self, proposal: Proposal, current: Judgement, rough: float = 0.0
+    ) -> Solution:
+        """Solve a proposal, to a tolerance of ``rough`` if that is not 0."""
         self.history.note(current.solution, current, proposal)
-        return self._attempt(proposal.mesh, current.solution, {"mu_init": _NEAR})
+        extra: dict[str, object] = {"tol": rough} if rough else {}
+        return self._attempt(
+            proposal.mesh, current.solution, {"mu_init": _NEAR, **extra}
+        )
 
     def _graded(self, current: Judgement, count: int) -> Proposal:
         """Mesh of ``count`` intervals graded by what a solution loses."""

@@ -27,6 +27,7 @@ from numpy.polynomial import legendre
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import PhaseMesh
 from showc.ocp.nodes import bernstein_values, fitting_points
+from showc.ocp.refinement.options import INNER_DEGREE
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
@@ -336,14 +337,17 @@ def _richer(cell: Cell) -> Cell | None:
 
 def _cut(cell: Cell, edges: Sequence[float]) -> list[Cell]:
     """Cut a cell at fractions ``edges`` (0 and 1 included)."""
-    width = cell.right - cell.left
+    width, points = cell.right - cell.left, min(cell.points, 6)
+    # A control that was given more coefficients had the points for them.
+    most = max(points - _BEYOND, INNER_DEGREE)
+    degrees = tuple((name, min(degree, most)) for name, degree in cell.degrees)
     return [
         Cell(
             cell.left + a * width,
             cell.left + b * width,
-            min(cell.points, 6),
+            points,
             cell.arc,
-            cell.degrees,
+            degrees,
             tuple((s - a) / (b - a) for s in cell.path_points if a <= s <= b),
             held=cell.held,
         )
