@@ -28,6 +28,7 @@ from showc.ocp.quantity import (
     HalfSpaces,
     Quantity,
     State,
+    column,
     interval,
     limits,
 )
@@ -68,6 +69,20 @@ class Phase:
     def final_time(self) -> Expression:
         """Expression of the time at the end of the phase."""
         return self.initial_time + self.duration
+
+    @property
+    def members(self) -> tuple[Expression, Expression]:
+        """Columns of the symbols of states and of controls, in their order."""
+        states, controls = self.states.values(), self.controls.values()
+        return (
+            column(state.quantity.symbol for state in states),
+            column(control.quantity.symbol for control in controls),
+        )
+
+    @property
+    def dynamics(self) -> Expression:
+        """Column of the states' derivatives."""
+        return column(self.derivatives[name] for name in self.states)
 
     def state(
         self,

@@ -27,6 +27,7 @@ from showc.ocp.quantity import (
     Expression,
     Quantity,
     State,
+    column,
     interval,
     limits,
 )
@@ -62,6 +63,12 @@ class Problem:
     objective: Expression = None
     """``None``: not stated yet."""
     maximises: bool = False
+
+    @property
+    def given(self) -> Expression:
+        """Column of the symbols of parameters and statics, in their order."""
+        parameters = [symbol for symbol, _ in self.parameters.values()]
+        return column([*parameters, *(static.symbol for static in self.statics)])
 
     def parameter(self, name: str, default: float | None = None) -> Expression:
         """Add a number that is given anew for each solve."""

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import casadi
 
 from showc.ocp.fault import StatementError, scalar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 Expression = Any
 """A CasADi ``SX`` scalar or a number."""
@@ -15,6 +20,11 @@ Bound = Any
 
 INFINITY = float("inf")
 """What stands for no bound."""
+
+
+def column(expressions: Iterable[Expression]) -> Expression:
+    """Put expressions below each other, none of them included."""
+    return casadi.vertcat(casadi.SX(0, 1), *expressions)
 
 
 def interval(value: object, what: str) -> tuple[Bound, Bound]:

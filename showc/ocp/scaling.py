@@ -22,6 +22,13 @@ def from_bounds(lower: float, upper: float, *ends: float) -> float:
     return largest if largest > 0.0 else 1.0
 
 
+def middle(lower: float, upper: float) -> float:
+    """Middle of an interval; the point nearest to zero where it is unbounded."""
+    if isfinite(lower) and isfinite(upper):
+        return 0.5 * (lower + upper)
+    return min(max(0.0, lower), upper)
+
+
 def of_duration(lower: float, upper: float) -> float:
     """Return the scale of a duration between these bounds."""
     if isfinite(upper) and lower > 0.0:

@@ -22,6 +22,7 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 import casadi as ca
 import numpy as np
 from benchmarks.ocp_apart import APART
+from benchmarks.ocp_collected import COLLECTED
 from benchmarks.ocp_further import FURTHER
 from benchmarks.ocp_hard import HARD
 from benchmarks.ocp_problems import BENCHMARKS, Benchmark
@@ -143,7 +144,7 @@ def lines(repeats: int) -> Iterator[str]:
         "points | bound violation | clipped re-integration |"
     )
     yield "| --- " * 9 + "|"
-    for benchmark in (*BENCHMARKS, *FURTHER, *TEXTBOOK, *APART, *HARD):
+    for benchmark in (*BENCHMARKS, *FURTHER, *TEXTBOOK, *APART, *COLLECTED, *HARD):
         yield row(benchmark, repeats)
     for yaw_free in (True, False):
         yield quadrotor_row(repeats, yaw_free=yaw_free)

@@ -5,6 +5,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from benchmarks.ocp_collected import (
+    dielectrophoretic_particle,
+    least_time_van_der_pol,
+    robbins,
+)
 from benchmarks.ocp_further import FURTHER
 from benchmarks.ocp_hard import f8, lee_ramirez, slalom, slalom_optimum
 from benchmarks.ocp_problems import BENCHMARKS, double_integrator_vmax, robot_arm
@@ -201,14 +206,6 @@ def test_path_constraints_hold_between_the_nodes():
     arc = np.pi - 2.0 * np.arctan(0.1) - 2.0 * np.arccos(r / d)
     length = 2.0 * straight + r * arc
     assert solution.objective == pytest.approx(length**2 / 2.0, rel=1e-5)
-
-
-def test_the_curvature_rule_converges_too():
-    options = ocp.Options(rule="curvature", switches=False, meshes=20)
-    solution = ocp.solve(ALL["brachistochrone"].build(), options=options)
-    assert solution.objective == pytest.approx(1.801603122453081, rel=1e-6)
-    solution = ocp.solve(ALL["hypersensitive"].build(), options=options)
-    assert solution.objective == pytest.approx(1.330806904943002, rel=1e-5)
 
 
 def test_without_switch_times_the_mesh_closes_in_on_the_switch():
@@ -453,34 +450,9 @@ def test_sensitivities_count_limits_on_states_and_the_sense_of_the_objective():
     assert most.sensitivities["price"] == pytest.approx(-4.0, rel=1e-6)
 
 
-def van_der_pol_in_least_time():
-    problem = ocp.Problem("van der Pol in least time")
-    phase = problem.phase(duration=(0.01, 30.0))
-    x = phase.state("x", start=1.0, end=-1.0)
-    y = phase.state("y", start=1.0, end=1.0)
-    u = phase.control("u", -1.0, 1.0)
-    phase.derivative(x, y)
-    phase.derivative(y, (1.0 - x * x) * y - x + u)
-    problem.minimise(phase.duration)
-    return problem
-
-
-def dielectrophoretic_particle():
-    """Chang, Petit, Rouchon 2006: product of state and control, none at the start."""
-    problem = ocp.Problem("particle in an electric field")
-    phase = problem.phase(duration=(0.0, None))
-    x = phase.state("x", start=1.0, end=2.0)
-    y = phase.state("y", start=0.0)
-    u = phase.control("u", -1.0, 1.0)
-    phase.derivative(x, y * u - 0.75 * u * u)
-    phase.derivative(y, u - y)
-    problem.minimise(phase.duration)
-    return problem
-
-
 @pytest.mark.parametrize(
     ("build", "least"),
-    [(van_der_pol_in_least_time, 3.3472551), (dielectrophoretic_particle, 7.8113113)],
+    [(least_time_van_der_pol, 3.3472551), (dielectrophoretic_particle, 7.8113113)],
 )
 def test_a_duration_that_shrinks_to_nothing_is_started_from_little_effort(build, least):
     solution = ocp.solve(build())
@@ -508,21 +480,8 @@ def test_layers_at_the_start_are_found_by_flying_the_guess():
 
 
 def test_what_was_not_refined_is_not_taken_for_settled():
-    """Robbins 1980: touch points of a third-order constraint without end.
-
-    The optimum is that of a solve to 1e-9, of which two ways agree to 1e-8.
-    """
-    problem = ocp.Problem("robbins")
-    phase = problem.phase(duration=10.0)
-    x = phase.state("x", 0.0, None, start=1.0, end=0.0)
-    y = phase.state("y", start=-2.0, end=0.0)
-    z = phase.state("z", start=0.0, end=0.0)
-    u = phase.control("u")
-    phase.derivative(x, y)
-    phase.derivative(y, z)
-    phase.derivative(z, u)
-    problem.minimise(phase.integral(3.0 * x + 0.5 * u * u))
-    solution = ocp.solve(problem)
+    # The optimum is that of a solve to 1e-9, of which two ways agree to 1e-8.
+    solution = ocp.solve(robbins())
     off = abs(solution.objective / 19.4317814 - 1.0)
     assert off < 1e-6
     assert 0.1 * off < solution.error.objective

@@ -14,10 +14,10 @@ from showc.ocp.refinement.refine import (
     MOST_POINTS,
     IntervalErrors,
     cells_of,
-    curvature_ratio,
     cut_places,
     decay_rate,
     mesh_of,
+    not_helped,
     refine,
     summary,
 )
@@ -73,11 +73,18 @@ def test_a_given_control_degree_forces_a_cut():
     assert "degree is given" in decisions[0].reason
 
 
-def test_the_curvature_rule_cuts_peaks_and_raises_the_rest():
-    peak = solution_of(lambda t: 1.0 / (1.0 + 400.0 * (t - 0.1) ** 2), [0.0, 1.0], 10)
-    assert apply(peak, [50.0], rule="curvature")[0].intervals > 1
-    parabola = solution_of(lambda t: 0.1 * t**2, [0.0, 1.0], 4)
-    assert apply(parabola, [50.0], rule="curvature")[0].intervals == 1
+def test_an_interval_that_a_higher_degree_did_not_help_is_cut():
+    former = solution_of(np.exp, [0.0, 1.0, 2.0], 4).mesh
+    smooth = solution_of(np.exp, [0.0, 1.0, 2.0], 6)
+    before, after = np.array([1e-3, 1e-3]), np.array([9e-4, 1e-5])
+    stubborn = not_helped(smooth.mesh, after, former, before)
+    assert stubborn.tolist() == [True, False]
+    assert not not_helped(former, after, former, before).any()
+    errors = IntervalErrors(np.full(2, 50.0), np.zeros(2, dtype=bool), (), stubborn)
+    mesh, decisions = refine(smooth.mesh, smooth, errors, scale=np.ones(1))
+    assert [d.step for d in decisions] == [ocp.Step.CUT, ocp.Step.RAISED]
+    assert "did not help" in decisions[0].reason
+    assert mesh.intervals > 2
 
 
 def test_needless_intervals_are_merged_and_needed_ones_kept():
@@ -105,7 +112,6 @@ def test_decay_and_curvature_tell_smooth_from_rough():
     rough = fitted(lambda t: np.abs(t - 0.4), [0.0, 1.0], 8).coefficients[0]
     assert decay_rate(smooth, one) > 1.0
     assert decay_rate(rough, one) < 0.4
-    assert curvature_ratio(rough[:, 0]) > curvature_ratio(smooth[:, 0])
 
 
 @settings(max_examples=60, deadline=None)

@@ -53,12 +53,7 @@ class CouplingAuditor:
 
     def __init__(self, problem: Problem, phase: Phase, index: int) -> None:
         self.phase, self.index = phase, index
-        x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
-        p = casadi.vertcat(
-            casadi.SX(0, 1),
-            *[symbol for symbol, _ in problem.parameters.values()],
-            *[static.symbol for static in problem.statics],
-        )
+        (x, _), p = phase.members, problem.given
         self._degrees = [polynomial_degree(c.symbol, x) or 0 for c in phase.couplings]
         self._functions: list[Any] = [
             casadi.Function(f"coupling{i}", [x, p], [c.symbol])

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from showc.ocp.nodes import bernstein_values, collocation
+from showc.ocp.quantity import column
 from showc.trajectory import bernstein_basis
 
 if TYPE_CHECKING:
@@ -62,13 +63,11 @@ class MinimumPrinciple:
     ) -> None:
         self.phase, self.auditor = phase, auditor
         x, u, t, p = symbols
-        f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+        f = phase.dynamics
         costate = casadi.SX.sym("l", x.numel())
-        integrands = casadi.vertcat(casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        integrands = column(e for _, e in phase.integrals)
         price = casadi.SX.sym("w", integrands.numel())
-        path = casadi.vertcat(
-            casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
-        )
+        path = column(c.symbol for c in phase.path_constraints)
         pressure = casadi.SX.sym("m", path.numel())
         hamiltonian = casadi.dot(costate, f)
         if phase.integrals:

@@ -25,6 +25,7 @@ from showc.ocp.audit.optimality import (
     ranges,
     values_at,
 )
+from showc.ocp.quantity import column
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
@@ -89,17 +90,7 @@ class PhaseAuditor:
         self.problem, self.phase, self.index = problem, phase, index
         self.least_range: FloatArray | float = 0.0
         """Range from which on errors of a state are relative to its own range."""
-        x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
-        u = casadi.vertcat(
-            casadi.SX(0, 1), *[c.quantity.symbol for c in phase.controls.values()]
-        )
-        p = casadi.vertcat(
-            casadi.SX(0, 1),
-            *[s for s, _ in problem.parameters.values()],
-            *[s.symbol for s in problem.statics],
-        )
-        t = phase.time
-        f = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
+        (x, u), p, t, f = phase.members, problem.given, phase.time, phase.dynamics
         self.f = casadi.Function("f", [x, u, t, p], [f])
         by_state = _entries(casadi.jacobian(f, x))
         self.drives = _entries(casadi.jacobian(f, u))
@@ -107,17 +98,10 @@ class PhaseAuditor:
         controls)."""
         for _ in phase.states:
             self.drives |= by_state @ self.drives
-        self.path = casadi.Function(
-            "path",
-            [x, u, t, p],
-            [
-                casadi.vertcat(
-                    casadi.SX(0, 1), *[c.symbol for c in phase.path_constraints]
-                )
-            ],
-        )
+        path = column(c.symbol for c in phase.path_constraints)
+        self.path = casadi.Function("path", [x, u, t, p], [path])
         self.principle = MinimumPrinciple(phase, (x, u, t, p), self)
-        integrands = casadi.vertcat(casadi.SX(0, 1), *[e for _, e in phase.integrals])
+        integrands = column(e for _, e in phase.integrals)
         running = casadi.Function("running", [x, u, t, p], [integrands])
         self.integrator = Integrator(self.f, running)
 

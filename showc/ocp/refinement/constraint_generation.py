@@ -342,12 +342,7 @@ def _step(
     """Step of the states that mends a coupling, ``None`` if its gradient is a guide."""
     at, motion, lack = where
     phase = problem.phases[index]
-    x = casadi.vertcat(*[s.quantity.symbol for s in phase.states.values()])
-    p = casadi.vertcat(
-        casadi.SX(0, 1),
-        *[symbol for symbol, _ in problem.parameters.values()],
-        *[static.symbol for static in problem.statics],
-    )
+    (x, _), p = phase.members, problem.given
     hessian, gradient = casadi.hessian(coupling.symbol, x)
     values = np.array([*solution.parameters.values(), *solution.statics.values()])
     function = casadi.Function("bends", [x, p], [coupling.symbol, gradient, hessian])

@@ -23,9 +23,9 @@ from showc.ocp.refinement.attempts import Attempts
 from showc.ocp.refinement.multistart import flown, uneven, unmoved, varied
 from showc.ocp.refinement.options import INNER_DEGREE, LOOSELY, UNEVENNESS, WEIGHINGS
 from showc.ocp.refinement.proposal import plain_mesh
+from showc.ocp.scaling import middle
 from showc.ocp.solution import Solution
 from showc.ocp.transcription.collocation.limits import Statement
-from showc.ocp.transcription.collocation.start import middle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

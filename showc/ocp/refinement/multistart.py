@@ -25,10 +25,9 @@ import numpy as np
 
 from showc.ocp.guess import Curve, Data, Guess, curves_of, sample
 from showc.ocp.mesh import Mesh, PhaseMesh
-from showc.ocp.scaling import GOLDEN
+from showc.ocp.scaling import GOLDEN, middle
 from showc.ocp.solution import Optimum, Solution
 from showc.ocp.transcription.collocation.limits import Statement
-from showc.ocp.transcription.collocation.start import middle
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
@@ -327,19 +326,8 @@ def _integrated(
     # Loaded here alone: few problems need it.
     from scipy.integrate import LSODA  # noqa: PLC0415
 
-    x, u, p = (
-        casadi.vertcat(casadi.SX(0, 1), *symbols)
-        for symbols in (
-            [member.quantity.symbol for member in phase.states.values()],
-            [member.quantity.symbol for member in phase.controls.values()],
-            [
-                *(symbol for symbol, _ in problem.parameters.values()),
-                *(static.symbol for static in problem.statics),
-            ],
-        )
-    )
-    rates = casadi.vertcat(*[phase.derivatives[name] for name in phase.states])
-    f = casadi.Function("f", [x, u, phase.time, p], [rates])
+    inputs = [*phase.members, phase.time, problem.given]
+    f = casadi.Function("f", inputs, [phase.dynamics])
     begin, length = span
     places = np.linspace(0.0, 1.0, _POINTS)
 

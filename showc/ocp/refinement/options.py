@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from showc.ocp.fault import StatementError, check_type
 from showc.ocp.mesh import Mesh
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from showc.ocp.coupling import Imposed
     from showc.ocp.history import MeshRecord
-
-Rule = Literal["decay", "curvature"]
-"""How an interval is refined; see :mod:`showc.ocp.refinement.refine`."""
 
 INNER_DEGREE = 3
 """Degree, between its bounds, of a control that enters the Hamiltonian linearly: it is
@@ -113,8 +110,6 @@ class Options:
     infinity: no limit."""
     scheme: Scheme = "gauss"
     """Collocation points."""
-    rule: Rule = "decay"
-    """How an interval is refined; see :mod:`showc.ocp.refinement.refine`."""
     switches: bool = True
     """Whether switch times may become unknowns."""
     grading: Grading | None = None
@@ -172,8 +167,6 @@ class Options:
                 )
         check_type(self.mesh, Mesh, "the mesh of the options")
         check_type(self.solver, SolverOptions, "the solver of the options")
-        for name, choice in (("scheme", Scheme), ("rule", Rule)):
-            value = getattr(self, name)
-            if value not in get_args(choice):
-                wanted = ", ".join(map(repr, get_args(choice)))
-                raise StatementError(f"{name} is {value!r}; wanted one of {wanted}")
+        if self.scheme not in get_args(Scheme):
+            wanted = ", ".join(map(repr, get_args(Scheme)))
+            raise StatementError(f"scheme is {self.scheme!r}; wanted one of {wanted}")

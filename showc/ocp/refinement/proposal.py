@@ -189,7 +189,6 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
                 audit.jumps,
                 judgement.stubborn[i] if judgement.stubborn else None,
             ),
-            rule=options.rule,
             scale=ranges(part.states),
             most=growth * part.mesh.point_count,
         )

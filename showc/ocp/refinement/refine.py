@@ -1,14 +1,10 @@
 """The next mesh: where to cut, where to raise the degree, where to merge.
 
-Rules for an interval whose error exceeds the tolerance:
-
-- ``decay`` (default): the Legendre coefficients of states and controls on the
-  interval tell how smooth they are (Liu, Hager, Rao 2018, Adaptive mesh refinement
-  method for optimal control using decay rates of Legendre polynomial coefficients).
-  Fast decay: raise the degree by what the decay promises; slow: cut.
-- ``curvature``: ratio of the greatest to the mean curvature of the worst state
-  (Darby, Hager, Rao 2011, An hp-adaptive pseudospectral method for solving optimal
-  control problems). Large: cut; small: raise the degree.
+The Legendre coefficients of states and controls on an interval whose error exceeds the
+tolerance tell how smooth they are (Liu, Hager, Rao 2018, Adaptive mesh refinement
+method for optimal control using decay rates of Legendre polynomial coefficients). Fast
+decay: raise the degree by what the decay promises; slow, or no gain by the last degree:
+cut.
 
 Cuts are placed where the solution bends most, so that a boundary layer is reached
 in a few meshes. Intervals far below the tolerance are merged with their neighbour
@@ -26,7 +22,7 @@ from numpy.polynomial import legendre
 
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import PhaseMesh
-from showc.ocp.nodes import bernstein_values, fitting_points
+from showc.ocp.nodes import fitting_points
 from showc.ocp.refinement.options import INNER_DEGREE
 from showc.trajectory import bernstein_basis
 
@@ -34,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import BoolArray, FloatArray, IntArray
-    from showc.ocp.refinement.options import Rule
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution
 
@@ -164,21 +159,6 @@ def decay_rate(coefficients: FloatArray, scale: FloatArray) -> float:
     return slowest
 
 
-def curvature_ratio(coefficients: FloatArray) -> float:
-    """Greatest over mean curvature of one component, Bernstein (degree + 1,)."""
-    degree = coefficients.shape[0] - 1
-    if degree < 2:
-        return 1.0
-    s = tuple(float(v) for v in np.linspace(0.0, 1.0, 41))
-    first = bernstein_values(degree - 1, s) @ (degree * np.diff(coefficients))
-    second = bernstein_values(degree - 2, s) @ (
-        degree * (degree - 1) * np.diff(coefficients, n=2)
-    )
-    curvature = np.abs(second) / (1.0 + first**2) ** 1.5
-    mean = float(curvature.mean())
-    return float(curvature.max()) / mean if mean > 1e-12 else 1.0
-
-
 def cut_places(coefficients: FloatArray, scale: FloatArray, pieces: int) -> FloatArray:
     """Fractions at which to cut an interval so that each piece bends equally."""
     degree = coefficients.shape[0] - 1
@@ -216,7 +196,6 @@ def refine(
     phase: PhaseSolution,
     errors: IntervalErrors,
     *,
-    rule: Rule = "decay",
     scale: FloatArray,
     most: float = np.inf,
 ) -> tuple[PhaseMesh, tuple[Decision, ...]]:
@@ -261,7 +240,7 @@ def refine(
             decisions.append(Decision(Step.CUT, f"{words}: cut about the jump"))
             continue
         coefficients = phase.states.coefficients[k]
-        rate, smooth, found = _smoothness(phase, k, rule, scale)
+        rate, smooth, found = _smoothness(phase, k, scale)
         gentle = smooth and not _switches(phase, k)
         richer = _richer(cell) if must_cut[k] and gentle else None
         if richer is not None:
@@ -287,14 +266,10 @@ def refine(
 
 
 def _smoothness(
-    phase: PhaseSolution, k: int, rule: Rule, scale: FloatArray
+    phase: PhaseSolution, k: int, scale: FloatArray
 ) -> tuple[float, bool, str]:
     """Decades an interval gains by a degree, whether that is enough, and in words."""
     coefficients = phase.states.coefficients[k]
-    if rule == "curvature":
-        worst = int(np.argmax(np.ptp(coefficients, axis=0) / scale))
-        ratio = curvature_ratio(coefficients[:, worst] / scale[worst])
-        return 0.5, ratio < 2.0, f"greatest over mean curvature {ratio:.1f}"
     rate = decay_rate(coefficients[: phase.mesh.points[k] + 1], scale)
     if phase.controls.degree >= 2:
         controls = phase.controls.coefficients

@@ -64,13 +64,6 @@ _PLACES = 5
 """Places at which the slopes of constraints are looked at for their scales."""
 
 
-def _middle(lower: float, upper: float) -> float:
-    """Middle of bounds; the nearest to zero of what is not bounded."""
-    if np.isfinite(lower) and np.isfinite(upper):
-        return 0.5 * (lower + upper)
-    return float(np.clip(0.0, lower, upper))
-
-
 def _changed(
     constraint: Quantity,
     bounds: tuple[float, float],
@@ -202,7 +195,8 @@ class Statement:
             sizes_of_ends += [1.0] * len(phase.integrals)
             inside = [*(m.quantity.symbol for m in members), phase.time, *statics]
             middles = [
-                _middle(*table["bounds", phase.name, m.quantity.name]) for m in members
+                scaling.middle(*table["bounds", phase.name, m.quantity.name])
+                for m in members
             ]
             for constraint in phase.path_constraints:
                 self.constraint_scales[phase.name, constraint.name] = _changed(

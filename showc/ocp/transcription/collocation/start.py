@@ -8,6 +8,7 @@ import numpy as np
 
 from showc.ocp.guess import Curve, Data, Guess, check_guess, curves_of, sample
 from showc.ocp.nodes import collocation, fitting_points
+from showc.ocp.scaling import middle
 from showc.ocp.solution import Solution
 from showc.trajectory import bernstein_basis_inverse
 
@@ -177,13 +178,6 @@ def _place_curves(
                 curve, fraction, float(point[place.start]), span
             )
             point[coefficients] = np.clip(fitted, lower, upper)
-
-
-def middle(lower: float, upper: float) -> float:
-    """Middle of an interval; the point nearest to zero where it is unbounded."""
-    if np.isfinite(lower) and np.isfinite(upper):
-        return 0.5 * (lower + upper)
-    return float(np.clip(0.0, lower, upper))
 
 
 def _between(limits: Box, first: int, last: int) -> Curve:
