@@ -49,6 +49,8 @@ _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure, where a crowd was
 nearly parted, with fewer times what may be wrong, and of many drones."""
+_SMALL = 0.01
+"""Share of the least time beyond it up to which growth is quick all the same."""
 _MANY = 128
 """Drones from which on a try costs as much as all before it; up to these, flights that
 kept apart are followed at a quicker pace: that takes a solve for each of them."""
@@ -64,10 +66,10 @@ _FEW = 32
 _BOLD = 0.3
 """Where a flight in closed form is the best so far, share of the time between a failed
 one and it that is tried: that flight takes far longer than it needs."""
-_WORK, _WORK_EACH, _WORK_EACH_MORE = 300.0, 4.0, 1.0
+_WORK, _WORK_EACH, _WORK_EACH_MORE = 600.0, 4.0, 1.0
 """Work after which no shorter time is tried, and how much more for each drone, and for
 each of those beyond ``_MANY``. The unit is a flight behind half-spaces that is solved,
-about 0.07 s on one core."""
+0.01 to 0.07 s on one core."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
 _TOGETHER = 0.9
@@ -203,17 +205,17 @@ class Search:
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
-            gap = min(self._growth(repair) * gap, longest)
+            gap = min(self._growth(repair, gap) * gap, longest)
         lowest = max(failed, limiting.time, _TOGETHER * least)
         return self._narrowed(best, lowest, limiting), limiting
 
-    def _growth(self, repair: Repair) -> float:
+    def _growth(self, repair: Repair, gap: float) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
-        # Where that is seen early and nearly parts, the next time is near.
-        if 0.0 < repair.tangled < _NEARLY:
-            return _SLOWLY
-        many = self.leg.drones.size > _MANY and self.options.effort == 1
-        return _BOLDLY if many else _GROWTH
+        if self.leg.drones.size > _MANY and self.options.effort == 1:
+            return _BOLDLY
+        # Where it nearly parts, the next time is near.
+        near = 0.0 < repair.tangled < _NEARLY or (not repair.tangled and gap > _SMALL)
+        return _SLOWLY if near else _GROWTH
 
     def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown."""

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from fleet.handmade import LIMITS
+from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.untangling import untangle
+from showc.fleet.single_drone.single import Aircraft
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 
 DURATION = 6.0
 NONE = np.zeros(0, dtype=np.int64)
-FAR = Allowed.of(LIMITS, 9.80665, 0.0)
+FAR = Allowed.of(Aircraft(VEHICLE, LIMITS))
 NO_PLANES = Planes(NONE, NONE, np.zeros((0, 3)), np.zeros(0))
 
 
@@ -29,6 +30,7 @@ def crowd_of(start, goal, separation, planes=NO_PLANES):
         places,
         speeds,
         pulls,
+        np.gradient(pulls, times, axis=1),
         DURATION,
         20,
         separation,

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 _LAG = 0.35
 """Time in which a drone changes its acceleration [s]: weighs jerk in the energy."""
-_FEW = 30
-"""Drones up to which it counts by how much each passes a limit."""
-_EXCESS, _FAR_BEYOND = 0.15, 0.25
-"""Shares by which speeds and accelerations may lie beyond their limits in what can be
-flown nearly as it is, where drones are many, and where they are few."""
+_FOLLOWED, _EXCESS = 0.05, 0.15
+"""Shares by which speeds and accelerations may lie beyond their limits in what is
+followed as it is, and in what is followed nearly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,23 +43,13 @@ class Untangled:
     @property
     def wrong(self) -> float:
         """What is wrong with it: pairs, and drones that use too much of limits."""
-        return self.broken + int(np.count_nonzero(self.excess > _EXCESS))
+        share = (self.excess - _FOLLOWED) / (_EXCESS - _FOLLOWED)
+        return self.broken + float(np.clip(share, 0.0, 1.0).sum())
 
     @property
     def strain(self) -> float:
         """Same, by how much: what little passes limits is followed nearly."""
         return self.broken + float(np.maximum(self.excess - _EXCESS, 0.0).sum())
-
-    @property
-    def beyond(self) -> float:
-        """How far it is from what can be flown; as ``wrong``, unless drones are few.
-
-        Of these it is by how much: optimal control may find what a change of a smooth
-        flight does not.
-        """
-        if self.excess.size > _FEW:
-            return self.wrong
-        return self.broken + float(np.maximum(self.excess - _FAR_BEYOND, 0.0).sum())
 
     def among(self, rows: IntArray, drones: int) -> Untangled:
         """Return the same of a whole crowd, of which these were the ``rows``."""
@@ -103,7 +91,7 @@ def energy_factor(duration: float, count: int) -> FloatArray:
 
 
 def spline_values(duration: float, count: int, times: FloatArray) -> list[FloatArray]:
-    """Return values, velocities and accelerations of splines at times, each (t, count).
+    """Return values, speeds, accelerations and jerks of splines, each (t, count).
 
     They have the coefficients that leave place, speed, pull and jerk zero at the ends.
     """
@@ -112,7 +100,7 @@ def spline_values(duration: float, count: int, times: FloatArray) -> list[FloatA
     place = times / duration * intervals
     piece = np.clip(place.astype(np.int64), 0, intervals - 1)
     found = []
-    for part in (basis.position, basis.velocity, basis.acceleration):
+    for part in (basis.position, basis.velocity, basis.acceleration, basis.jerk):
         local = bernstein_basis(part.shape[1] - 1, place - piece)
         values = np.zeros((times.size, intervals + DEGREE))
         columns = piece[:, None] + np.arange(LOCAL)
@@ -129,13 +117,13 @@ def excess(crowd: Crowd, used: FloatArray, flown: FloatArray) -> FloatArray:
     Parameters
     ----------
     used, flown
-        Places, velocities and accelerations at m instants, one below the other, as
-        drones fly alone and with their changes, shape (n, 3 m, 3), SI.
+        Places, speeds and accelerations, perhaps jerks, at m instants, one below the
+        other, as drones fly alone and with their changes, shape (n, 3 m, 3), SI.
     """
     samples = crowd.places.shape[1]
     most = np.ones(used.shape[0])
     before, allowed = most.copy(), crowd.allowed
-    for order in (1, 2):
+    for order in range(1, used.shape[1] // samples):
         part = slice(order * samples, (order + 1) * samples)
         mine = allowed.order == order
         for values, use in ((flown[:, part], most), (used[:, part], before)):

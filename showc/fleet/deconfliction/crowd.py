@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.single import Aircraft
     from showc.script.fence import Fence
-    from showc.vehicle import Limits, Separation
+    from showc.vehicle import Separation
 
 
 _SAMPLES = 0.15
@@ -22,9 +22,9 @@ _SAMPLES = 0.15
 _CLOSER = (0.25, 0.5)
 """Where there are more within the first and the last of them, as shares: there a pair
 that stands at the separation may draw nearer before it comes to rest."""
-_FALL, _CLIMB = 4.0, 5.0
-"""Vertical accelerations that any drone is thought to fly [m/s²]: a guess, which the
-flights themselves correct."""
+_FALLING = 0.6
+"""Share of gravity with which a drone is thought to fall: with less lift it hardly
+turns. A guess, which the flights themselves correct."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,29 +46,32 @@ class Allowed:
     """Limits as half-spaces ``normal . v >= offset``, f of them, and as discs."""
 
     order: IntArray
-    """Of what: 0 places, 1 velocities, 2 accelerations; shape (f,)."""
+    """Of what: 0 places, 1 velocities, 2 accelerations, 3 jerks; shape (f,)."""
     normal: FloatArray
     """Shape (f, 3)."""
     offset: FloatArray
-    """Below zero for velocities and accelerations, shape (f,), SI."""
-    level: tuple[float, float, float]
+    """Below zero for all but places, shape (f,), SI."""
+    level: tuple[float, float, float, float]
     """Greatest level size of each order, infinite where there is none, SI."""
 
     @classmethod
-    def of(cls, limits: Limits, gravity: float, heading: float) -> Allowed:
+    def of(cls, aircraft: Aircraft) -> Allowed:
         """Return what an aircraft's limits allow.
 
         Tilt limits accelerations along and across the heading, the more the less the
-        drone lifts; of the vertical ones, thrust aside, the present limits count.
+        drone lifts; of the vertical ones, thrust aside, the present limits count. Rates
+        of roll and pitch turn the thrust, here that of a hover, and so limit jerk.
         """
         order, normal, offset = [], [], []
+        limits, gravity = aircraft.limits, aircraft.vehicle.gravity
+        thrust = min(limits.thrust_max, aircraft.vehicle.thrust_max)
+        climb = thrust / aircraft.vehicle.mass * np.cos(limits.tilt) - gravity
+        fall = min(limits.acceleration_down or np.inf, _FALLING * gravity)
+        climb = min(limits.acceleration_up or np.inf, climb)
         boxes = (
             (limits.position_min, limits.position_max),
             (limits.velocity_min, limits.velocity_max),
-            (
-                (-np.inf, -np.inf, -min(limits.acceleration_down or np.inf, _FALL)),
-                (np.inf, np.inf, min(limits.acceleration_up or np.inf, _CLIMB)),
-            ),
+            ((-np.inf, -np.inf, -fall), (np.inf, np.inf, climb)),
         )
         for number, box in enumerate(boxes):
             for sign, bounds in zip((1.0, -1.0), box, strict=True):
@@ -77,18 +80,20 @@ class Allowed:
                     normal.append(sign * np.eye(3)[axis])
                     offset.append(sign * bounds[axis])
         tangent = float(np.tan(limits.tilt))
-        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        ahead = np.array([np.cos(aircraft.heading), np.sin(aircraft.heading), 0.0])
         left = np.array([-ahead[1], ahead[0], 0.0])
-        for side in (ahead, -ahead, left, -left):
-            order.append(2)
-            normal.append(side + tangent * np.eye(3)[2])
-            offset.append(-tangent * gravity)
+        roll, pitch = limits.body_rate[:2]
+        sides, rates = (ahead, -ahead, left, -left), (pitch, pitch, roll, roll)
+        for side, rate in zip(sides, rates, strict=True):
+            order += [2, 3]
+            normal += [side + tangent * np.eye(3)[2], side]
+            offset += [-tangent * gravity, -gravity * rate]
         speed = limits.level_speed if limits.rounds_speed else np.inf
         return cls(
             np.array(order),
             np.array(normal),
             np.array(offset),
-            (np.inf, speed, limits.acceleration or np.inf),
+            (np.inf, speed, limits.acceleration or np.inf, limits.jerk or np.inf),
         )
 
 
@@ -102,6 +107,8 @@ class Crowd:
     """Velocities there, shape (n, m, 3) [m/s]."""
     pulls: FloatArray
     """Accelerations there, shape (n, m, 3) [m/s²]."""
+    jerks: FloatArray
+    """Their rates there, shape (n, m, 3) [m/s³]."""
     duration: float
     """[s]."""
     intervals: int
@@ -135,6 +142,7 @@ class Crowd:
             places=self.places[rows],
             speeds=self.speeds[rows],
             pulls=self.pulls[rows],
+            jerks=self.jerks[rows],
             give=np.where(free[:, None, None], self.give[rows], 0.0),
             hovers=self.hovers[rows],
             supple=self.supple[rows],

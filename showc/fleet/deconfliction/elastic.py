@@ -48,8 +48,8 @@ steps at most: what parts the crowds of the benchmarks, found by trial."""
 _LAST = 2
 """Of these stages, those that go on from ways that are known."""
 _HOPELESS = 0.02
-"""Sum of squared lacks of each drone beyond which the time is too short, whatever the
-beginning: where a way was found in the end, a tenth of that was left."""
+"""Sum of squared lacks of each drone beyond which the last stage would not pay: where a
+way was found in the end, a tenth of that was left."""
 _MEMORY = 8
 """Steps that shape the next one."""
 _AIM, _CALM = 0.02, 0.2
@@ -57,6 +57,10 @@ _AIM, _CALM = 0.02, 0.2
 either end over which that rises from nothing: what following a way may cost."""
 _AGAIN = 4
 """Times that this share is added at most where a pair comes too near all the same."""
+_PULL = 0.3
+"""Acceleration with which a pair draws apart that stands at the separation [m/s²]."""
+_DEAREST = 0.03
+"""Over what share of its price a lack costs at the ends."""
 _ASIDE, _LIFT = 0.15, 0.6
 """Size of the random beginning, and that in the fourth coordinate, in separations."""
 _ENERGY = 1e-3
@@ -75,8 +79,9 @@ _SHARPER, _POWERS = 0.01, (4.0, 64.0)
 lacks, and its bounds: a sharp one is blind to all axes but one."""
 _TINY = 1e-12
 """What keeps quotients finite."""
-_PRODUCTS_OF_PAIR = 250.0
-"""Products that take as long as one pair between two samples [measured]."""
+_PRODUCTS_OF_PAIR, _SHORT = 250.0, 25.0
+"""Products that take as long as one pair between two samples, and how much longer they
+take in short arrays than in programs for many drones [measured]."""
 
 
 class Elastic:
@@ -103,16 +108,19 @@ class Elastic:
         times = sampled(crowd.duration)
         self.factor = energy_factor(crowd.duration, crowd.intervals + DEGREE - 8)
         values = spline_values(crowd.duration, self.factor.shape[0], times)
-        # Places, velocities and accelerations, one below the other.
+        # Places, velocities, accelerations and jerks, one below the other.
         self.reach = np.vstack(values) @ self.factor
-        used = np.concatenate([crowd.places, crowd.speeds, crowd.pulls], axis=1)
+        parts = (crowd.places, crowd.speeds, crowd.pulls, crowd.jerks)
+        used = np.concatenate(parts, axis=1)
         self.used = np.ascontiguousarray(used.transpose(1, 0, 2))
         self.moving = np.any(crowd.give != 0.0, axis=(1, 2))
         share, axes = np.linalg.eigh(crowd.give)
         share = np.sqrt(np.maximum(share, 0.0))
         self.root = np.einsum("nab,nb,ncb->nac", axes, share, axes)
         middle = 0.5 * (times[1:] + times[:-1]) / crowd.duration
-        self.calm = np.clip(np.minimum(middle, 1.0 - middle) / _CALM, 0.0, 1.0)
+        away = np.minimum(middle, 1.0 - middle)
+        self.calm = np.clip(away / _CALM, 0.0, 1.0)
+        self.off = 0.5 * _PULL * (crowd.duration * away) ** 2
         first, second = all_pairs(self.drones)
         moves = self.moving[first] | self.moving[second]
         self.first, self.second = first[moves], second[moves]
@@ -124,10 +132,10 @@ class Elastic:
         pairs = zip(self.first.tolist(), self.second.tolist(), strict=True)
         times = np.array([often.get(pair, 0) for pair in pairs], dtype=np.float64)
         self.again = np.clip(times - 1.0, 0.0, _AGAIN)
-        self.limits = [self._limits(order) for order in (0, 1, 2)]
+        self.limits = [self._limits(order) for order in range(len(parts))]
         self.looked: FloatArray | None = None
-        # Whether so much is lacking that no beginning would do.
-        self.hopeless = False
+        # What is wrong with the outcome.
+        self.lacking = np.inf
         self.work = 0.0
 
     def _limits(
@@ -172,9 +180,10 @@ class Elastic:
             )
             inner = found.x.reshape(shape)
             if lift is None and float(found.fun) > _HOPELESS * price * self.drones:
-                self.hopeless = True
                 break
-        return self._judged(np.einsum("kna,nab->nkb", inner, self.root))
+        found = self._judged(np.einsum("kna,nab->nkb", inner, self.root))
+        self.lacking = found.wrong
+        return found
 
     def _beginning(self) -> FloatArray:
         """Coefficients to begin with, (k, n, 3 or 4)."""
@@ -246,7 +255,10 @@ class Elastic:
         again = self.again[pair]
         calm = np.where(again > 0.0, 1.0, self.calm[segment])
         aim = self.distance * (1.0 + _AIM * (1.0 + again) * calm)
-        self.wanted = np.minimum(aim, self.standing[pair])
+        # Near the ends no share is aimed at: what lacks there costs more.
+        self.dear = 1.0 / np.maximum(self.calm[segment], _DEAREST)
+        off = self.off[segment] * (1.0 + again)
+        self.wanted = np.minimum(aim, self.standing[pair] + off)
         self.looked = flat
         self.work += _PRODUCTS_OF_PAIR * near.size
 
@@ -266,8 +278,9 @@ class Elastic:
             else self._round(gap, motion)
         )
         for here, share, lack, toward in lacks:
-            cost += price * float(lack @ lack)
-            force = (2.0 * price * lack)[:, None] * toward
+            dear = price * self.dear[here]
+            cost += float(dear @ (lack * lack))
+            force = (2.0 * dear * lack)[:, None] * toward
             late, early = share[:, None] * force, (1.0 - share)[:, None] * force
             first, second = self.ahead[here], self.behind[here]
             where = np.concatenate([first, first + later, second, second + later])
@@ -369,5 +382,5 @@ class Elastic:
             (pairs // self.drones, pairs % self.drones),
             float(worst.sum()),
             excess(crowd, used, used + values),
-            self.work,
+            _SHORT * self.work,
         )

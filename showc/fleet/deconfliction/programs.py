@@ -119,7 +119,7 @@ class Programs:
         factor = energy_factor(duration, count)
         self.factor = factor
         # Places, velocities and accelerations, one below the other.
-        self.whole = np.vstack(spline_values(duration, count, times)) @ factor
+        self.whole = np.vstack(spline_values(duration, count, times)[:3]) @ factor
         self.inner = np.zeros((self.drones, factor.shape[1], 3))
         self.change = np.zeros_like(crowd.places)
         self.scale = np.asarray(crowd.separation.metric_scale)
@@ -384,7 +384,7 @@ class Programs:
         for order, normal, offset in zip(
             allowed.order.tolist(), allowed.normal, allowed.offset, strict=True
         ):
-            if order and not self.limited:
+            if order > (2 if self.limited else 0):
                 continue
             part = slice(order * count, (order + 1) * count)
             # What a drone uses when it flies alone it may use.

@@ -85,8 +85,9 @@ _NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 one of few drones: with these another time costs little."""
 _PRODUCTS = 5e8
 """Products of numbers in an untangling that take as long as one flight's solve."""
-_LEFT = 0.75
-"""Share of the conflicts that the first flights may leave: else time is too short."""
+_LEFT = 0.5
+"""Share of the distance lacking that the first flights may leave: else time is too
+short."""
 _HOVERING = 0.1
 """How readily a drone that hovers moves, where others cannot go round it."""
 _TANGLED = ((0.35, 0.0), (0.0, 8.0), (0.03, 0.0))
@@ -402,10 +403,10 @@ class Repair:
         self.work += found.work / _PRODUCTS
         many = sorted(each * len(self.flown) + more for each, more in _TANGLED)[1]
         many = max(many, _HARDLY)
-        if round_ == 0 and found.beyond > many:
+        if round_ == 0 and found.wrong > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
             few = len(self.flown) <= _FEW_DRONES
-            self.tangled = _NOT_AT_ALL if few else found.beyond / many
+            self.tangled = _NOT_AT_ALL if few else found.wrong / many
             return False
         least = _LEAST * self.separation.distance
         size = np.abs(found.coefficients).max(axis=(1, 2))
@@ -473,6 +474,7 @@ class Repair:
         places = np.stack([one(times) for one in paths])
         rates = np.stack([one(times) for one in speeds])
         pulls = np.stack([one.derivative()(times) for one in speeds])
+        jerks = np.stack([one.derivative().derivative()(times) for one in speeds])
         way = self.goal - self.start
         length = np.linalg.norm(way, axis=1)
         ahead = way / np.maximum(length, _STILL)[:, None]
@@ -484,6 +486,7 @@ class Repair:
             places,
             rates,
             pulls,
+            jerks,
             self.duration,
             self.intervals // 2,
             self.separation,
@@ -492,11 +495,7 @@ class Repair:
             np.array([kind != OPTIMAL for kind in self.kind] + [False] * others),
             self._planes(found, times),
             self._often,
-            Allowed.of(
-                self.aircraft.limits,
-                self.aircraft.vehicle.gravity,
-                self.aircraft.heading,
-            ),
+            Allowed.of(self.aircraft),
         )
 
     def _planes(self, found: Encounters, times: FloatArray) -> Planes:
@@ -524,12 +523,13 @@ class Repair:
 
     def _apart(self) -> bool:
         """Lay half-spaces, round after round, until no pair comes too near."""
-        fewest, stalled, least = len(self.flown) ** 2, 0, np.inf
+        fewest, stalled, least, first = len(self.flown) ** 2, 0, np.inf, np.inf
         for number in range(self.move.rounds + 1):
             found, astray = self._conflicts(), self._astray()
             count = len(found) + len(astray)
             lack = float((self.separation.distance - found.distance).sum())
             if number == 0:
+                first = lack
                 self._count("first_conflicts", len(found))
             if not count:
                 return True
@@ -540,7 +540,7 @@ class Repair:
                 f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
             )
             many = count > _FEW_LEFT
-            if number == 1 and many and count > _LEFT * self.counts["first_conflicts"]:
+            if number == 1 and many and lack > _LEFT * first:
                 self.tangled = _NOT_AT_ALL
                 return False
             wanted = (1.0 - _FALLING) * fewest if many else fewest - 1

@@ -31,6 +31,9 @@ _MANY = 200
 """Drones from which on there is one beginning."""
 _STARTS = 3
 """Beginnings of a way through a fourth dimension."""
+_HOPELESS = 0.35
+"""Wrong for each drone, from which on no other beginning is tried: the time is too
+short."""
 _NEARLY, _HARDLY = 0.1, 3.0
 """Wrong for each drone, and at most, at which another search would not pay: what little
 is lacking is made good in flight."""
@@ -56,7 +59,7 @@ def untangle(
         work += found.work
         # About others that fly already, what asks for too much tangles them anew.
         better = best is None or (
-            found.beyond < best.beyond if anew else found.strain < best.strain
+            found.wrong < best.wrong if anew else found.strain < best.strain
         )
         best = found if better else best
         if found.wrong <= (enough if anew else 0.0):
@@ -86,7 +89,7 @@ def _searches(
     for seed in range(_STARTS):
         ways = Elastic(crowd, seed)
         yield ways
-        if ways.hopeless:
+        if ways.lacking > _HOPELESS * crowd.places.shape[0]:
             return
 
 
