@@ -93,8 +93,9 @@ _HOVERING = 0.1
 _TANGLED = ((0.35, 0.0), (0.0, 8.0), (0.03, 0.0))
 """Pairs too near and drones beyond limits after all changes, from which on no change is
 flown: for each drone, and besides. The middle one of these is meant."""
-_HARDLY = 2.0
-"""What may be wrong with any crowd all the same: with two drones it is soon solved."""
+_HARDLY, _DOZEN = 2.0, 12
+"""What may be wrong with any crowd all the same; and drones of which each may be wrong:
+to fly them takes no longer than to look for better ways."""
 _LEAST = 1e-3
 """Changes, over the separation, below which a flight stays as it is."""
 _MISSED, _STIFFER = 0.05, 0.6
@@ -402,10 +403,10 @@ class Repair:
         self._count("untangled", 1)
         self.work += found.work / _PRODUCTS
         many = sorted(each * len(self.flown) + more for each, more in _TANGLED)[1]
-        many = max(many, _HARDLY)
+        few = len(self.flown) <= _FEW_DRONES
+        many = max(many, len(self.flown) if len(self.flown) <= _DOZEN else _HARDLY)
         if round_ == 0 and found.wrong > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
-            few = len(self.flown) <= _FEW_DRONES
             self.tangled = _NOT_AT_ALL if few else found.wrong / many
             return False
         least = _LEAST * self.separation.distance
