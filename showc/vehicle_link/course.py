@@ -11,6 +11,8 @@ import numpy as np
 from showc.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedSegment, LoggedShow
     from showc.trajectory import PiecewisePolynomial
@@ -112,9 +114,12 @@ def _trajectories(show: LoggedShow) -> Course:
         show.trajectory(drone).state.select([0, 1, 2]) for drone in range(show.drones)
     )
     moving = [segment for segment in show.segments if segment.kind != "hold"]
-    legs = tuple(_leg_of(show, segment, moving) for segment in moving)
-    launches = [leg.until for leg, one in zip(legs, moving, strict=True)
-                if one.kind == "launch"]  # fmt: skip
+    flown = [(one, _leg_of(show, one, moving)) for one in moving]
+    launches = [leg.until for one, leg in flown if one.kind == "launch"]
+    beside = any(one.message.moves for one in moving)
+    script = show.read_script().show if beside else None
+    groups = {} if script is None else script.groups
+    legs = tuple(part for one, leg in flown for part in _parts(show, one, leg, groups))
     return Course(
         "trajectories",
         legs,
@@ -148,6 +153,30 @@ def _leg_of(
         min(later, default=show.duration),
         proved,
     )
+
+
+def _parts(
+    show: LoggedShow,
+    segment: LoggedSegment,
+    whole: CourseLeg,
+    groups: Mapping[str, tuple[int, ...]],
+) -> Iterator[CourseLeg]:
+    """Yield the moves of groups that have times of their own; else the whole leg."""
+    moves = [one for one in segment.message.moves if one.group in groups]
+    if not moves:
+        yield whole
+    for move in sorted(moves, key=lambda one: one.start):
+        drones, end = tuple(groups[move.group]), move.start + move.duration
+        later = [one.start for one in moves if one.group == move.group]
+        yield CourseLeg(
+            move.name,
+            drones,
+            move.start,
+            np.full(len(drones), end),
+            _goals(show, drones, end),
+            min((start for start in later if start >= end), default=whole.until),
+            whole.proved,
+        )
 
 
 def _missions(show: LoggedShow) -> Course:

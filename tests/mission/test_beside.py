@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from mission.flights import rows
 from mission.planted import Case
@@ -9,6 +10,7 @@ from mission.planted import Case
 from showc.autopilot.timing import Timing
 from showc.fleet import solve_itinerary
 from showc.fleet.options import SolveOptions
+from showc.log.reader import read_log
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
 from showc.mission.fleet import builder_of
@@ -18,6 +20,7 @@ from showc.schedule.course import Course
 from showc.schedule.surroundings import fleet_motions
 from showc.schedule.timeline import build_timeline
 from showc.script import read_show
+from showc.vehicle_link.course import course_of
 
 SCRIPT = """\
 showc: 1
@@ -153,3 +156,23 @@ def test_motions_of_the_fleet_are_cut_where_a_stage_begins(case):
     for _, stage in beside:
         last = next(one for _, one in reversed(beside) if stage.drones[0] in one.drones)
         assert (found[-1].end[last.drones] == last.end).all()
+
+
+@pytest.mark.parametrize("kind", ["missions", "trajectories"])
+def test_each_move_of_a_group_is_compared_by_itself(case, kind):
+    show = read_log(case.path)
+    course = course_of(show, kind)
+    found = {leg.name: leg for leg in course.legs}
+    for name, drones, to in (
+        ("launch -> far", (2, 3), "far"),
+        ("up -> down", (0, 1), "down"),
+    ):
+        leg = found[name]
+        assert leg.drones == drones
+        places = np.array(case.script.formations[to].points)
+        gaps = np.linalg.norm(leg.goals[:, None] - places, axis=2)
+        # Missions have whole centimetres and 1e-7 degrees.
+        assert gaps.min(axis=1).max() < 0.02
+        assert leg.start < leg.arrivals.min() <= leg.arrivals.max() <= leg.until
+        # A move is looked at until its own drones fly on, whatever the others do.
+        assert leg.until >= found["approach to the pads"].start - 1e-9
