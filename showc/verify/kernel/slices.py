@@ -288,8 +288,12 @@ def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
     times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
     inside = (times > positions.begin) & (times < positions.end)
     common = inside & (counts >= 0.25 * counts[inside].max(initial=1))
-    cuts = np.union1d([positions.begin, positions.end], times[common])
     longest = max(distance / speed, (positions.end - positions.begin) / _SLICES)
-    for low, high in pairwise(cuts.tolist()):
+    cuts = [positions.begin]
+    for time in times[common].tolist():
+        # Of meshes finer than slices have to be, most points are no cuts.
+        if time - cuts[-1] >= 0.5 * longest:
+            cuts.append(time)
+    for low, high in pairwise([*cuts, positions.end]):
         parts = max(1, int(np.ceil((high - low) / longest)))
         yield from pairwise(np.linspace(low, high, parts + 1).tolist())
