@@ -124,16 +124,8 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
         return LegOutlook(leg.index, leg.name, not cached, reason, time, time, start)
     way = np.linalg.norm(leg.goal - leg.start, axis=1)
     if not (way > STILL).any():
-        duration = leg.duration or 0.0
-        return LegOutlook(
-            leg.index,
-            leg.name,
-            False,
-            "hold: nothing to solve",
-            duration,
-            duration,
-            start,
-        )
+        time, reason = leg.duration or 0.0, "hold: nothing to solve"
+        return LegOutlook(leg.index, leg.name, False, reason, time, time, start)
     lower = _axis_bound(leg.goal - leg.start, leg.limits)
     upper = max(straight_time(leg, show), leg.duration or 0.0)
     reason = (

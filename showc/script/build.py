@@ -14,9 +14,10 @@ from showc.script.aircraft import (
     body_of,
     envelope_of,
     limits_of,
+    separation_of,
+    tracking_of,
     vehicle_of,
 )
-from showc.script.apart import separation_of, tracking_of
 from showc.script.colours import linear_light
 from showc.script.diagnostic import Label, ScriptError
 from showc.script.fleet import fleet_size, groups_of, needed_counts
@@ -26,7 +27,7 @@ from showc.script.motions import morphs_of, motion_of
 from showc.script.music import asked_time, music_of
 from showc.script.placing import paint
 from showc.script.scalars import no_such
-from showc.script.settings import Setting, Settings
+from showc.script.settings import Settings
 from showc.script.show import (
     Export,
     Follow,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
     from showc.script.files import InputFiles
     from showc.script.reader import Reader
+    from showc.script.settings import Setting
     from showc.script.show import Preference, Site
 
 

@@ -9,7 +9,7 @@ from collections import Counter
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
-from showc.pipeline.manifest import build_manifest
+from showc.pipeline.compile import build_manifest
 from showc.verify.decode import read_show
 from showc.verify.mcap import open_log
 from showc.verify.missions import Missions

@@ -9,7 +9,7 @@ from synthetic import vertical_flight, vertical_formations
 
 from showc.log import showc_pb2 as pb
 from showc.log.writer import write_log
-from showc.pipeline.manifest import build_manifest
+from showc.pipeline.compile import build_manifest
 from showc.script import read_show as read_script
 from showc.verify.decode import read_show
 from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
