@@ -88,15 +88,11 @@ def check_schemas(log: LogFile) -> Check:
             (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic)),
             None,
         )
-        if wanted is None:
-            bad.append(f"{channel.topic}: showc writes no such topic")
-        elif (schema.name, schema.encoding) != (wanted.DESCRIPTOR.full_name, PROTOBUF):
-            name = wanted.DESCRIPTOR.full_name
-            bad.append(f"{channel.topic}: {schema.name}, not {name}")
-        elif schema.data != descriptor_set(wanted):
+        name = "nothing" if wanted is None else wanted.DESCRIPTOR.full_name
+        if wanted is None or schema[1:] != (name, PROTOBUF, descriptor_set(wanted)):
             bad.append(
-                f"{schema.name} is defined in another way; verify with the release of "
-                "showc that compiled the show, or compile it again"
+                f"{channel.topic} has {schema.name}, not {name} as this release of "
+                "showc defines it; verify with the one that compiled the show"
             )
         if channel.encoding != PROTOBUF or channel.metadata:
             bad.append(f"{channel.topic}: the channel says more, or another encoding")

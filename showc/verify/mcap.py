@@ -293,7 +293,8 @@ class _Walk:
         record = self._next(record.stop)
         while record.opcode != Opcode.DATA_END:
             record = self._take(record)
-        self._crc(record, "the data as a whole", view[: record.position])
+        (crc,), data = fields(view, record), view[: record.position]
+        self._crc(crc, data, record.position, "the data as a whole")
         self._summary(record.stop)
         log.release()
         return log
@@ -304,16 +305,15 @@ class _Walk:
             raise Damage(position, f"the log has more than {MOST_RECORDS:,} records")
         return next_record(self.view, position)
 
-    def _crc(self, record: Record, what: str, covered: memoryview) -> None:
-        """Check the CRC with which a record ends."""
-        crc = fields(self.view, record)[-1]
+    def _crc(
+        self, crc: int, covered: memoryview | bytes, position: int, what: str
+    ) -> None:
+        """Check the CRC of what a record covers."""
         if not crc:
-            self.log.warnings.append((record.position, f"no CRC covers {what}"))
+            self.log.warnings.append((position, f"no CRC covers {what}"))
         elif zlib.crc32(covered) != crc:
-            raise Damage(
-                record.position,
-                f"the CRC of {what} does not fit: it was altered, or what it covers",
-            )
+            text = f"the CRC of {what} does not fit: it was altered, or what it covers"
+            raise Damage(position, text)
 
     def _take(self, record: Record) -> Record:
         """Take the next record of the data; return the one that follows."""
@@ -323,10 +323,10 @@ class _Walk:
         if kind in {Opcode.SCHEMA, Opcode.CHANNEL}:
             self._define(record, fields(self.view, record))
         elif kind == Opcode.ATTACHMENT:
-            *found, _ = fields(self.view, record)
+            *found, crc = fields(self.view, record)
             one = Attachment._make([*found, position])
             covered = self.view[record.start : record.stop - 4]
-            self._crc(record, f"attachment {one.name!r}", covered)
+            self._crc(crc, covered, position, f"attachment {one.name!r}")
             self.log.attachments.append(one)
             times, size = (one.log_time, one.create_time), len(one.content)
             row = (position, record.stop - position, *times, size)
@@ -368,10 +368,7 @@ class _Walk:
         if compression != "zstd":
             raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
         data = inflate(self.view, span, size)
-        if not crc:
-            self.log.warnings.append((position, "a chunk has no CRC"))
-        elif zlib.crc32(data) != crc:
-            raise Damage(span[0], "the CRC of a chunk does not fit its data")
+        self._crc(crc, data, position, "a chunk")
         self.unpacked += size
         if self.unpacked > LARGEST_UNPACKED:
             raise Damage(position, "the chunks up to here are too large in sum")
@@ -453,7 +450,7 @@ class _Walk:
         footer = self._next(begin)
         while footer.opcode != Opcode.FOOTER:
             footer = self._next(footer.stop)
-        starts = fields(view, footer)[:2]
+        *starts, crc = fields(view, footer)
         if bytes(view[footer.stop : footer.stop + len(MAGIC)]) != MAGIC:
             raise Damage(
                 footer.stop,
@@ -462,7 +459,8 @@ class _Walk:
         end = footer.stop + len(MAGIC)
         if len(view) > end:
             raise Damage(end, f"{len(view) - end:,} bytes follow the end of the file")
-        self._crc(footer, "the summary", view[begin : footer.stop - 4])
+        covered = view[begin : footer.stop - 4]
+        self._crc(crc, covered, footer.position, "the summary")
         position, offsets = begin, []
         for kind, rows in self._groups().items():
             group = b"".join(encoded(kind, *row) for row in rows)
@@ -472,7 +470,7 @@ class _Walk:
         last = b"".join(encoded(Opcode.SUMMARY_OFFSET, *row) for row in offsets)
         if bytes(view[position : footer.position]) != last:
             raise Damage(position, "the offsets in the summary do not fit")
-        if starts != (begin, position):
+        if starts != [begin, position]:
             raise Damage(footer.position, "the footer names other places than these")
 
     def _same(self, position: int, wanted: bytes, what: str) -> None:
