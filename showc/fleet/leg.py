@@ -27,7 +27,7 @@ from showc.flight import (
 )
 from showc.plan.itinerary import STILL
 from showc.script.fence import Fence
-from showc.script.timing import SHORTEST_MOTION
+from showc.script.lanes import SHORTEST_MOTION
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.metric import measure
 from showc.vehicle.power import Power

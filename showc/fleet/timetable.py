@@ -23,6 +23,7 @@ from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
 from showc.plan.build import state_at
 from showc.plan.itinerary import Leg
+from showc.script.lanes import held_for
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -174,9 +175,9 @@ def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
         before = [*legs, *(one for one in parts if int(one.drones[0]) == group)]
         start, duration = _times(part, show, free.get(group, clock), {}, before)
         parts.append(replace(part, depart=start, duration=duration))
-        held = (
-            0.0 if part.transition is None else show.transitions[part.transition].hold
-        )
+        held = 0.0
+        if part.transition is not None:
+            held = held_for(show.transitions[part.transition])
         free[group] = round(start + duration + held, 3)
     parts = _in_motion(leg.parts, parts, free)
     begin = min(part.depart or 0.0 for part in parts)

@@ -21,6 +21,7 @@ from showc.script.lanes import (
     common,
     departure,
     ending,
+    held_for,
     own_times,
     rest,
 )
@@ -138,7 +139,7 @@ class _Builder:
         """One transition of the fleet, or several of groups at once, and the hold."""
         transitions = [self.show.transitions[index] for index in indices]
         parts: tuple[Leg, ...] = ()
-        hold = round(max(transition.hold for transition in transitions), 3)
+        hold = round(max(held_for(transition) for transition in transitions), 3)
         if transitions[0].group is None:
             formation, given = self._whole_fleet(transitions[0], hold)
         else:

@@ -53,6 +53,8 @@ RATE = 10.0
 FRAME_BUDGET = 250_000
 """Greatest number of positions (frames x drones): 1 s is to be enough for a change."""
 _STILL = 1e-9
+_INSTANT = 1e-3
+"""Least time of a move [s]: drones may come to rest on the spot."""
 _LONGEST = 3
 """Drones of the longest ways, and of the longest along each axis, that set a time."""
 _EVERY = 7
@@ -174,7 +176,7 @@ def lay_out(
             flight = known.get(leg.index)
             course = _course(leg, planned.show, memory)
             time = course.duration if flight is None else flight.duration
-            times[leg.index] = round(time, 3)
+            times[leg.index] = max(round(time, 3), _INSTANT)
     itinerary = scheduled(planned, times)
     opened = iter(times.values())
     starts, durations, clock = [], [], 0.0

@@ -14,6 +14,7 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Spot
 from showc.script.lanes import (
+    SHORTEST_MOTION,
     arrival,
     chapters,
     departure,
@@ -25,7 +26,7 @@ from showc.script.lanes import (
 from showc.script.moving import moving_places
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
-from showc.script.timing import SHORTEST_MOTION, least_duration
+from showc.script.timing import least_duration
 from showc.script.wording import number_text
 from showc.vehicle.flatness import attitude_and_thrust
 

@@ -37,6 +37,15 @@ def arrival(one: Transition) -> float | None:
     return round(one.start + one.duration, 3)
 
 
+SHORTEST_MOTION = 0.5
+"""Least time of a motion [s]."""
+
+
+def held_for(one: Transition) -> float:
+    """Time for which a transition is held at least [s]: what moves needs some."""
+    return max(one.hold, SHORTEST_MOTION) if one.motion else one.hold
+
+
 def chapters(show: Show) -> list[list[int]]:
     """Transitions (by index) that are flown together, in order.
 

@@ -140,8 +140,20 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     before = (
         f"launch and its hold end at {_time(show, earliest, up=True)} at the soonest"
     )
+    leaving: int | None = None
     for members in chapters(show):
         together = [show.transitions[at] for at in members]
+        if leaving is not None and own_times(together):
+            yield Diagnostic(
+                "SHW213",
+                f"`{show.transitions[leaving].name}` is left in motion, and the groups "
+                "that follow move at times of their own",
+                settings[leaving].mark_of("leave"),
+                help="leave `leave: moving` out, or give the groups one time",
+            )
+            return
+        moving = (row for row in members if show.transitions[row].under_way[1])
+        leaving = next(moving, None)
         if own_times(together):
             asked = [settings[row] for row in members]
             if found := _lane_fault(show, members, asked, earliest, before):
@@ -259,8 +271,6 @@ _MILLISECOND = 1e-3
 """What a time may be off by rounding [s]."""
 _SHORTEST = 0.1
 """Least time of a move [s], as for `duration`."""
-SHORTEST_MOTION = 0.5
-"""Least time of a motion [s]."""
 
 
 def _time(show: Show, time: float, *, up: bool = False) -> str:

@@ -161,3 +161,12 @@ def test_a_motion_through_places_that_another_group_has_left_is_none():
     stay = "to: up, group: a, at: 31, duration: 9, hold: 1"
     result = read(far, stay, left, f"{gone}, {MEETS}")
     assert not [one for one in result.errors if "into this motion" in str(one.notes)]
+
+
+def test_groups_with_own_times_after_one_that_is_left_in_motion_are_found():
+    leaves = "to: up, group: a, at: 20, hold: 5, motion: [{rotate: 90}], leave: moving"
+    later = "to: far, group: b, at: 60, duration: 14"
+    found = fault(leaves, "to: down, group: a, start: 40, at: 52", later)
+    assert found.code == "SHW213"
+    assert "`launch -> up` is left in motion" in found.message
+    assert found.span.line == 12

@@ -207,17 +207,21 @@ def test_arriving_in_motion_without_a_motion_is_refused(key):
 
 
 def test_drones_that_come_to_rest_where_they_leave_a_motion_are_proved(tmp_path):
-    """Nothing bounds the time of a move of no length: none is claimed."""
+    """Nothing bounds the time of a move of no length: none is claimed.
+
+    One drone only stands by.
+    """
     script = tmp_path / "spot.yaml"
     script.write_text(
         """\
 showc: 1
-drones: 2
+drones: 3
 mission: {wanted: false}
+groups: {a: 1-2}
 formations: {it: {type: circle, radius: 6, centre: [0, 0, 14]}}
 transitions:
-  - {to: it, at: 16, hold: 6, motion: [{rotate: 180}], leave: moving}
-  - {to: it, at: 36, hold: 1}
+  - {to: it, group: a, at: 16, hold: 6, motion: [{rotate: 180}], leave: moving}
+  - {to: it, group: a, at: 36, hold: 1}
 landing: {altitude: 10}
 """
     )

@@ -186,6 +186,9 @@ def limiting_in_motion(
     way = both[:, 1, :3] - both[:, 0, :3]
     estimate = minimum_time_estimate(aircraft, both[:, 0], both[:, 1])[1]
     candidates = np.argsort(-estimate, kind="stable")[:_CANDIDATES]
+    # Drones that hover among others in motion bound nothing.
+    moving = np.count_nonzero(estimate[candidates] > 0.0)
+    candidates = candidates[: max(moving, 1)]
     relaxation = Relaxation(
         aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
     )
