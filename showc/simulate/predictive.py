@@ -43,7 +43,7 @@ INPUTS = ("thrust", "p_dot", "q_dot")
 """Constant on each interval: thrust [N] and angular accelerations [rad/s²]."""
 SPARE = 0.03
 """Share of each rotor's range that is left to the yaw."""
-RESERVE_ANGLE, RESERVE_RATE, RESERVE_SPEED = 0.04, 0.1, 0.12
+RESERVE_ANGLE, RESERVE_RATE, RESERVE_SPEED = 0.04, 0.1, 0.14
 """What is left to limits of roll and pitch [rad], body rates [rad/s] and speeds [m/s]:
 of speeds over twice what estimates err; gusts move the others."""
 FASTEST = 60.0

@@ -37,8 +37,9 @@ class Gains:
     """[1/s]."""
     observer: float = 3.0
     """Both poles of the observer [1/s]; 0: none."""
-    lean: float = 0.7
-    """Greatest roll and pitch that are asked for [rad]."""
+    lean: float = 0.785
+    """Greatest roll and pitch that are asked for [rad]: 45 degrees, what autopilots
+    are usually allowed. Plans have less, and leave the rest to the wind."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
