@@ -1,0 +1,83 @@
+"""Ways through a fourth dimension: slopes, limits, planes, and what is lacking."""
+
+import numpy as np
+import pytest
+from fleet.test_untangling import crowd_of, flown
+
+from showc.fleet.deconfliction.crowd import Planes, sampled
+from showc.fleet.deconfliction.elastic import Elastic
+from showc.vehicle import Separation
+from showc.vehicle.metric import measure
+
+CUBE = np.array(np.meshgrid(*[np.arange(2) - 0.5] * 3)).reshape(3, -1).T
+SHAPES = [
+    Separation(1.0),
+    Separation(1.0, "ellipsoid", 2.0),
+    Separation(1.0, "any-axis"),
+]
+
+
+@pytest.mark.parametrize("separation", SHAPES, ids=lambda one: one.shape)
+@pytest.mark.parametrize("axes", [3, 4])
+def test_the_slope_of_the_price_is_that_of_differences(separation, axes):
+    count = sampled(6.0).size
+    planes = Planes(
+        np.zeros(count, dtype=np.int64),
+        np.arange(count),
+        np.repeat([[0.0, 1.0, 0.0]], count, axis=0),
+        np.full(count, 0.1),
+    )
+    ways = Elastic(crowd_of(12.0 * CUBE, -12.0 * CUBE, separation, planes))
+    shape = (ways.factor.shape[1], 8, axes)
+    draw = np.random.default_rng(1)
+    inner, step = draw.standard_normal((2, *shape))
+    price, lift = 300.0, 0.1
+
+    def cost(share):
+        # Pairs that are looked at stay the same.
+        return ways._cost((inner + share * step).ravel(), shape, price, lift)
+
+    slope = float(cost(0.0)[1] @ step.ravel())
+    small = 1e-6
+    rise = (cost(small)[0] - cost(-small)[0]) / (2.0 * small)
+    assert rise == pytest.approx(slope, rel=2e-3)
+
+
+@pytest.mark.parametrize("separation", SHAPES[:2], ids=lambda one: one.shape)
+def test_drones_that_all_meet_in_one_point_are_parted(separation):
+    crowd = crowd_of(9.0 * CUBE, -9.0 * CUBE, separation)
+    found = Elastic(crowd).run()
+    assert found.broken == 0
+    places = flown(crowd, found)
+    first, second = np.triu_indices(8, 1)
+    assert measure(places[first] - places[second], separation).min() >= 1.0
+    np.testing.assert_allclose(places[:, [0, -1]], crowd.places[:, [0, -1]], atol=1e-9)
+    assert found.excess.max() < 0.02
+
+
+def test_what_is_lacking_says_by_how_much_there_is_too_little_room():
+    gaps = []
+    for size in (0.55, 0.7, 1.0):
+        # A drone passes between two that cannot move.
+        start = np.array([[-4.0, 0.0, 0.0], [0.0, size, 0.0], [0.0, -size, 0.0]])
+        crowd = crowd_of(start, start * [-1.0, 1.0, 1.0], Separation(1.0))
+        crowd.give[1:] = 0.0
+        # Nor may it go above or below.
+        crowd.give[0] = np.diag([1.0, 0.0, 0.0])
+        gaps.append(Elastic(crowd).run().broken)
+    assert gaps[0] >= gaps[1] > 0.0 == gaps[2]
+
+
+def test_a_drone_that_may_not_move_stays():
+    crowd = crowd_of(9.0 * CUBE, -9.0 * CUBE, Separation(1.0))
+    crowd.give[3] = 0.0
+    found = Elastic(crowd).run()
+    assert np.abs(found.coefficients[3]).max() == 0.0
+    assert found.broken == 0
+
+
+def test_ways_that_are_known_are_kept_to():
+    crowd = crowd_of(9.0 * CUBE, -9.0 * CUBE, Separation(1.0))
+    before = flown(crowd, Elastic(crowd, 1).run()) - crowd.places
+    after = flown(crowd, Elastic(crowd, known=before).run()) - crowd.places
+    assert np.abs(after - before).max() < 0.5
