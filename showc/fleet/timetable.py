@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,10 +28,13 @@ from showc.script.lanes import held_for
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from showc.arrays import FloatArray
     from showc.flight import LegFlight
     from showc.plan.itinerary import Itinerary
     from showc.script.show import Show
 
+Shifts = dict[int, "tuple[FloatArray, FloatArray]"]
+"""Drones that stand elsewhere than planned: where that was, and where it is [m]."""
 _ON_TIME = 5e-4
 """By how much a wait may be negative by rounding to milliseconds [s]."""
 _INSTANT = 1e-3
@@ -87,15 +90,21 @@ def scheduled(
     """
     show, clock = itinerary.show, 0.0
     legs: list[Leg] = []
+    shifts: Shifts = {}
     for planned in itinerary.legs:
-        leg = _lanes(planned, show, clock, legs) if planned.parts else planned
+        leg, show = _shifted(planned, shifts, show)
+        leg = _lanes(leg, show, clock, legs) if leg.parts else leg
         if estimated and leg.open and leg.arrive is not None:
             room = max(round(leg.arrive - clock, 3), _SHORTEST)
             times = {**times, leg.index: min(times[leg.index], room)}
         start, duration = _times(leg, show, clock, times, legs)
         wait = round(start - clock, 3)
         if wait > 0.0 and any(one.tied for one in legs[-1].motion):
+            before = legs[-1].goal
             leg, show = _lengthen_motion(legs, wait, leg, show)
+            both = enumerate(zip(before, legs[-1].goal, strict=True))
+            shifts |= {row: one for row, one in both if not np.array_equal(*one)}
+            leg, show = _shifted(leg, shifts, show)
             duration = leg.duration or duration
         elif wait > 0.0:
             _lengthen(legs, wait, show)
@@ -105,6 +114,44 @@ def scheduled(
         legs.append(replace(leg, index=index, duration=fixed, after=after))
         clock = round(start + duration, 3)
     return replace(itinerary, show=show, legs=tuple(legs))
+
+
+def _shifted(leg: Leg, shifts: Shifts, show: Show) -> tuple[Leg, Show]:
+    """Let drones stand where a motion that is held longer has left them.
+
+    Those that the leg moves are taken out of ``shifts``.
+    """
+    own = None if leg.transition is None else show.transitions[leg.transition].to
+    stays = [
+        row
+        for row, (old, _) in shifts.items()
+        if leg.to_formation != own and np.array_equal(leg.goal[row], old)
+    ]
+    moved: dict[str, Any] = {}
+    for name in ("start", "start_state", "goal", "goal_state"):
+        places = getattr(leg, name)
+        if places is not None and shifts:
+            moved[name] = places.copy()
+            for row in shifts if name.startswith("start") else stays:
+                if np.array_equal(places[row, :3], shifts[row][0]):
+                    moved[name][row, :3] = shifts[row][1]
+            moved[name].setflags(write=False)
+    if stays:
+        formation = show.formations[leg.to_formation]
+        points = formation.points.copy()
+        points[leg.places[stays]] = [shifts[row][1] for row in stays]
+        points.setflags(write=False)
+        standing = {leg.to_formation: replace(formation, points=points)}
+        show = replace(show, formations={**show.formations, **standing})
+    parts = tuple(
+        replace(part, start=moved["start"][part.drones])
+        if shifts and np.array_equal(part.start, leg.start[part.drones])
+        else part
+        for part in leg.parts
+    )
+    for row in [row for row in shifts if row not in stays]:
+        del shifts[row]
+    return replace(leg, parts=parts, **moved), show
 
 
 def _times(

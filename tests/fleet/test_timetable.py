@@ -183,3 +183,25 @@ def test_a_motion_that_is_joined_is_held_until_what_follows(joins, after):
         assert clock == pytest.approx(50.0, abs=1e-6)
     else:
         assert clock + leg.duration == pytest.approx(60.0, abs=1e-6)
+
+
+def test_drones_of_no_group_stand_where_a_longer_motion_has_left_them():
+    """They leave it in motion too, and its end is elsewhere than planned."""
+    orbit = "motion: [{orbit: {radius: 1, period: 7}}], leave: moving"
+    text = JOINED.replace("motion: [{rotate: 100}], arrive: moving", orbit)
+    text = text.replace("formations:", "groups: {a: 1-2}\nformations:")
+    up = "{to: up, group: a, at: 60, hold: 3}\n  - {to: row, at: 90}"
+    text = text.replace("{to: row, at: 60}", up)
+    pair = "up: {type: points, points: [[20, 0, 14], [24, 0, 14]]}"
+    made = joined(text.replace("transitions:", f"  {pair}\ntransitions:"))
+    at = next(index for index, leg in enumerate(made.legs) if leg.kind == "motion")
+    motion, leg, hold, last = made.legs[at : at + 4]
+    place = motion.motion[0].ends(motion.duration)[1][0]
+    assert motion.duration > 7.0
+    assert np.abs(place - motion.motion[0].ends(6.0)[1][0]).max() > 0.1
+    for standing in (leg.start, leg.goal, hold.start, hold.goal, last.start):
+        assert np.allclose(standing[2:], place[2:])
+    assert np.array_equal(leg.goal[:2], hold.start[:2])
+    points = made.show.formations[leg.to_formation].points
+    assert np.array_equal(points[leg.places], leg.goal)
+    assert np.array_equal(np.sort(last.goal[:, 0]), [-7.5, -2.5, 2.5, 7.5])
