@@ -113,7 +113,7 @@ def hops(
     goal[leg.drones] = leg.goal
     low = float(max(start[:, 2].max(), goal[:, 2].max()))
     ways = _Ways(start, goal, straight.drones, around, low)
-    chosen = _who_hops(gaps, ways, _blocked(straight, start, around))
+    chosen = _who_hops(gaps, ways, barred(straight, start, around))
     if chosen is None or not chosen.size:
         return
     drones = straight.drones[chosen]
@@ -149,8 +149,12 @@ def _raised(places: FloatArray, ways: FloatArray, height: FloatArray) -> FloatAr
     return np.asarray(places + rise * np.column_stack([ways, np.ones(len(ways))]))
 
 
-def _blocked(stage: Stage, places: FloatArray, around: Surroundings) -> set[int]:
-    """Positions in the stage of drones whose lines come too near one that rests."""
+def barred(stage: Stage, places: FloatArray, around: Surroundings) -> set[int]:
+    """Return which of a stage's drones have lines that come too near one that rests.
+
+    ``places`` (drones, 3) [m] is where everyone is; what returns are positions in the
+    stage.
+    """
     resting = np.delete(places, stage.drones, axis=0)
     if not len(resting):
         return set()

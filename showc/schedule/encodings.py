@@ -20,7 +20,7 @@ import numpy as np
 from showc.autopilot.stage import flown
 from showc.autopilot.timing import CLOCK_LAG, EXACT
 from showc.errors import ExportError
-from showc.schedule.detours import bends, hops, layers
+from showc.schedule.detours import barred, bends, hops, layers
 from showc.schedule.headways import release_gaps
 from showc.schedule.releases import MARGIN, staggered
 from showc.schedule.separation import TOLERANCE, closest_encounter
@@ -57,7 +57,7 @@ class Encoding:
     name: str
     """What was done, in words."""
     stages: tuple[Stage, ...]
-    """In order; none when no drone moves."""
+    """In order; one without drones when none moves."""
     closest: tuple[Encounter | None, ...]
     """Nearest encounter of each stage, times since its release [s]."""
 
@@ -77,8 +77,11 @@ def choose_encoding(
     best: Encounter | None = None
     outside: int | None = None
     for worked in candidates(leg, flight, builder, around):
-        closest, encounters = [], around.closest(worked.stages)
-        for stage in worked.stages:
+        # What is proved is what is flown: stages without a drone take no time.
+        stages = tuple(stage for stage in worked.stages if stage.drones.size)
+        stages = stages or worked.stages[:1]
+        closest, encounters = [], around.closest(stages)
+        for stage in stages:
             out = stage.drones[leaves(stage, around.site)]
             if out.size:
                 outside = outside or int(out[0]) + 1
@@ -90,7 +93,7 @@ def choose_encoding(
                     best = found
                 break
         else:
-            return Encoding(worked.name, worked.stages, tuple(closest))
+            return Encoding(worked.name, stages, tuple(closest))
     raise _refusal(leg, best, around.separation.distance, outside)
 
 
@@ -374,13 +377,13 @@ class _Above:
     cost: float
 
     def kept(self, search: _Search) -> Iterator[Worked | Promise]:
-        first = search.first
+        first, around = search.first, search.around
+        # A drone whose line passes one that rests meets it whenever it leaves.
+        stuck = bool(barred(first, around.positions, around))
         for retry in range(len(WIDER) if search.by_axes else 1):
             gaps = search.gaps(first, retry)
-            if staggered(gaps, first.followed) is not None:
+            if not stuck and staggered(gaps, first.followed) is not None:
                 continue
-            for name, ways in hops(
-                search.leg, search.builder, search.around, first, gaps
-            ):
+            for name, ways in hops(search.leg, search.builder, around, first, gaps):
                 stages = tuple(_quickest(ways))
                 yield _Staggered(search.cost(stages), name, stages)

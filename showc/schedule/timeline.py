@@ -466,20 +466,10 @@ class _Layout:
         return replace(around, positions=places, others=others)
 
     def _encoded(self, number: int, around: Surroundings) -> Encoding:
-        """Encode a move; stages in which no drone flies are left out, but a single one.
-
-        Lights may change in it.
-        """
+        """Encode a move, with no drone faster than it has room for."""
         move = self.moves[number]
         builder = replace(self.builder, fastest=self.fastest[number])
-        chosen = choose_encoding(move.leg, move.flight, builder, around)
-        kept = [
-            (stage, closest)
-            for stage, closest in zip(chosen.stages, chosen.closest, strict=True)
-            if stage.drones.size
-        ]
-        stages, closest = zip(*(kept or [(chosen.stages[0], None)]), strict=True)
-        return Encoding(chosen.name, stages, closest)
+        return choose_encoding(move.leg, move.flight, builder, around)
 
     def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
         """Add how the drones are likely to fly ``legs``, each drone's in order."""

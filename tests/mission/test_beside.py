@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from mission.flights import rows
+from mission.flights import formula_flight, rows
 from mission.planted import Case
 
 from showc.autopilot.timing import Timing
@@ -176,3 +176,37 @@ def test_each_move_of_a_group_is_compared_by_itself(case, kind):
         assert leg.start < leg.arrivals.min() <= leg.arrivals.max() <= leg.until
         # A move is looked at until its own drones fly on, whatever the others do.
         assert leg.until >= found["approach to the pads"].start - 1e-9
+
+
+CROWDED = """\
+showc: 1
+drones: 6
+site: {wind: 6}
+pads: {type: grid, rows: 1, step: 3.5, count: 6}
+groups: {a: 1-3, b: 4-6}
+formations:
+  f0: {type: points, points: [[-6.28, 0.4, 16.6], [-2.33, 1.2, 13.1], [1.1, -2.2, 17.3]]}
+  f1: {type: points, points: [[-5.91, -5.1, 13.4], [-2.49, 4.2, 12.8], [1.11, 3, 12.5]]}
+  f2: {type: points, points: [[-6.18, 1.2, 12.5], [-3.12, 4.7, 14.2], [1.16, -5.4, 13]]}
+  f3: {type: points, points: [[-6.25, -0.5, 16.8], [-2.42, 7.1, 12.3], [1.42, -0.1, 17.6]]}
+  f4: {type: points, points: [[-5.87, -4.3, 12.3], [-2.13, 2, 13.1], [1.39, 2.3, 12.3]]}
+  f5: {type: points, points: [[-5.91, -4.8, 16.7], [-2.17, -5.9, 16.8], [1.06, 6, 13.9]]}
+  f6: {type: points, points: [[-6.27, -1.5, 14.3], [-2.99, 0.5, 14], [-0.26, 6.2, 14.8]]}
+transitions:
+  - {to: f0, group: a, start: 16, duration: 9.1, hold: 1}
+  - {to: f1, group: b, start: 15.8, duration: 6.3, hold: 2.4}
+  - {to: f2, group: a, start: 27.4, duration: 10, hold: 0.7}
+  - {to: f3, group: a, start: 40.3, duration: 5.8, hold: 1.9}
+  - {to: f4, group: b, start: 42.1, duration: 4.3, hold: 1.4}
+  - {to: f5, group: a, start: 49.3, duration: 9.4, hold: 2}
+  - {to: f6, group: b, start: 50, duration: 8.9, hold: 2.3}
+"""  # noqa: E501 - places as they were found
+
+
+def test_ways_above_others_are_flown_as_they_were_proved(tmp_path):
+    """Lines pass drones that rest, and stages without a drone take no time."""
+    flight = formula_flight(build_itinerary(read_show(CROWDED.encode()).show))
+    case = Case(tmp_path, flight)
+    assert case.failures() == set()
+    encodings = {leg["encoding"] for leg in case.missions.prediction["legs"]}
+    assert any("above the others" in encoding for encoding in encodings)
