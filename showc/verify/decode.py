@@ -213,8 +213,8 @@ def read_aborts(
         If it is malformed.
     """
     one = next(one for one in log.attachments if one.name == ABORT_NAME)
-    offset = one.position
-    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, one.content, offset))
+    offset, content = one.position, log.attachment(ABORT_NAME) or b""
+    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, content, offset))
     flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
     for found in table.flights:
         flights[found.segment][found.drone] = _table(found, offset)

@@ -136,7 +136,7 @@ class LogFile:
         """Content of the attachment of that name; None if there is none."""
         for attachment in self.attachments:
             if attachment.name == name:
-                return attachment.content
+                return bytes(self.view[slice(*attachment.span)])
         return None
 
     @contextmanager
@@ -285,11 +285,8 @@ class _Walk:
             raise Damage(record.position, "the first record is not a header")
         profile, log.library = fields(view, record)
         if profile or not log.library.startswith("showc"):
-            raise Damage(
-                record.position,
-                f"this is an MCAP file of {log.library!r} with profile {profile!r}, "
-                "not a log of showc's",
-            )
+            other = f"this is an MCAP file of {log.library!r}, profile {profile!r}"
+            raise Damage(record.position, f"{other}, not a log of showc's")
         record = self._next(record.stop)
         while record.opcode != Opcode.DATA_END:
             record = self._take(record)
@@ -323,25 +320,21 @@ class _Walk:
         if kind in {Opcode.SCHEMA, Opcode.CHANNEL}:
             self._define(record, fields(self.view, record))
         elif kind == Opcode.ATTACHMENT:
-            *found, crc = fields(self.view, record)
-            one = Attachment._make([*found, position])
-            covered = self.view[record.start : record.stop - 4]
+            *found, content, crc = fields(self.view, record)
+            stop, size = record.stop - 4, len(content)
+            one = Attachment._make([*found, (stop - size, stop), position])
+            covered = self.view[record.start : stop]
             self._crc(crc, covered, position, f"attachment {one.name!r}")
             self.log.attachments.append(one)
-            times, size = (one.log_time, one.create_time), len(one.content)
-            row = (position, record.stop - position, *times, size)
-            self.index[Opcode.ATTACHMENT_INDEX].append((*row, *one[2:4]))
+            row = (position, record.stop - position, *one[:2], size, *one[2:4])
+            self.index[Opcode.ATTACHMENT_INDEX].append(row)
         elif kind == Opcode.METADATA:
             name, content = fields(self.view, record)
             self.log.metadata.append((name, dict(content)))
             size = record.stop - position
             self.index[Opcode.METADATA_INDEX].append((position, size, name))
         else:
-            raise Damage(
-                position,
-                f"a record of kind {kind} stands in the data of the show, where the "
-                "data should go on or end",
-            )
+            raise Damage(position, f"a record of kind {kind} stands in the show's data")
         return self._next(record.stop)
 
     def _define(self, record: Record, found: tuple[Any, ...]) -> None:
@@ -356,10 +349,10 @@ class _Walk:
         if log.channels.setdefault(number, channel) != channel:
             raise Damage(position, f"channel {number} is defined in two ways")
         if channel.schema not in log.schemas:
-            raise Damage(
-                position,
-                f"channel {channel.topic!r} has a schema that is not defined before it",
+            text = (
+                f"channel {channel.topic!r} has a schema that is not defined before it"
             )
+            raise Damage(position, text)
 
     def _chunk(self, record: Record) -> Record:
         """Take a chunk and the message indexes after it."""
@@ -452,10 +445,8 @@ class _Walk:
             footer = self._next(footer.stop)
         *starts, crc = fields(view, footer)
         if bytes(view[footer.stop : footer.stop + len(MAGIC)]) != MAGIC:
-            raise Damage(
-                footer.stop,
-                "the last eight bytes of an MCAP file are missing or others",
-            )
+            text = "the last eight bytes of an MCAP file are missing or others"
+            raise Damage(footer.stop, text)
         end = footer.stop + len(MAGIC)
         if len(view) > end:
             raise Damage(end, f"{len(view) - end:,} bytes follow the end of the file")

@@ -6,6 +6,7 @@ Source: the MCAP specification 1.0, section Records. All integers are little-end
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -126,7 +127,8 @@ class Attachment(NamedTuple):
     create_time: int
     name: str
     media_type: str
-    content: bytes
+    span: tuple[int, int]
+    """Start and stop of its content in the file [bytes]."""
     position: int
     """Of its record in the file [bytes]."""
 
@@ -161,31 +163,35 @@ def next_record(view: memoryview | bytes, position: int) -> Record:
 
 def fields(view: memoryview | bytes, record: Record) -> tuple[Any, ...]:
     """Return the fields of a record; written again, they must be its bytes."""
-    opcode, data = Opcode(record.opcode), bytes(view[record.start : record.stop])
-    what = f"a record ({opcode.name.lower().replace('_', ' ')})"
-    found, at = [], 0
-    try:
-        for kind in _FIELDS[opcode].split():
-            value, at = _taken(data, at, kind)
+    opcode, data = Opcode(record.opcode), memoryview(view)[record.start : record.stop]
+    kinds, found, at = _FIELDS[opcode].split(), list[Any](), 0
+    with suppress(UnicodeDecodeError):
+        for kind in kinds:
+            value, end = _taken(data, at, kind)
+            # So nothing is cut, or there twice in a map; what may be large is no copy.
+            same = kind == "bytes8" or bytes(data[at:end]) == _field(kind, value)
+            if end > len(data) or not same:
+                break
             found.append(value)
-    except UnicodeDecodeError:
-        raise Damage(record.start, f"{what} holds what is not UTF-8 text") from None
-    # So nothing is cut, longer than its fields, or there twice in a map.
-    if encoded(opcode, *found)[HEAD.size :] != data:
-        raise Damage(record.start, f"{what} has bytes that its fields have not")
+            at = end
+    if at != len(data) or len(found) != len(kinds):
+        what = opcode.name.lower().replace("_", " ")
+        text = f"a record ({what}) has bytes that its fields have not"
+        raise Damage(record.start, text)
     return tuple(found)
 
 
-def _taken(data: bytes, at: int, kind: str) -> tuple[Any, int]:
+def _taken(data: memoryview, at: int, kind: str) -> tuple[Any, int]:
     """Return the field at a place of a record's content, and where it ends."""
     if kind.isdecimal():
         end = at + int(kind)
         return int.from_bytes(data[at:end], "little"), end
     size, at = _taken(data, at, kind[-1] if kind.startswith("bytes") else "4")
     end = at + size
+    if kind == "text":
+        return bytes(data[at:end]).decode(), end
     if "-" not in kind:
-        value = data[at:end]
-        return value.decode() if kind == "text" else value, end
+        return data[at:end] if kind == "bytes8" else bytes(data[at:end]), end
     pairs: dict[Any, Any] = {}
     first, second = kind.split("-")
     while at < min(end, len(data)):
