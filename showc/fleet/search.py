@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure, where a crowd was
-nearly parted, with fewer times what may be wrong, and of many drones."""
+nearly parted, with fewer times what may be wrong, and of many drones at first."""
 _SMALL = 0.01
 """Share of the least time beyond it up to which growth is quick all the same."""
 _MANY = 128
@@ -211,7 +211,8 @@ class Search:
 
     def _growth(self, repair: Repair, gap: float) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
-        if self.leg.drones.size > _MANY and self.options.effort == 1:
+        many = self.leg.drones.size > _MANY and self.options.effort == 1
+        if many and gap <= _SMALL:
             return _BOLDLY
         # Where it nearly parts, the next time is near.
         near = 0.0 < repair.tangled < _NEARLY or (not repair.tangled and gap > _SMALL)

@@ -79,9 +79,9 @@ _SHARPER, _POWERS = 0.01, (4.0, 64.0)
 lacks, and its bounds: a sharp one is blind to all axes but one."""
 _TINY = 1e-12
 """What keeps quotients finite."""
-_PRODUCTS_OF_PAIR, _SHORT = 250.0, 25.0
-"""Products that take as long as one pair between two samples, and how much longer they
-take in short arrays than in programs for many drones [measured]."""
+_OF_PAIR, _OF_STEP, _DEAR = 250.0, 1.4e6, 6.6
+"""Products that take as long as one pair between two samples, and as a step whatever
+the crowd; and how much longer they take than what work is counted in [measured]."""
 
 
 class Elastic:
@@ -233,8 +233,8 @@ class Elastic:
             gradient[..., 3] = self._part(self.reach, 0).T @ pull[..., 3]
             gradient[..., 3] += (lift + energy) * heights
         gradient[:, ~self.moving] = 0.0
-        self.work += 4.0 * self.reach.size * drones * axes
-        self.work += _PRODUCTS_OF_PAIR * self.ahead.size
+        self.work += 4.0 * self.reach.size * drones * axes + _OF_STEP
+        self.work += _OF_PAIR * self.ahead.size
         return cost, gradient.ravel()
 
     def _look(self, points: FloatArray) -> None:
@@ -260,7 +260,7 @@ class Elastic:
         off = self.off[segment] * (1.0 + again)
         self.wanted = np.minimum(aim, self.standing[pair] + off)
         self.looked = flat
-        self.work += _PRODUCTS_OF_PAIR * near.size
+        self.work += _OF_PAIR * near.size
 
     def _apart(self, points: FloatArray, price: float) -> tuple[float, FloatArray]:
         """Price of what distances lack, and its slope (m, n, axes)."""
@@ -382,5 +382,5 @@ class Elastic:
             (pairs // self.drones, pairs % self.drones),
             float(worst.sum()),
             excess(crowd, used, used + values),
-            _SHORT * self.work,
+            _DEAR * self.work,
         )
