@@ -49,6 +49,9 @@ _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure, where a crowd was
 nearly parted, with fewer times what may be wrong, and of many drones at first."""
+_GREAT, _MEETING = 500, 0.25
+"""Drones from which on a time near the least is passed over where more than this share
+of them meet on straight lines: a search there takes as long as all others."""
 _SMALL = 0.01
 """Share of the least time beyond it up to which growth is quick all the same."""
 _MANY = 128
@@ -186,7 +189,7 @@ class Search:
             time = whole_milliseconds(least * (1.0 + gap))
             if best is not None and (time >= best.duration or self.spent):
                 break
-            repair = self.at(time)
+            repair = self.at(time, most=self._most(gap))
             if repair.done:
                 best = repair
                 break
@@ -208,6 +211,12 @@ class Search:
             gap = min(self._growth(repair, gap) * gap, longest)
         lowest = max(failed, limiting.time, _TOGETHER * least)
         return self._narrowed(best, lowest, limiting), limiting
+
+    def _most(self, gap: float) -> float:
+        """Pairs that may be too near where a time is worth a search, early on."""
+        drones = self.leg.drones.size
+        hasty = drones >= _GREAT and gap <= _SMALL and self.options.effort == 1
+        return _MEETING * drones if hasty else np.inf
 
     def _growth(self, repair: Repair, gap: float) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
@@ -266,6 +275,7 @@ class Search:
         time: float,
         bent: Mapping[int, Trajectory] = _NONE,
         shared: Profile | None = None,
+        most: float = np.inf,
     ) -> Repair:
         """Look for flights over a time [s]; ``done`` tells whether they are found.
 
@@ -275,6 +285,8 @@ class Search:
             Flights over another time that kept apart, by row.
         shared
             The profile that drones share; None: the quickest one.
+        most
+            Pairs too near, from which on the time is not worth a search.
         """
         leg = self.leg
         move = Move(
@@ -293,6 +305,7 @@ class Search:
             rounds=self.options.repair_rounds,
             work=max(_AT_ONCE * self.left, _LEAST_WORK),
             bent=bent,
+            most=most,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)
         repair.run()

@@ -143,6 +143,8 @@ class Move:
     """Flights, by row, that left their lines in another common time and kept apart."""
     others: Sequence[PiecewisePolynomial] = ()
     """Positions over the common time of drones that fly, and take no part."""
+    most: float = np.inf
+    """Pairs too near, from which on this time is not worth a search."""
 
 
 class Repair:
@@ -535,6 +537,9 @@ class Repair:
             if not count:
                 return True
             self._say(found, astray)
+            if number == 0 and len(found) > self.move.most:
+                self.tangled = _NOT_AT_ALL
+                return False
             if number == self.move.rounds or self._spent():
                 return self._settle()
             self.progress.note(
