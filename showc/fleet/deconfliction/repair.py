@@ -537,16 +537,14 @@ class Repair:
             if not count:
                 return True
             self._say(found, astray)
-            if number == 0 and len(found) > self.move.most:
-                self.tangled = _NOT_AT_ALL
-                return False
             if number == self.move.rounds or self._spent():
                 return self._settle()
             self.progress.note(
                 f"{self.name}: conflicts left: {count}, at {self.duration:.3f} s"
             )
             many = count > _FEW_LEFT
-            if number == 1 and many and lack > _LEFT * first:
+            most = (self.move.most, np.inf)[min(number, 1)]
+            if len(found) > most or (number == 1 and many and lack > _LEFT * first):
                 self.tangled = _NOT_AT_ALL
                 return False
             wanted = (1.0 - _FALLING) * fewest if many else fewest - 1
