@@ -71,16 +71,22 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 notes += (f"{tight} places are closer to another than the separation",)
             if distance > section.number("distance"):
                 notes += ("`distance` and twice `tracking` make the separation",)
+            # Pads that the script leaves out stand where it asks for the separation.
+            unwritten = formation.name == "pads" and not sketch.settings.written("pads")
+            mark = asked if unwritten else formation.mark
             yield Diagnostic(
                 "SHW201",
                 f"{names} are {apart} m apart, the separation is "
                 f"{number_text(distance)} m" + _measure(separation.shape),
-                formation.mark,
+                mark,
                 secondary=(Label(asked, "the separation"),)
-                if section.written("distance") and asked.line != formation.mark.line
+                if section.written("distance") and asked.line != mark.line
                 else (),
                 notes=notes,
-                help="make the formation larger, or add `spread: true` to it",
+                help="`all-axes` asks for another x, y and z of every place, on the "
+                "ground too: write them as `points`, or measure in another shape"
+                if separation.shape == "all-axes"
+                else "make the formation larger, or add `spread: true` to it",
                 spot=Spot(formation.name, (pair.first, pair.second)),
             )
         elif separation.shape == "sphere":

@@ -414,3 +414,13 @@ def test_a_misspelt_group_is_answered_with_the_one_that_is_meant(read):
     assert (found.code, found.help, found.fix) == (
         "SHW107", "did you mean `left`?", "left",
     )  # fmt: skip
+
+
+def test_pads_that_are_not_written_are_refused_where_the_separation_stands(read):
+    text = "drones: 4\nseparation: {distance: 1.5, shape: all-axes}\ntransitions: [a]\n"
+    line = (
+        "{type: line, count: 4, length: 12, direction: [1, 1, 1], centre: [0, 0, 20]}"
+    )
+    (found,) = read(f"{text}formations:\n  a: {line}\n").errors
+    assert found.code == "SHW201" and found.span.line == 3
+    assert "on the ground too" in found.help
