@@ -124,8 +124,9 @@ def test_what_one_group_shows_in_anothers_place_is_caught(case):
 
 
 def test_a_move_that_cannot_be_apart_waits_for_the_other_and_is_late():
-    """Without a solved flight there is no bend to go round along."""
-    itinerary = build_itinerary(read_show(SCRIPT.encode()).show)
+    """Without a solved flight there is no bend, under a ceiling no way above."""
+    low = "site: {volume: {min: [-100, -100, 0], max: [100, 100, 17]}}\n"
+    itinerary = build_itinerary(read_show((SCRIPT + low).encode()).show)
     show, course = itinerary.show, Course.planned(itinerary)
     timeline = build_timeline(show, course, builder_of(show)[0], Silent())
     right, left = timeline.legs[1:3]
