@@ -117,7 +117,8 @@ def measured(show: FleetShow, jobs: int | None) -> Iterator[tuple[str, Sequence[
         missions = True
         cold = shop.compile(missions=True)
         if cold.code == 1 and REFUSED in cold.output:
-            yield "note", (f"{show.name}: log only; {_last(cold.output)}",)
+            reason = next(line for line in cold.output.splitlines() if REFUSED in line)
+            yield "note", (f"{show.name}: log only; {reason.strip()}",)
             missions = False
             (shop.folder / "cache").rename(shop.folder / "former")
             cold = shop.compile(missions=False)
