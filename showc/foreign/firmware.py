@@ -120,7 +120,9 @@ def as_stored(show: ForeignShow) -> tuple[Tracks, tuple[Stored, ...], list[str]]
         return show.tracks, show.stored, []
     tracks, notes = show.tracks, []
     owner = owners(tracks)
-    scale = _scales(tracks)
+    reach = np.zeros(tracks.drones)
+    np.maximum.at(reach, owner, np.abs(tracks.position).max(axis=(1, 2)))
+    scale = np.maximum(1, np.ceil((np.ceil(1000.0 * reach) + 1.0) / 32_768.0))
     grid = scale[owner][:, None, None] / 1000.0
     durations = tracks.ends - tracks.starts
     exact = np.rint(durations * 1000.0)
@@ -160,21 +162,6 @@ def as_stored(show: ForeignShow) -> tuple[Tracks, tuple[Stored, ...], list[str]]
         for drone in range(tracks.drones)
     )
     return played, stored, notes
-
-
-def _scales(tracks: Tracks) -> FloatArray:
-    """Return the grid that the server stores each drone on, shape (drones,) [mm]."""
-    reach = np.zeros(tracks.drones)
-    np.maximum.at(reach, owners(tracks), np.abs(tracks.position).max(axis=(1, 2)))
-    found = np.ceil((np.ceil(1000.0 * reach) + 1.0) / 32_768.0)
-    return np.asarray(np.maximum(1.0, found))
-
-
-def grid_of(show: ForeignShow) -> int:
-    """Return the coarsest grid that positions are stored on [mm]."""
-    if show.stored:
-        return max(one.scale for one in show.stored)
-    return int(_scales(show.tracks).max())
 
 
 def _degrees(points: FloatArray) -> IntArray:

@@ -16,7 +16,7 @@ from showc.documents.numbers import array, number
 from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.facts import Asked
-from showc.foreign.firmware import Firmware, grid_of
+from showc.foreign.firmware import Firmware
 from showc.foreign.reading import read_show
 from showc.foreign.show import FencePolygon
 from showc.foreign.showmode import what_show_mode_makes
@@ -221,7 +221,7 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
         checks = [_strict(check) for check in checks]
     if form in SHOW_MODE:
         checks += [_strict(check) for check in found.becomes]
-        checks += what_show_mode_makes(show.tracks, found.closest, flown, grid_of(show))
+        checks += what_show_mode_makes(show.tracks, found.closest, flown)
     return checks
 
 

@@ -63,9 +63,6 @@ FITTED = 0.1
 """What the file of a flight may ask beyond the flight itself [m/s², m/s]. Limits above
 are those of the solved flights; velocities at the joints of their files are rounded, on
 a grid of 1 mm to 6 mm/s: over a quarter of a second 0.05 m/s²."""
-ROUNDED = 0.05
-"""Same, for each further millimetre of the grid [m/s²]: shows that reach further than
-32 m are stored on a coarser one, which moves a drone by half of it at most."""
 
 UP, DOWN = 3.0, 3.8
 """Greatest acceleration up and down that was flown within ``HEIGHT`` [m/s²]."""
@@ -78,7 +75,6 @@ def what_show_mode_makes(
     tracks: Tracks,
     closest: Encounter | None,
     wanted: Separation | None,
-    grid: int = 1,
 ) -> list[Check]:
     """Hold a file against what was flown.
 
@@ -90,10 +86,7 @@ def what_show_mode_makes(
         Its closest encounter.
     wanted
         Separation that drones must keep in the air.
-    grid
-        What positions are whole multiples of [mm].
     """
-    fitted = FITTED + ROUNDED * (grid - 1)
     velocity = derivative(tracks)
     speed = over_fleet(velocity, lambda part: greatest(part, length((0, 1)), 1e-3))
     sideways, up, down = joint_accelerations(velocity)
@@ -102,17 +95,17 @@ def what_show_mode_makes(
         _check(
             f"sideways acceleration over {WINDOW:g} s",
             sideways,
-            last.acceleration + fitted,
+            last.acceleration + FITTED,
             "m/s²",
         ),
-        _check(f"upward acceleration over {WINDOW:g} s", up, UP + fitted, "m/s²"),
-        _check(f"downward acceleration over {WINDOW:g} s", down, DOWN + fitted, "m/s²"),
+        _check(f"upward acceleration over {WINDOW:g} s", up, UP + FITTED, "m/s²"),
+        _check(f"downward acceleration over {WINDOW:g} s", down, DOWN + FITTED, "m/s²"),
         _check("horizontal speed", speed, last.speed + FITTED, "m/s"),
     ]
     fits = [
         tube
         for tube in TUBES
-        if sideways.lower <= tube.acceleration + fitted
+        if sideways.lower <= tube.acceleration + FITTED
         and speed.lower <= tube.speed + FITTED
     ]
     known = bool(fits) and all(check.verdict == "pass" for check in checks)
