@@ -131,6 +131,7 @@ def _move_message(flown: LegFlight, show: Show) -> pb.Move:
         to_formation=leg.to_formation,
         start=leg.depart or 0.0,
         duration=flown.duration,
+        kind=KINDS[leg.kind],
         # What comes near a group is said of the whole leg.
         certificate=_certificate_message(replace(flown.certificate, closest=None)),
     )

@@ -192,20 +192,22 @@ class Segment(_message.Message):
     def __init__(self, index: _Optional[int] = ..., name: _Optional[str] = ..., kind: _Optional[_Union[Segment.Kind, str]] = ..., start: _Optional[float] = ..., duration: _Optional[float] = ..., limits: _Optional[int] = ..., from_formation: _Optional[str] = ..., to_formation: _Optional[str] = ..., drones: _Optional[_Iterable[int]] = ..., places: _Optional[_Iterable[int]] = ..., goals: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., moves: _Optional[_Iterable[_Union[Move, _Mapping]]] = ...) -> None: ...
 
 class Move(_message.Message):
-    __slots__ = ("name", "group", "to_formation", "start", "duration", "certificate")
+    __slots__ = ("name", "group", "to_formation", "start", "duration", "certificate", "kind")
     NAME_FIELD_NUMBER: _ClassVar[int]
     GROUP_FIELD_NUMBER: _ClassVar[int]
     TO_FORMATION_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     CERTIFICATE_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
     name: str
     group: str
     to_formation: str
     start: float
     duration: float
     certificate: Certificate
-    def __init__(self, name: _Optional[str] = ..., group: _Optional[str] = ..., to_formation: _Optional[str] = ..., start: _Optional[float] = ..., duration: _Optional[float] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ...) -> None: ...
+    kind: Segment.Kind
+    def __init__(self, name: _Optional[str] = ..., group: _Optional[str] = ..., to_formation: _Optional[str] = ..., start: _Optional[float] = ..., duration: _Optional[float] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., kind: _Optional[_Union[Segment.Kind, str]] = ...) -> None: ...
 
 class Certificate(_message.Message):
     __slots__ = ("single_drone_minimum", "dual_bound", "witness", "closest", "method", "statistics")

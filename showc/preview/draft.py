@@ -348,6 +348,7 @@ def _chapters(draft: Draft) -> list[Chapter]:
                         draft.show.transitions[part.transition or 0].group or "",
                         (part.depart or 0.0, part.duration or 0.0),
                         part.to_formation,
+                        held=part.kind == "motion",
                     )
                     for part in leg.parts
                 ),

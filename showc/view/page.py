@@ -242,7 +242,11 @@ def _chapter(one: Digest) -> Chapter:
         picture=held.get(one.segment.kind, ""),
         moves=tuple(
             GroupMove.of(
-                move.name, move.group, (move.start, move.duration), move.to_formation
+                move.name,
+                move.group,
+                (move.start, move.duration),
+                move.to_formation,
+                held=move.kind == message.MOTION,
             )
             for move in message.moves
         ),

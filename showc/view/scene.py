@@ -55,9 +55,10 @@ class GroupMove:
     """Whether the group holds it in motion."""
 
     @classmethod
-    def of(cls, name: str, group: str, time: tuple[float, float], to: str) -> Self:
+    def of(
+        cls, name: str, group: str, time: tuple[float, float], to: str, *, held: bool
+    ) -> Self:
         """Name what a group does from a time on, for a while [s]."""
-        held = name.startswith("hold after ")
         said = f"{to} in motion" if held else name.replace("->", "→")
         return cls(said, group, *time, to, held)
 

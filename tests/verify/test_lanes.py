@@ -276,6 +276,16 @@ def test_a_claim_of_another_time_of_a_motion_is_found(dance, change):
     assert found.legs == ["“hold after launch -> up” is not as long as its hold"]
 
 
+@pytest.mark.parametrize(("move", "kind"), [(0, "MOTION"), (1, "TRANSITION")])
+def test_a_motion_that_is_called_a_move_is_found(dance, move, kind):
+    def lie(leg):
+        leg.message.moves[move].kind = kind
+        return leg
+
+    (wrong,) = judged(dance, lie).legs
+    assert wrong.startswith("moves of") and wrong.endswith("are not the script's")
+
+
 def test_a_goal_that_is_not_where_the_motion_ends_is_found(dance):
     def lie(leg):
         goals = leg.goals.copy()

@@ -126,9 +126,8 @@ class Aborts:
         rates = 1.0 + period * np.cumsum([0.0, *row.changes])
         time = row.time + period * float(np.sum(0.5 * (rates[1:] + rates[:-1])))
         slows = rates.min() >= -MOMENT and not (np.diff(rates) > MOMENT).any()
-        return (
-            min(time, end) if slows and (rates[-1] < MOMENT or time >= end) else np.inf
-        )
+        rests = rates[-1] < MOMENT or time >= end
+        return min(time, end) if slows and rests else np.inf
 
     def _ends(self, row: pb.AbortRow, legs: list[Segment]) -> Iterator[str]:
         """Say what is wrong with where a row begins, and where it ends."""

@@ -56,6 +56,9 @@ ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
 a quarter of a frame of film."""
 
+_GROUP_MOVES = ("", pb.Segment.TRANSITION), ("hold after ", pb.Segment.MOTION)
+"""What the log calls a move of a group, and what the group holds in motion after it."""
+
 
 class _Flown(NamedTuple):
     """When a group moves, at show times [s]."""
@@ -265,11 +268,11 @@ class _Walk:
         """Return when groups move at times of their own: the log says so, and flies."""
         said = list(segment.message.moves)
         asked = [
-            (name, one.group, one.to)
+            (name + one.name, one.group, one.to, kind)
             for one in transitions
-            for name in (one.name, *[f"hold after {one.name}"] * bool(one.motion))
+            for name, kind in _GROUP_MOVES[: 1 + bool(one.motion)]
         ]
-        if [(one.name, one.group, one.to_formation) for one in said] != asked:
+        if [(one.name, one.group, one.to_formation, one.kind) for one in said] != asked:
             raise _StrayError(f"moves of “{segment.message.name}” are not the script's")
         both = [[said.pop(0) for _ in (0, *one.motion[:1])] for one in transitions]
         claims = [one[0] for one in both]
@@ -290,10 +293,8 @@ class _Walk:
                 until = free if after is None else found[after].begin
                 for claim in both[at][1:]:
                     found[at] = _Flown(begin, end, until)
-                    off = abs(
-                        np.array([end, until - end]) - (claim.start, claim.duration)
-                    )
-                    if not max(*off, until - segment.end) <= MOMENT:
+                    off = np.subtract((end, until - end), (claim.start, claim.duration))
+                    if not max(*abs(off), until - segment.end) <= MOMENT:
                         raise _StrayError(f"“{claim.name}” is not as long as its hold")
             mine, held_so = [claims[at] for at in lane], [found[at][1:] for at in lane]
             self.demands.times += unlike_claims(segment, members, mine, held_so)
