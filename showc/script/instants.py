@@ -3,7 +3,8 @@
 A time is seconds (``24.5``, ``1 min``), minutes and seconds (``01:20.5``), a time code
 of SMPTE ST 12-1 (``00:01:20:12@25``, ``00:01:20;12@29.97``), a bar or a beat counted
 from 1 (``bar 12``, ``bar 12 beat 3``, ``beat 3.5``), or a cue (``@chorus``). A length
-may be added: ``@chorus + 2 beats``, ``bar 9 - 0.5 s``.
+may be added: ``@chorus + 2 beats``, ``bar 9 - 0.5 s``. A length is seconds, minutes and
+seconds, a time code, or ``2 bars``, ``3 beats``.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ FORMS = (
 )
 """Advice where a time cannot be read."""
 
+LENGTHS = "write it like `4.5`, `800 ms`, `00:04.5`, `2 bars` or `3 beats`"
+"""Advice where a length is wanted."""
+
 RATES = {"24": 24, "25": 25, "30": 30, "50": 50, "60": 60}
 """Frames per second of time codes that count every frame."""
 DROP = "29.97"
@@ -43,7 +47,9 @@ _BEAT = re.compile(rf"beat\s+({NUMBER})")
 _CUE = re.compile(r"@\s*([^\W\d][\w-]*)")
 _COUNTED = re.compile(r"(bar|beat)\s*-\s*\d+")
 _SHIFTED = re.compile(r"(?!(?:bar|beat)\s+[+-])(.*[\w\s])\s([+-])\s*(\S.*)")
-_LENGTH = re.compile(rf"({NUMBER})\s*(beats?|bars?)")
+LENGTH = rf"({NUMBER})\s*(beats?|bars?)"
+"""A length that the tempo measures (a regular expression)."""
+_LENGTH = re.compile(LENGTH)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +80,46 @@ class Instant:
     def needs_music(self) -> bool:
         """Whether the tempo or a cue of the music is needed."""
         return self.musical or self.base == "cue"
+
+
+@dataclass(frozen=True, slots=True)
+class Tempo:
+    """How long the parts of the music take."""
+
+    beat: float
+    """[s]."""
+    bar: float
+    """[s]."""
+
+
+def parse_length(text: str, tempo: Tempo | None) -> float | None:
+    """Read a length of time that is no quantity [s]; None if it may be one.
+
+    Raises
+    ------
+    ScriptError
+        If it counts beats and there is no tempo, or is a time and no length.
+    """
+    whole = text.strip()[:_LONGEST]
+    match = _LENGTH.fullmatch(whole)
+    if match is None:
+        if _BAR.fullmatch(whole) or _BEAT.fullmatch(whole) or _CUE.fullmatch(whole):
+            why = f"`{whole}` is a time, and a length is wanted"
+            raise ScriptError("SHW103", why, help_text=LENGTHS)
+        return _clocked(whole)
+    if tempo is None:
+        raise _no_tempo(whole)
+    return float(match.group(1)) * (
+        tempo.bar if "bar" in match.group(2) else tempo.beat
+    )
+
+
+def _no_tempo(text: str) -> ScriptError:
+    return ScriptError(
+        "SHW121",
+        f"`{text}` counts beats, and the music has no tempo",
+        help_text="add `music: {bpm: 120}`",
+    )
 
 
 def parse_instant(text: str) -> Instant:
@@ -129,17 +175,9 @@ def _seconds(text: str) -> float:
 
 def _term(text: str) -> tuple[Base, float, float, str]:
     """Return base, value, beat and cue of a time without a shift."""
-    match = _CODE.fullmatch(text)
-    if match is not None:
-        return "seconds", _time_code(match), 1.0, ""
-    match = _CLOCK.fullmatch(text)
-    if match is not None:
-        hours, minutes, seconds = match.groups()
-        if hours is not None and int(minutes) > 59:
-            why = f"`{text}` is no time: minutes and seconds end at 59"
-            raise ScriptError("SHW103", why, help_text=FORMS)
-        total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
-        return "seconds", total, 1.0, ""
+    clocked = _clocked(text)
+    if clocked is not None:
+        return "seconds", clocked, 1.0, ""
     match = _BAR.fullmatch(text)
     if match is not None:
         return "bar", float(match.group(1)), float(match.group(2) or 1.0), ""
@@ -150,6 +188,21 @@ def _term(text: str) -> tuple[Base, float, float, str]:
     if match is not None:
         return "cue", 0.0, 1.0, match.group(1)
     return "seconds", _seconds(text), 1.0, ""
+
+
+def _clocked(text: str) -> float | None:
+    """Seconds of minutes and seconds, or of a time code; None if it is neither."""
+    match = _CODE.fullmatch(text)
+    if match is not None:
+        return _time_code(match)
+    match = _CLOCK.fullmatch(text)
+    if match is None:
+        return None
+    hours, minutes, seconds = match.groups()
+    if hours is not None and int(minutes) > 59:
+        why = f"`{text}` is no time: minutes and seconds end at 59"
+        raise ScriptError("SHW103", why, help_text=FORMS)
+    return 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
 
 
 def _time_code(match: re.Match[str]) -> float:
@@ -218,11 +271,7 @@ def music_time(instant: Instant, music: Music | None) -> float:
     if music is not None and not music.sound and instant.needs_music:
         return math.nan
     if instant.musical and (music is None or music.bpm is None):
-        raise ScriptError(
-            "SHW121",
-            f"`{instant.text}` counts beats, and the music has no tempo",
-            help_text="add `music: {bpm: 120}`",
-        )
+        raise _no_tempo(instant.text)
     beat = 60.0 / music.bpm if music is not None and music.bpm is not None else 0.0
     bar = beat * (music.beats_per_bar if music is not None else 0)
     first = music.first_beat if music is not None else 0.0

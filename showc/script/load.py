@@ -20,6 +20,7 @@ from showc.script.document import (
 from showc.script.fields import FORMAT_VERSION, SECTIONS
 from showc.script.files import InputFiles
 from showc.script.reader import Reader
+from showc.script.scalars import tempo_of
 from showc.script.show import Mark, Source
 from showc.script.suppression import apply_suppressions
 from showc.script.wording import shortened
@@ -225,7 +226,7 @@ def _no_script(path: str, root: Node | None) -> Diagnostic:
 def _build(
     root: Mapping, start: Mark, source: Source, files: InputFiles
 ) -> tuple[Show | None, list[Diagnostic]]:
-    reader = Reader()
+    reader = Reader(tempo_of(root))
     version = root.get("showc")
     if version is not None and isinstance(version.value, Scalar):
         number = version.value.text

@@ -280,7 +280,7 @@ def _unit(written: str, unit: str, text: str) -> Unit:
         raise ScriptError(
             "SHW105",
             f"unknown unit `{written}` in `{text}`",
-            help_text=f"units here: {', '.join(units_of(unit))}"
+            help_text=f"units here: {_listed(unit)}"
             if unit
             else "give a number without a unit",
         )
@@ -289,7 +289,7 @@ def _unit(written: str, unit: str, text: str) -> Unit:
         raise ScriptError(
             "SHW105",
             f"`{text}` is {_article(found.dimension)}, {what} is wanted",
-            help_text=f"units here: {', '.join(units_of(unit))}",
+            help_text=f"units here: {_listed(unit)}",
         )
     return found
 
@@ -298,6 +298,11 @@ def units_of(unit: str) -> tuple[str, ...]:
     """Return the symbols of every unit of the same dimension as ``unit``."""
     wanted = UNITS[unit].dimension if unit else "share"
     return tuple(name for name, item in UNITS.items() if item.dimension == wanted)
+
+
+def _listed(unit: str) -> str:
+    beats = ("beats", "bars") if unit == "s" else ()
+    return ", ".join(units_of(unit) + beats)
 
 
 def _article(dimension: str) -> str:

@@ -50,6 +50,7 @@ from showc.script.settings import Setting, Settings, Value
 from showc.script.wording import counted, form_of, shortened, wanted_text
 
 if TYPE_CHECKING:
+    from showc.script.instants import Tempo
     from showc.script.show import Mark
 
 
@@ -74,7 +75,9 @@ def as_node(value: Plain, mark: Mark) -> Node:
 class Reader:
     """Reads nodes by kinds and collects what is wrong, up to :data:`MAX_FOUND`."""
 
-    def __init__(self) -> None:
+    def __init__(self, tempo: Tempo | None = None) -> None:
+        self.tempo = tempo
+        """Of the music, in which lengths may be counted."""
         self.found: list[Diagnostic] = []
         """What is wrong, in the order it was met."""
         self._meant: set[tuple[int, str]] = set()
@@ -349,7 +352,7 @@ class Reader:
                         else "",
                     )
                 try:
-                    return read_scalar(kind, node, key)
+                    return read_scalar(kind, node, key, self.tempo)
                 except ScriptError as fault:
                     self.refuse(fault, _first_line(node.mark))
                     raise _BadValueError from None

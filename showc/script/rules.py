@@ -41,6 +41,7 @@ def geometry_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _ways(sketch)
     yield from _around(sketch)
     yield from _places(sketch)
+    yield from _kept(sketch)
     yield from company_findings(sketch)
     yield from _unused(sketch)
     yield from legibility_findings(sketch)
@@ -328,6 +329,50 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
                 if places > flying
                 else "add places, or give the others a `parking` formation to wait in",
             )
+
+
+def _kept(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Numbers of places that drones cannot keep, or perhaps not (SHW219).
+
+    Of drones whose places are chosen, it is known which places they have among them.
+    """
+    show = sketch.show
+    if show is None:
+        return
+    numbers = np.arange(show.drones)
+    # Which transition chose the place of a drone, and for how many; -1: it is known.
+    chosen, sizes = np.full(show.drones, -1), {-1: 0}
+    for index, item in enumerate(show.transitions):
+        every = range(show.drones) if item.group is None else show.groups[item.group]
+        members, places = np.array(every), len(show.formations[item.to].points)
+        if item.assignment != "keep":
+            rank = np.arange(members.size)
+            numbers[members] = np.where(rank < places, rank, -1)
+            chosen[members] = -1 if item.assignment == "fixed" else index
+            sizes[index] = members.size
+            continue
+        by, counts = np.unique(chosen[members], return_counts=True)
+        whole = all(
+            sizes[one] in {0, count} for one, count in zip(by, counts, strict=True)
+        )
+        same = np.array_equal(np.sort(numbers[members]), np.arange(places))
+        unequal = places > members.size or (places < members.size and not show.parking)
+        if (whole and same) or unequal:
+            continue  # numbers that differ are a finding of their own
+        theirs = ", ".join(str(place + 1) for place in np.sort(numbers[members])[:8])
+        why = f"those of its drones are {theirs}" + ", …" * (members.size > 8)
+        if (numbers[members] < 0).any():
+            why = "some of its drones are parked"
+        if not whole:
+            why = "which ones its drones have of a larger formation is chosen"
+        yield Diagnostic(
+            "SHW219",
+            f"drones cannot keep the numbers of their places in `{item.to}`",
+            sketch.settings.sound("transitions")[index].mark_of("assignment"),
+            notes=(f"`{item.to}` has {counted(places, 'place')}; {why}",),
+            help="write `assignment: optimal`, or `fixed`",
+        )
+        return
 
 
 def _unused(sketch: Sketch) -> Iterator[Diagnostic]:

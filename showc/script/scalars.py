@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from showc.script import kinds
 from showc.script.colours import COLOUR_NAMES, parse_colour
 from showc.script.diagnostic import ScriptError
-from showc.script.instants import Instant, parse_instant
+from showc.script.document import Mapping, Scalar
+from showc.script.instants import Instant, Tempo, parse_instant, parse_length
 from showc.script.quantity import parse_quantity
 from showc.script.wording import form_of, number_text, wanted_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from showc.script.document import Scalar
     from showc.script.settings import Value
 
 _YES_NO = {"yes", "no", "on", "off", "y", "n"}
@@ -90,7 +91,30 @@ def _near(word: str, lower: Iterable[str]) -> list[str]:
     return get_close_matches(word.lower(), list(lower), n=2, cutoff=0.6)
 
 
-def read_scalar(kind: kinds.Kind, node: Scalar, key: str) -> Value:  # noqa: C901 - one case a kind
+def tempo_of(script: Mapping) -> Tempo | None:
+    """Return the tempo of a script's music, before the script is read; None: none.
+
+    One that cannot be read counts as any other: that is said where it stands.
+    """
+    from showc.script.fields import SECTIONS  # noqa: PLC0415 - fields read these
+
+    entry = script.get("music")
+    music = entry.value if entry is not None else None
+    if not isinstance(music, Mapping) or music.get("bpm") is None:
+        return None
+    found = {"bpm": 120.0, "beats_per_bar": 4.0}
+    for key in found:
+        field, given = SECTIONS["music"].field(key), music.get(key)
+        if field is not None and given is not None and isinstance(given.value, Scalar):
+            with suppress(ScriptError):
+                found[key] = float(str(read_scalar(field.kind, given.value, key)))
+    beat = 60.0 / found["bpm"]
+    return Tempo(beat, found["beats_per_bar"] * beat)
+
+
+def read_scalar(  # noqa: C901 - one case a kind
+    kind: kinds.Kind, node: Scalar, key: str, tempo: Tempo | None = None
+) -> Value:
     """Read a single value.
 
     Parameters
@@ -101,6 +125,8 @@ def read_scalar(kind: kinds.Kind, node: Scalar, key: str) -> Value:  # noqa: C90
         What is written.
     key
         Its key, for the messages.
+    tempo
+        Of the music; None: there is none.
 
     Raises
     ------
@@ -111,7 +137,7 @@ def read_scalar(kind: kinds.Kind, node: Scalar, key: str) -> Value:  # noqa: C90
     value: Value = None
     match kind:
         case kinds.Quantity():
-            value = _quantity(kind, node, key)
+            value = _quantity(kind, node, key, tempo)
         case kinds.Integer():
             value = _integer(kind, node, key)
         case kinds.Text():
@@ -159,13 +185,16 @@ def _yes_or_no(kind: kinds.Kind, node: Scalar, key: str) -> None:
     )
 
 
-def _quantity(kind: kinds.Quantity, node: Scalar, key: str) -> float:
+def _quantity(
+    kind: kinds.Quantity, node: Scalar, key: str, tempo: Tempo | None
+) -> float:
     try:
-        written = parse_quantity(
-            node.text, kind.unit, plain=node.plain, store=kind.unit
-        )
-        stored = parse_quantity(
-            node.text, kind.unit, plain=node.plain, store=kind.store
+        length = parse_length(node.text, tempo) if kind.unit == "s" else None
+        written, stored = (
+            parse_quantity(node.text, kind.unit, plain=node.plain, store=store)
+            if length is None
+            else length
+            for store in (kind.unit, kind.store)
         )
     except ScriptError as fault:
         raise fault.of(f"`{key}`") from None

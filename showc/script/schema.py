@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from showc.script import kinds
 from showc.script.colours import COLOUR_NAMES
 from showc.script.fields import SECTIONS
+from showc.script.instants import LENGTH
 from showc.script.quantity import NUMBER, units_of
 from showc.script.wording import range_text, wanted_text
 
@@ -246,10 +247,14 @@ def _quantity(kind: kinds.Quantity, definitions: dict[str, Schema]) -> Schema:
     ).strip("_")
     if name not in definitions:
         symbols = "|".join(re.escape(unit).replace(r"\ ", " ") for unit in units)
+        clocked = ""
+        if kind.unit == "s":
+            units += "beats", "bars", "00:04.5"
+            clocked = rf"|{LENGTH}|[\d:;.@]+"
         definitions[name] = {
             "title": f"A number with a unit: {', '.join(units)}",
             "type": "string",
-            "pattern": rf"^\s*{NUMBER}\s*({symbols})\s*$",
+            "pattern": rf"^\s*({NUMBER}\s*({symbols}){clocked})\s*$",
         }
     return {"anyOf": [number, {"$ref": f"#/definitions/{name}"}]}
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from repository import ROOT, SHOWS
 
-from showc.script import load_show
+from showc.plan.build import build_itinerary
+from showc.script import load_show, read_show
 from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour
 from showc.script.fence import fence_distance, inside_polygon
 from showc.script.spacing import (
@@ -424,3 +425,40 @@ def test_pads_that_are_not_written_are_refused_where_the_separation_stands(read)
     (found,) = read(f"{text}formations:\n  a: {line}\n").errors
     assert found.code == "SHW201" and found.span.line == 3
     assert "on the ground too" in found.help
+
+
+@pytest.mark.parametrize(
+    ("transitions", "kept"),
+    [
+        ("{to: all}, {to: all, assignment: keep}", True),
+        ("{to: a, group: one}, {to: b, group: one, assignment: keep}", True),
+        (
+            "{to: a, group: one}, {to: b, group: two}, {to: all, assignment: keep}",
+            False,
+        ),
+        ("{to: all, assignment: fixed}, {to: a, group: one, assignment: keep}", True),
+        ("{to: all, assignment: fixed}, {to: a, group: two, assignment: keep}", False),
+        ("{to: all}, {to: a, group: one, assignment: keep}", False),
+        ("{to: few}, {to: all, assignment: keep}", False),
+    ],
+)
+def test_numbers_of_places_that_cannot_be_kept_are_found_as_by_the_planner(
+    transitions, kept
+):
+    result = read_show(
+        f"""\
+showc: 1
+drones: 6
+groups: {{one: 1-3, two: 4-6}}
+parking: {{type: line, spacing: 3, count: 6, centre: [0, -30, 20]}}
+formations:
+  all: {{type: line, spacing: 3, count: 6, centre: [0, 0, 20]}}
+  few: {{type: line, spacing: 3, count: 5, centre: [0, 0, 40]}}
+  a: {{type: line, spacing: 3, count: 3, centre: [0, 20, 20]}}
+  b: {{type: line, spacing: 3, count: 3, centre: [0, 40, 20]}}
+transitions: [{transitions}]
+""".encode()
+    )
+    assert ("SHW219" not in {one.code for one in result.errors}) == kept
+    if kept:
+        assert build_itinerary(result.draft).legs

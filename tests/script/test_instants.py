@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from showc.script import read_show
 from showc.script.diagnostic import ScriptError
-from showc.script.instants import music_time, parse_instant, read_cues
+from showc.script.instants import (
+    Tempo,
+    music_time,
+    parse_instant,
+    parse_length,
+    read_cues,
+)
 from showc.script.show import Music
 
 MUSIC = Music(None, 20.0, 120.0, 4, 0.5, {"chorus": 12.25})
@@ -28,6 +34,39 @@ transitions:
 
 def seconds(text, music=MUSIC):
     return music_time(parse_instant(text), music)
+
+
+@pytest.mark.parametrize(
+    ("text", "length"),
+    [
+        ("2 bars", 3.75),
+        ("1 bar", 1.875),
+        ("3 beats", 1.40625),
+        ("00:04.5", 4.5),
+        ("00:00:02:12@25", 2.48),
+        ("4 s", None),
+    ],
+)
+def test_every_form_of_length(text, length):
+    assert parse_length(text, Tempo(0.46875, 1.875)) == length
+
+
+def test_lengths_are_counted_in_beats_wherever_one_is_written():
+    script = SHOW % ("{}", "bar 16, hold: 2 bars, motion: [{rotate: {ramp: 3 beats}}]")
+    script = script.replace("rotate: {", "rotate: {angle: 90, ")
+    show = read_show(f"{script}mission: {{wanted: false}}\n".encode()).show
+    assert show is not None
+    first = show.transitions[0]
+    assert (first.hold, first.motion[0].ramp) == (4.0, 1.5)
+    for tempo, length, code in (
+        ("first_beat: 0.5", "2 bars", "SHW121"),
+        ("bpm: 120", "bar 2", "SHW103"),
+        ("bpm: 120", "2000 bars", "SHW104"),
+        ("bpm: fast", "2 bars", "SHW103"),
+    ):
+        script = SHOW.replace("bpm: 120, first_beat: 0.5", tempo) % ("{}", "60")
+        script = script.replace("at: 60}\n", f"hold: {length}}}\n", 1)
+        assert [one.code for one in read_show(script.encode()).errors] == [code]
 
 
 @pytest.mark.parametrize(
