@@ -20,7 +20,8 @@ import numpy as np
 from showc.errors import SolveError
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours
-from showc.fleet.deconfliction.repair import Move, Repair
+from showc.fleet.deconfliction.flights import Move
+from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.single_drone.convex_program import WALL_DEGREE, Walls
-from showc.trajectory import bernstein_basis_inverse
+from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE, Walls
+from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
 
@@ -206,8 +208,32 @@ def _axis_normals(relative: FloatArray) -> FloatArray:
     return np.stack([normal, normal], axis=1)
 
 
-def gathered(parts: list[tuple[IntArray, FloatArray, FloatArray]]) -> Walls:
-    """Join walls of one drone: intervals, normals, offsets at ``NODES``."""
+def interpolated(positions: FloatArray, duration: float) -> PiecewisePolynomial:
+    """Return the polynomials through positions at ``NODES`` of even intervals.
+
+    Parameters
+    ----------
+    positions
+        Shape (K, 7, 3) [m].
+    duration
+        Of all intervals together [s].
+    """
+    inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
+    return PiecewisePolynomial(
+        np.linspace(0.0, duration, len(positions) + 1),
+        np.einsum("ij,kja->kia", inverse, positions),
+    )
+
+
+Laid = tuple["IntArray", "FloatArray", "FloatArray"]
+"""Walls of one drone: intervals, normals, offsets at ``NODES``."""
+
+
+def gathered(parts: Sequence[Laid]) -> Walls:
+    """Join walls of one drone."""
+    parts = [part for part in parts if part[0].size]
+    if not parts:
+        return NO_WALLS
     inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
     return Walls(
         np.concatenate([part[0] for part in parts]),

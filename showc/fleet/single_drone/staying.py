@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.deconfliction.walls import NODES
+from showc.fleet.deconfliction.walls import interpolated
 from showc.fleet.single_drone.avoiding import avoid
-from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
+from showc.fleet.single_drone.convex_program import NO_WALLS
 from showc.fleet.single_drone.model import in_motion
 from showc.fleet.single_drone.single import follow, hover, minimum_time
 from showc.fleet.single_drone.spline import follow_spline
 from showc.flight import Trajectory
-from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
+from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -176,11 +176,7 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     Outcome
         The flight keeps every limit; the walls it keeps as far as it can.
     """
-    inverse = bernstein_basis_inverse(WALL_DEGREE, tuple(NODES))
-    way = PiecewisePolynomial(
-        np.linspace(0.0, reference.end, intervals + 1),
-        np.einsum("ij,kja->kia", inverse, present),
-    )
+    way = interpolated(present, reference.end)
     methods = (
         [SPLINE, OPTIMAL] if first_walls and earlier is None else [OPTIMAL, SPLINE]
     )
