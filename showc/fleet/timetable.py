@@ -21,7 +21,7 @@ from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.sparing import sparing_time
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
-from showc.plan.build import state_at
+from showc.plan.build import held_in_motion, state_at
 from showc.plan.itinerary import Leg
 from showc.script.lanes import held_for
 
@@ -211,55 +211,83 @@ def _turning_time(leg: Leg, show: Show) -> float:
 def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
     """Give every part of a leg its time, and the leg the time from first to last.
 
-    A group stands for as long as the script holds it before it moves again.
+    A group stands for as long as the script holds it before it moves again. How long a
+    move takes depends on how it leaves what its group held, and that on how long.
     """
-    free: dict[int, float] = {}
-    parts: list[Leg] = []
-    for part in leg.parts:
-        if part.motion:
-            continue
-        group = int(part.drones[0])
-        before = [*legs, *(one for one in parts if int(one.drones[0]) == group)]
-        start, duration = _times(part, show, free.get(group, clock), {}, before)
-        parts.append(replace(part, depart=start, duration=duration))
-        held = 0.0
-        if part.transition is not None:
-            held = held_for(show.transitions[part.transition])
-        free[group] = round(start + duration + held, 3)
-    parts = _in_motion(leg.parts, parts, free)
-    begin = min(part.depart or 0.0 for part in parts)
-    end = max((part.depart or 0.0) + (part.duration or 0.0) for part in parts)
+    parts = leg.parts
+    for _ in range(_ROUNDS if any(part.in_motion for part in parts) else 1):
+        moves, free = _moves(parts, show, clock, legs)
+        timed = _in_motion(parts, moves, free, show)
+        both = zip(parts, timed, strict=True)
+        parts = tuple(
+            replace(one, duration=planned.duration, depart=planned.depart)
+            for planned, one in both
+        )
+    begin = min(part.depart or 0.0 for part in timed)
+    end = max((part.depart or 0.0) + (part.duration or 0.0) for part in timed)
     return replace(
         leg,
-        parts=tuple(_among(part, leg, parts) for part in parts),
+        parts=tuple(_among(part, leg, timed) for part in timed),
         depart=begin,
         duration=round(end - begin, 3),
     )
 
 
+_ROUNDS = 2
+"""How often times of groups in motion are worked out: at first from a guess of how fast
+they leave it."""
+
+
+def _moves(
+    parts: Sequence[Leg], show: Show, clock: float, legs: list[Leg]
+) -> tuple[list[Leg], dict[int, float]]:
+    """Return the moves of groups with their times, and when each group is free [s]."""
+    free: dict[int, float] = {}
+    found: list[Leg] = []
+    for part in parts:
+        if part.motion:
+            continue
+        group = int(part.drones[0])
+        before = [*legs, *(one for one in found if int(one.drones[0]) == group)]
+        start, duration = _times(part, show, free.get(group, clock), {}, before)
+        found.append(replace(part, depart=start, duration=duration))
+        held = 0.0
+        if part.transition is not None:
+            held = held_for(show.transitions[part.transition])
+        free[group] = round(start + duration + held, 3)
+    return found, free
+
+
 def _in_motion(
-    planned: Sequence[Leg], moves: Sequence[Leg], free: Mapping[int, float]
+    planned: Sequence[Leg], moves: Sequence[Leg], free: Mapping[int, float], show: Show
 ) -> list[Leg]:
     """Put motions between moves: from an arrival until the group leaves.
 
     One that does not leave again is held as long as the script says, which is until it
-    is ``free``.
+    is ``free``. Moves join and leave what is under way in its own state.
     """
     found: list[Leg] = []
-    given = iter(moves)
+    given, held = iter(moves), dict[int, Leg]()
     for part in planned:
+        group = int(part.drones[0])
         if not part.motion:
-            found.append(next(given))
+            move = next(given)
+            if group in held:
+                before = held.pop(group)
+                move = replace(move, start=before.goal, start_state=before.goal_state)
+            found.append(move)
             continue
         begin = round((found[-1].depart or 0.0) + (found[-1].duration or 0.0), 3)
-        group = int(part.drones[0])
         leaves = [
             one.depart or 0.0
             for one in moves
             if int(one.drones[0]) == group and (one.depart or 0.0) >= begin
         ]
         time = round(min(leaves, default=free[group]) - begin, 3)
-        found.append(replace(part, depart=begin, duration=time))
+        motion = replace(part, depart=begin, duration=time)
+        held[group] = held_in_motion(motion, show, time)
+        found[-1] = replace(found[-1], goal_state=held[group].start_state)
+        found.append(held[group])
     return found
 
 

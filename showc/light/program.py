@@ -242,14 +242,14 @@ class LightProgram:
         together = {index: flown for flown in chapters(show) for index in flown}
         spans: list[LightSpan] = []
         ends = [float(s) + d for s, d in zip(starts, durations, strict=True)]
-        lit = 0.0
+        lit = -1
         for number, leg in enumerate(legs):
             start, duration = float(starts[number]), durations[number]
             if leg.parts:
                 # The hold after it belongs to what each group does last.
                 after = legs[number + 1 : number + 2]
                 held = any(one.kind == "hold" for one in after)
-                lit = ends[number + 1 if held else number]
+                lit = number + held
                 moves = [
                     LaneMove(
                         show.transitions[part.transition or 0],
@@ -261,10 +261,10 @@ class LightProgram:
                     for part in leg.parts
                     if not part.motion
                 ]
-                for span in lane_spans(show, moves, present.copy(), (start, lit)):
+                for span in lane_spans(show, moves, present.copy(), (start, ends[lit])):
                     spans.append(span)
                     present[span.drones] = span.linear(np.array([span.duration]))[0]
-            if start < lit:
+            if number <= lit:
                 continue
             holding = leg.kind in {"hold", "motion"}
             begin = present[leg.drones]

@@ -22,6 +22,7 @@ from showc.script.lanes import (
     departure,
     ending,
     held_for,
+    left_last,
     own_times,
     rest,
 )
@@ -155,13 +156,14 @@ class _Builder:
             _together([t.prefer for t in transitions]),
         )
         if own_times(transitions):
-            moving = any(any(one.under_way) for one in transitions)
-            if moving or self.state is not None:
+            left = any(one.under_way[1] for one in left_last(transitions))
+            if left or self.state is not None:
                 mark = transitions[0].mark
                 raise PlanError(
                     f"{mark.path}:{mark.line}:{mark.column}: groups that move at times "
-                    "of their own begin and end at rest; leave `arrive: moving` and "
-                    "`leave: moving` out here and before, or give them one time"
+                    "of their own begin and end together at rest; leave `leave: "
+                    "moving` out of their last transitions and of what comes before, "
+                    "or give them one time"
                 )
             ends = ending(transitions)
             asked = replace(asked, duration=None, arrive=ends, depart=None)
@@ -281,6 +283,7 @@ class _Builder:
         transitions = [self.show.transitions[index] for index in indices]
         stood, colours, own = self.position, self.colours.copy(), own_times(transitions)
         reasons, parts = [], []
+        left: dict[str | None, FloatArray | None] = {}
         self.placed = []
         for index, transition in zip(indices, transitions, strict=True):
             members = np.asarray(self.show.groups[str(transition.group)])
@@ -291,9 +294,15 @@ class _Builder:
             # A group may move again in the same chapter.
             self.position = self.position.copy()
             self.position[members] = goals
+            if own:
+                before = left.pop(transition.group, None)
+                parts[-1] = replace(parts[-1], start_state=before)
             if own and transition.motion:
-                parts.append(self._part_in_motion(parts[-1]))
-                self.position[members] = parts[-1].goal
+                held = self._part_in_motion(parts[-1])
+                left[transition.group] = held.goal_state
+                parts[-1] = replace(parts[-1], goal_state=held.start_state)
+                parts.append(held)
+                self.position[members] = held.goal
             shown = (
                 formation.colours if transition.colours is None else transition.colours
             )
@@ -350,20 +359,18 @@ class _Builder:
             transition,
             self.show.formations,
         )
-        goal = move.goal.copy()
-        goal[rows] = moving.ends(transition.hold or _ANY_TIME)[1][0]
-        return replace(
+        part = replace(
             move,
             name=f"hold after {move.name}",
             kind="motion",
             start=move.goal,
-            goal=_frozen(goal),
             from_formation=transition.to,
             assignment="",
             arrive=None,
             depart=None,
             motion=(moving,),
         )
+        return held_in_motion(part, self.show, transition.hold)
 
     def _give(
         self, transition: Transition, formation: Formation, members: IntArray
@@ -521,6 +528,22 @@ class _Builder:
             start_state=begin,
             goal_state=self.state,
         )
+
+
+def held_in_motion(part: Leg, show: Show, duration: float) -> Leg:
+    """Return a motion of some drones with its ends, when it is held for a time [s].
+
+    0 if that is not known yet. Its drones are counted within the leg.
+    """
+    goal = part.start.copy()
+    for one in part.motion:
+        goal[one.rows] = one.ends(duration or _ANY_TIME)[1][0]
+    return replace(
+        part,
+        goal=_frozen(goal),
+        start_state=state_at(show, part.motion, duration, 0, part.start),
+        goal_state=state_at(show, part.motion, duration, 1, goal),
+    )
 
 
 def state_at(

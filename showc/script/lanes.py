@@ -52,7 +52,8 @@ def chapters(show: Show) -> list[list[int]]:
     A transition of the whole fleet is a chapter of its own. Consecutive transitions of
     groups share a chapter while no group moves twice, and one that does joins them too
     if it starts, or arrives at least, while another of them moves or is held, by the
-    script's times. One that starts after all of them are held begins a new chapter.
+    script's times. One that starts after all of them are held begins a new chapter,
+    unless groups with times of their own leave a motion under way.
     """
     result: list[list[int]] = []
     for index, transition in enumerate(show.transitions):
@@ -61,7 +62,33 @@ def chapters(show: Show) -> list[list[int]]:
             result[-1].append(index)
         else:
             result.append([index])
-    return result
+    together: list[list[int]] = result[:1]
+    for chapter in result[1:]:
+        both = [*together[-1], *chapter]
+        if _tied([show.transitions[k] for k in both], len(together[-1])):
+            together[-1] = both
+        else:
+            together.append(chapter)
+    return together
+
+
+def _tied(both: Sequence[Transition], first: int) -> bool:
+    """Tell whether a group leaves the ``first`` of two chapters' transitions in motion.
+
+    Only where one of them has times of its own, and the script fixes all of them.
+    """
+    parts = both[:first], both[first:]
+    return (
+        None not in {one.group for one in both}
+        and None not in [arrival(one) for one in both]
+        and any(one.under_way[1] for one in left_last(parts[0]))
+        and any(own_times(part) for part in parts)
+    )
+
+
+def left_last(together: Sequence[Transition]) -> list[Transition]:
+    """Return the last transition of each group of a chapter."""
+    return [together[lane[-1]] for lane in lanes(together)]
 
 
 def _joins(before: Sequence[Transition], one: Transition) -> bool:
@@ -129,8 +156,7 @@ def rest(together: Sequence[Transition]) -> float:
 
     Until each group has been held for as long as its last transition asks.
     """
-    last = [together[lane[-1]] for lane in lanes(together)]
-    held = max((arrival(one) or 0.0) + one.hold for one in last)
+    held = max((arrival(one) or 0.0) + one.hold for one in left_last(together))
     return max(0.0, round(held - ending(together), 3))
 
 

@@ -153,7 +153,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             )
             return
         moving = (row for row in members if show.transitions[row].under_way[1])
-        leaving = next(moving, None)
+        leaving = None if own_times(together) else next(moving, None)
         if own_times(together):
             asked = [settings[row] for row in members]
             if found := _lane_fault(show, members, asked, earliest, before):
@@ -235,14 +235,14 @@ def _lane_fault(
                     asked[row].mark,
                     help="give it `at`, or both `start` and `duration`",
                 )
-            if any(one.under_way):
+            if one.under_way[1] and row == lane[-1]:
                 return Diagnostic(
                     "SHW213",
-                    f"`{one.name}` meets or leaves a motion under way, and other "
-                    "groups move meanwhile at times of their own",
-                    asked[row].mark_of("motion"),
-                    help="leave `arrive: moving` and `leave: moving` out, or give the "
-                    "groups that are flown with it the same times",
+                    f"`{one.name}` leaves a motion under way, and groups with times of "
+                    "their own have moved before it",
+                    asked[row].mark_of("leave"),
+                    help="leave `leave: moving` out, or let the group itself fly on, "
+                    "at a time that the script says",
                 )
             least = max(least_duration(show, members[row])[0], _SHORTEST)
             soonest = free if starts is not None else free + least
@@ -368,7 +368,12 @@ def _ends(show: Show, index: int) -> tuple[FloatArray, FloatArray] | None:
     if before is None:
         start = show.formations[show.pads].points[: show.drones][rows]
         start = start + np.array([0.0, 0.0, show.launch.altitude])
-    elif _elsewhere(before) or (own is None and before.group is not None):
+    elif (
+        _elsewhere(before)
+        or (own is None and before.group is not None)
+        or before.under_way[1]
+        or transition.under_way[0]
+    ):
         return None
     else:
         start = show.formations[before.to].points

@@ -16,6 +16,7 @@ formations:
   up: {{type: points, points: [[-8, 0, 16], [-4, 0, 16]]}}
   far: {{type: points, points: [[8, 30, 10], [4, 30, 10]]}}
   down: {{type: points, points: [[-8, 0, 12], [-4, 0, 12]]}}
+  all: {{type: grid, rows: 1, columns: 5, step: 4, centre: [0, 0, 20]}}
 transitions:
 {transitions}
 """
@@ -114,7 +115,7 @@ def test_a_motion_beside_groups_of_other_times_ends_before_the_fleet_stands():
 @pytest.mark.parametrize(
     ("transition", "message", "remedy"),
     [
-        (MOVING + ", leave: moving", "meets or leaves a motion", "leave `arrive"),
+        (MOVING + ", leave: moving", "leaves a motion under way", "leave `leave: mo"),
         (MOVING.replace("hold: 5", "hold: 0"), "is held for 0 s", "0.5 s or more"),
     ],
 )
@@ -163,10 +164,20 @@ def test_a_motion_through_places_that_another_group_has_left_is_none():
     assert not [one for one in result.errors if "into this motion" in str(one.notes)]
 
 
-def test_groups_with_own_times_after_one_that_is_left_in_motion_are_found():
-    leaves = "to: up, group: a, at: 20, hold: 5, motion: [{rotate: 90}], leave: moving"
-    later = "to: far, group: b, at: 60, duration: 14"
-    found = fault(leaves, "to: down, group: a, start: 40, at: 52", later)
+LEAVES = "at: 20, hold: 5, motion: [{rotate: 90}], leave: moving"
+LATER = "to: far, group: b, at: 60, duration: 14"
+
+
+def test_groups_with_own_times_fly_with_one_that_is_left_in_motion():
+    leaves = f"to: up, group: a, {LEAVES}, start: 12"
+    away = "to: down, group: a, start: 40, at: 52"
+    assert together(leaves, away, LATER) == ([[0, 1, 2]], [True])
+    # Without times of its own it stays a chapter by itself.
+    assert together(leaves, away) == ([[0], [1]], [False, False])
+
+
+def test_groups_with_own_times_after_a_fleet_that_is_left_in_motion_are_found():
+    found = fault(f"to: all, {LEAVES}", "to: down, group: a, start: 40, at: 52", LATER)
     assert found.code == "SHW213"
-    assert "`launch -> up` is left in motion" in found.message
-    assert found.span.line == 12
+    assert "`launch -> all` is left in motion" in found.message
+    assert found.span.line == 13

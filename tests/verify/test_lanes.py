@@ -9,7 +9,7 @@ from verified import loaded
 from showc.light.program import LightProgram
 from showc.log import showc_pb2 as pb
 from showc.pipeline.compile import CompileOptions, compile_script
-from showc.script import load_show
+from showc.script import load_show, read_show
 from showc.verify import verify_log
 from showc.verify.specification.demands import hold_against
 
@@ -207,9 +207,10 @@ formations:
   far: {type: points, points: [[8, 6, 10]], colour: red}
   out: {type: points, points: [[12, 6, 10]], colour: blue}
 transitions:
-  - {to: up, group: left, at: 14, duration: 5, hold: 9, motion: [{rotate: 90}]}
+  - {to: up, group: left, at: 14, duration: 5, hold: 9, motion: [{rotate: 90}],
+     arrive: moving}
   - {to: far, group: right, at: 16, duration: 5, hold: 2,
-     motion: [{wave: {amplitude: 0.5, period: 4}}]}
+     motion: [{wave: {amplitude: 0.5, period: 8}}], arrive: moving, leave: moving}
   - {to: out, group: right, at: 22, duration: 3, hold: 1}
 landing: {altitude: 10}
 """
@@ -240,6 +241,19 @@ def test_groups_that_hold_in_motion_while_others_fly_are_proved(dance):
     assert leg.leg.depart + leg.duration == 23.0
     ends = [leg.trajectories[row].state(leg.duration)[:3] for row in (0, 1)]
     assert np.allclose(sorted(np.array(ends)[:, 1]), [-2, 2], atol=1e-4)
+
+
+def test_groups_join_and_leave_motions_at_times_of_their_own(dance):
+    joined, _, left = dance.flight.legs[LEG].trajectories
+    speeds = joined.state(4.999)[3:6], left.state(7.001)[3:6], left.state(9.999)[3:6]
+    assert all(np.linalg.norm(speed) > 0.2 for speed in speeds)
+    _, logged = loaded(dance.log)
+    for end in ("arrive", "leave"):
+        script = DANCE.replace(f", {end}: moving", "")
+        show = read_show(script.encode()).show
+        assert any(
+            "“launch -> far”" in one for one in hold_against(show, logged).motions
+        )
 
 
 def still(leg, drone, start, end):

@@ -305,10 +305,10 @@ class _Walk:
         said, witness = claim.certificate, claim.certificate.witness
         leg = pb.Segment(certificate=said)
         times = claim.start, claim.start + claim.duration
-        begin, end = (reached(segment, drones, time) for time in times)
-        way = (end - begin)[drones == witness.drone].sum(axis=0)
-        # These moves begin and end at rest: kernel and lanes say so.
-        ends, rules = np.zeros((2, 12)), _rules(self.show, {}, [self.show.limits], 0.0)
+        states = np.stack([reached(segment, drones, time) for time in times])
+        ends = states[:, drones == witness.drone].sum(axis=1)
+        rules = _rules(self.show, {}, [self.show.limits], 0.0)
+        way = ends[1, :3] - ends[0, :3]
         proved = witness.drone in drones and refuted(leg, rules, way, ends)
         least = witness.time + MOMENT if proved else 0.0
         single = said.single_drone_minimum or claim.duration
@@ -350,7 +350,7 @@ class _Walk:
             goals, error = segment.goals[members], PLACE_ERROR
             flown, last = flights[at], at == final[group]
             if flown.until or not last:
-                goals, error = reached(segment, members, flown.end), REACHED
+                goals, error = reached(segment, members, flown.end)[:, :3], REACHED
             places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
             if flown.until:
@@ -363,7 +363,7 @@ class _Walk:
         """Look at what a group does while it holds the formation placed last."""
         transition, members, places = self.placed[-1]
         moving, parked = self._moving(*self.placed[-1]), members[places < 0]
-        there = reached(segment, parked, flown.end)
+        there = reached(segment, parked, flown.end)[:, :3]
         part = during(segment, members, flown.end, flown.until)
         still = MovingPlaces(parked, there, (), np.zeros(3), ())
         found = ["a polynomial runs across an end of its motion"]

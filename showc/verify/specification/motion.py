@@ -173,11 +173,11 @@ def _bend(table: PieceTable) -> float:
 
 
 def reached(segment: Segment, drones: IntArray, time: float) -> FloatArray:
-    """Where drones (n,), increasing, are at a show time [s], shape (n, 3) [m]."""
-    found = np.empty((drones.size, 3))
+    """States of drones (n,), increasing, at a show time [s], shape (n, 12) (SI)."""
+    found = np.empty((drones.size, 12))
     for table in segment.tables:
         mine = np.isin(table.drones, drones)
-        there = evaluate(table, np.array([time - segment.start]))[:3, 0]
+        there = evaluate(table, np.array([time - segment.start]))[:12, 0]
         found[np.searchsorted(drones, table.drones[mine])] = there[:, mine].T
     return found
 
