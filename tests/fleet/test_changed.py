@@ -15,6 +15,7 @@ from showc.fleet.single_drone.basis import DEGREE, LOCAL, spline_basis
 from showc.fleet.single_drone.judgement import KEPT
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.single import Aircraft
+from showc.fleet.single_drone.spline import follow_spline
 from showc.trajectory import PiecewisePolynomial
 
 INTERVALS, DURATION = 20, 6.0
@@ -75,3 +76,17 @@ def test_a_changed_flight_hovers_at_its_ends(aircraft, straight, last):
     assert found is not None
     ends = found.state.coefficients[[0, -1], [0, -1]]
     assert np.abs(ends[:, 3:]).max() < JOINT
+
+
+def test_a_spline_that_leaps_off_is_changed_as_accurately(aircraft):
+    start, goal = np.array([0.0, 0.0, 20.0]), np.array([6.0, 0.0, 26.0])
+    even = np.linspace(0.0, DURATION, 7)
+    late = np.clip(even / DURATION - 0.1, 0.0, 0.8)[:, None] * (goal - start) + start
+    reference = PiecewisePolynomial(even, np.stack([late[:-1], late[1:]], axis=1))
+    spline = follow_spline(aircraft, start, goal, reference, INTERVALS)
+    flight = spline.flight.trajectory(0)
+    leap = flight.state.select(slice(3, 6)).derivative()(0.0)
+    assert abs(leap[2]) > 1e-2
+    (found,) = fly_changed(aircraft, [flight], bump(0.3))
+    assert found is not None
+    assert replay(aircraft.vehicle, (found,)).position.max() < 1e-6

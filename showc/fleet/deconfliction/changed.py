@@ -71,9 +71,11 @@ def fly_changed(
         inverse = bernstein_basis_inverse(DEGREE, tuple(_NODES))
         position = np.einsum("jk,nika->nija", inverse, values)
         # From hover to hover, exactly: on a last interval of a few milliseconds the
-        # rounding of positions turns the drone by more than a proof allows.
-        position[:, 0, :4] = whole[:, 0, :1]
-        position[:, -1, -4:] = whole[:, -1, -1:]
+        # rounding of positions turns the drone by more than a proof allows. Upward it
+        # may leap: a spline need not begin with the thrust of a hover.
+        for axes, order in ((slice(0, 2), 4), (slice(2, 3), 2)):
+            position[:, 0, :order, axes] = whole[:, 0, :1, axes]
+            position[:, -1, -order:, axes] = whole[:, -1, -1:, axes]
         flown = fly(aircraft.vehicle, aircraft.heading, fine, position)
         good = keeps_limits(aircraft.vehicle, aircraft.limits, flown) & joined(flown)
         rows = np.nonzero(good)[0].tolist()
