@@ -60,9 +60,16 @@ class ShowClock(SharedClock):
         super().__init__(plan.motion, authority, start, plan.greatest_speed)
         self._plan = plan
 
-    def instant(self) -> Instant:
-        """Return where the fleet is to be, and how it is to move, now."""
-        return self._plan.at(self.time).scaled(self.rate, self.rate_change)
+    def instant(self, ahead: float = 0.0) -> Instant:
+        """Return where the fleet is to be, and how it is to move.
+
+        Parameters
+        ----------
+        ahead
+            How long from now [s], with the clock as it goes.
+        """
+        time = self.time + self.rate * ahead
+        return self._plan.at(time).scaled(self.rate, self.rate_change)
 
 
 class Rounds:

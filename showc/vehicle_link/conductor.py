@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from showc.autopilot.feedforward import AHEAD, Feedforward
+from showc.autopilot.parameters import GAINS as MISSION_GAINS
+from showc.autopilot.parameters import Gains
 from showc.progress import Silent
 from showc.safety.stop import Authority
 from showc.vehicle.presets import ARDUCOPTER
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.vehicle_link.flown import FlownLog
     from showc.vehicle_link.network import Network
-    from showc.vehicle_link.setpoints import StreamPlan
+    from showc.vehicle_link.setpoints import Instant, StreamPlan
 
 
 AfterStop = Literal["hold", "land", "return"]
@@ -155,6 +158,7 @@ class Conductor:
         }
         self._history = History()
         self._record: FlownLog | None = None
+        self._shift: Feedforward | None = None
         self._told = np.full(len(self.pilots), -np.inf)
         self._ticked = self._advanced = 0.0
 
@@ -257,6 +261,9 @@ class Conductor:
         """Send setpoints on the common clock to the end; return why it stopped."""
         ardupilot = any(pilot.tells.ardupilot for pilot in self.pilots)
         self.join = self.plan.launch_end if ardupilot else 0.0
+        if self.options.set_gains and ardupilot:
+            gains = Gains.of(MISSION_GAINS | GAINS)
+            self._shift = Feedforward(gains, len(self.pilots))
         show = self.show = ShowClock(self.plan, self._authority(), self.join)
         length = max(1, round(self.plan.duration - self.join))
         self.progress.stage("show", length)
@@ -314,18 +321,20 @@ class Conductor:
             self.show.advance(span / steps)
         late = now - due
         self._ticked = now if late > period else due
-        self._setpoints(now, due)
+        self._setpoints(now, due, span)
         return now
 
-    def _setpoints(self, now: float, due: float) -> None:
+    def _setpoints(self, now: float, due: float, span: float) -> None:
         """Send every vehicle where it is to be."""
         assert self.show is not None  # noqa: S101 - as above
         show = self.show
         if show.time > self.plan.duration:
             show.hold_at(self.plan.duration)
-        instant = show.instant()
+        plain = show.instant()
+        shifted = self._shifted(plain, span)
         stamp = round(show.time * 1000.0)
         for index, pilot in enumerate(self.pilots):
+            instant = shifted if pilot.tells.ardupilot else plain
             message = pilot.setpoint(
                 instant.position[index],
                 instant.velocity[index],
@@ -335,6 +344,20 @@ class Conductor:
             self.network.send(message, pilot.vehicle.system)
         self._history.note(now + self.options.lead, show.time)
         self.rounds.note(due, self.clock.now())
+
+    def _shifted(self, instant: Instant, span: float) -> Instant:
+        """Return what brings vehicles there, ``span`` [s] after the last ones."""
+        assert self.show is not None  # noqa: S101 - as above
+        shift = self._shift
+        if shift is None:
+            return instant
+        soon = self.show.instant(AHEAD)
+        shift.advance(
+            span,
+            (instant.velocity, instant.acceleration),
+            (soon.velocity, soon.acceleration),
+        )
+        return instant.beyond(shift)
 
     def _watch(self, now: float) -> str:
         """Return what is wrong with a vehicle in flight."""

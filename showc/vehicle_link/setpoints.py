@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import FloatArray
+    from showc.autopilot.feedforward import Feedforward
     from showc.log.reader import LoggedShow
     from showc.trajectory import PiecewisePolynomial
 
@@ -50,6 +51,14 @@ class Instant:
             self.position,
             rate * self.velocity,
             rate**2 * self.acceleration + rate_change * self.velocity,
+        )
+
+    def beyond(self, shift: Feedforward) -> Instant:
+        """Return what vehicles are sent that need this ``shift`` to be here."""
+        return Instant(
+            self.position + shift.place,
+            self.velocity + shift.speed,
+            self.acceleration + shift.push,
         )
 
 
