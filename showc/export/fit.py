@@ -1,12 +1,12 @@
 """Flights written again as cubics on the grid of a format, under a stated error.
 
-Every drone's flight is cut into pieces of one length, each a cubic that has the
-flight's position and velocity at both ends (Hermite). Control points are whole steps
-of the format's grid: position and handle at a node are rounded once and serve the
-pieces on both sides, which are equally long, so that velocity is continuous exactly.
-The pieces of a drone are laid so that it passes the take-off height at a node: a
-firmware that looks for that instant finds it there without solving a cubic. The odd
-rest of the time lies before the launch, where the drone stands.
+Every drone's flight is cut into pieces, each a cubic that has the flight's position and
+velocity at both ends (Hermite). Pieces are as long as a power of two allows: where two
+of them are nearly one cubic, they become one. A long piece has a finer grid of
+velocities, so what an aircraft does for long, say climb as steeply as it may, is
+written as it is. The pieces of a drone are laid so that it passes the take-off height
+at a joint: a firmware that looks for that instant finds it there without solving a
+cubic. The odd rest of the time lies before the launch, where the drone stands.
 
 What the fit costs in position, velocity and acceleration is bounded at every instant
 from the difference of both polynomials, the rounding included.
@@ -21,8 +21,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import ExportError
+from showc.export.grid import STANDING, Joints, on_grid
 from showc.foreign.motion import (
     Greatest,
+    chosen,
     derivative,
     difference,
     greatest,
@@ -35,19 +37,21 @@ from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
-    from showc.arrays import FloatArray, IntArray
+    from collections.abc import Sequence
+
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.export.solved import SolvedShow
+    from showc.foreign.showmode import Followed
 
 
 STEPS = (250, 125, 100, 50, 40, 20)
-"""Lengths of a piece that are tried, longest first [ms]: Skybrush's server, which loses
-a millisecond of some durations, keeps these and their multiples up to 4 s."""
+"""Lengths of the shortest piece that are tried, longest first [ms]: Skybrush's server,
+which loses a millisecond of some durations, keeps these and their multiples up to
+4 s."""
 
-GREATEST = 32_767
-"""Greatest control point in steps of the grid: 16 bits, signed."""
-
-COARSEST = 127
-"""Coarsest grid that the format knows [mm]."""
+LONGEST = 4_000
+"""Longest piece [ms]. The format holds 65,535, but Skybrush's server shortens some
+durations by 1 ms (see ``STEPS``; the first multiple that it does not keep is 4,020)."""
 
 TAKEOFF_HEIGHT = 2.5
 """SHOW_TAKEOFF_ALT: up to here the firmware climbs on its own [m]."""
@@ -55,6 +59,18 @@ TAKEOFF_HEIGHT = 2.5
 TOLERANCE = 0.01
 """Greatest distance of the written flight from the solved one, unless asked [m]: a
 thirtieth of what a flight controller itself is off."""
+
+YAW_STEP = 1000
+"""Length of a step of yaw [ms]: drones turn slowly beside how they move."""
+
+_SHARE = 0.1
+"""Share of the tolerance that joining two pieces may cost at once."""
+
+_BENT = 0.01
+"""How much joining two pieces may change the mean acceleration of each [m/s²]."""
+
+_DRONES = 32
+"""Drones that are fitted together: what they take stays near the processor."""
 
 _POSITION_RESOLUTION, _VELOCITY_RESOLUTION, _ACCELERATION_RESOLUTION = 1e-4, 1e-3, 1e-2
 """Widths of the enclosures of the three errors [m, m/s, m/s²]."""
@@ -71,50 +87,69 @@ class FitError:
     acceleration: Greatest
     """[m/s²]: large where the solved one jumps, for a cubic cannot."""
 
+    @staticmethod
+    def worst(errors: Sequence[FitError]) -> FitError:
+        """Return the greatest of each kind."""
+        return FitError(
+            max((one.position for one in errors), key=_upper),
+            max((one.velocity for one in errors), key=_upper),
+            max((one.acceleration for one in errors), key=_upper),
+        )
+
+
+def _upper(found: Greatest) -> float:
+    return found.upper
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedFleet:
-    """Cubics of a whole fleet, in whole steps of the format's grid."""
+    """Cubics of a whole fleet, in whole steps of the format's grid.
+
+    The pieces of a drone follow each other, from the start of the file on.
+    """
 
     lead: int
     """How much later than in the solved show everything happens [ms]."""
-    step: int
-    """Length of every piece [ms]."""
-    begin: IntArray
-    """When the first piece of each drone begins; before it the drone stands at the
-    first point, shape (drones,) [ms]."""
+    first: IntArray
+    """First piece of each drone, and the number of pieces, shape (drones + 1,)."""
+    starts: IntArray
+    """When each piece begins, shape (pieces,) [ms]."""
+    lengths: IntArray
+    """How long it is, shape (pieces,) [ms]."""
+    points: IntArray
+    """Its control points in steps of the grid, shape (pieces, 4, 3)."""
     scale: IntArray
     """Step of the grid of each drone, shape (drones,) [mm]."""
-    points: IntArray
-    """Control points in steps of the grid, shape (drones, pieces, 4, 3)."""
     yaw: FloatArray
-    """Yaw at the nodes, counter-clockwise from +x, shape (drones, pieces + 1) [deg]."""
+    """Yaw every ``YAW_STEP`` from the start of the file on, counter-clockwise from +x,
+    shape (drones, n) [deg]."""
     error: FitError
     """What it costs."""
 
     @property
     def drones(self) -> int:
         """Size of the fleet."""
-        return int(self.begin.size)
+        return int(self.scale.size)
+
+    def rows(self, drone: int) -> slice:
+        """Pieces of one drone."""
+        return slice(int(self.first[drone]), int(self.first[drone + 1]))
 
     @property
-    def pieces(self) -> int:
-        """Pieces of each drone."""
-        return int(self.points.shape[1])
-
-    @property
-    def times(self) -> IntArray:
-        """When each drone is at its nodes, shape (drones, pieces + 1) [ms]."""
-        return self.begin[:, None] + self.step * np.arange(self.pieces + 1)
-
-    def times_of(self, drone: int) -> IntArray:
-        """When one drone is at its nodes, shape (pieces + 1,) [ms]."""
-        return np.asarray(self.begin[drone] + self.step * np.arange(self.pieces + 1))
+    def grid(self) -> FloatArray:
+        """Step of the grid of each piece, shape (pieces,) [m]."""
+        return np.asarray(np.repeat(self.scale / 1000.0, np.diff(self.first)))
 
     @property
     def duration(self) -> float:
         """When the last drone's last piece ends [s]."""
-        return float(self.begin.max() + self.step * self.pieces) / 1000.0
+        return float((self.starts + self.lengths).max()) / 1000.0
+
+    @property
+    def shortest(self) -> int:
+        """Length of the shortest piece in which a drone moves [ms]."""
+        moving = np.any(self.points != self.points[:, :1], axis=(1, 2))
+        return int(self.lengths[moving].min(initial=LONGEST))
 
 
 def tracks_of(show: SolvedShow) -> Tracks:
@@ -133,7 +168,11 @@ def tracks_of(show: SolvedShow) -> Tracks:
 
 
 def fit_fleet(
-    show: SolvedShow, *, lead: float, tolerance: float = TOLERANCE
+    show: SolvedShow,
+    *,
+    lead: float,
+    tolerance: float = TOLERANCE,
+    followed: Followed | None = None,
 ) -> FittedFleet:
     """Fit with the longest pieces that keep within ``tolerance`` [m].
 
@@ -146,77 +185,220 @@ def fit_fleet(
         less than a piece, no joint is put at the take-off height.
     tolerance
         Greatest distance of the fit from the solved flight at any instant [m].
+    followed
+        Accelerations up to which rounding carries no flight that is within them; None:
+        rounding is to the nearest step.
 
     Raises
     ------
     ExportError
-        If no length of the pieces keeps within it, or the show is too wide.
+        If no length of the pieces keeps within the tolerance, or the show is too wide.
     """
     exact = tracks_of(show)
-    fitted = None
-    for step in STEPS:
-        fitted = _fit(exact, round(1000.0 * (lead - show.early)), step)
-        fitted = replace(fitted, lead=round(1000.0 * lead))
-        if fitted.error.position.upper <= tolerance:
-            return fitted
-    assert fitted is not None  # noqa: S101 - there are steps
-    worst = fitted.error.position
-    raise ExportError(
-        f"drone {worst.drone + 1} at {worst.time:.2f} s: pieces of {STEPS[-1]} ms on a "
-        f"grid of {fitted.scale.max()} mm miss the solved flight by "
-        f"{worst.upper:.3f} m; wanted at most {tolerance:g} m: ask for less with "
-        "--tolerance, or bring the show nearer to its origin"
-    )
-
-
-def _fit(exact: Tracks, lead: int, step: int) -> FittedFleet:
-    crossing = crossings(exact)
-    if lead < step:
-        # The odd rest of the time lies before the launch, and there is no room for it.
-        crossing = np.full_like(crossing, np.inf)
-    at_crossing = np.rint(1000.0 * np.where(np.isfinite(crossing), crossing, 0.0))
-    begin = lead - -at_crossing.astype(np.int64) % step
-    pieces = int(np.ceil((lead + 1000.0 * exact.end - begin.min()) / step))
-    nodes = (begin[:, None] + step * np.arange(pieces + 1) - lead) / 1000.0
-    place, velocity = states(exact, nodes)
-    scale = _scale(place[:, :, :3], velocity[:, :, :3] * (step / 3000.0))
-    grid = scale[:, None, None] / 1000.0
-    # A long show of many drones is millions of numbers: as small as they fit.
-    whole = np.rint(place[:, :, :3] / grid).astype(np.int32)
-    handle = np.rint(velocity[:, :, :3] * (step / 3000.0) / grid).astype(np.int32)
-    # Exactly at the take-off height above the first point, or the next step above.
-    rows = np.flatnonzero(np.isfinite(crossing))
-    node = np.rint((lead + at_crossing - begin) / step).astype(np.int64)[rows]
-    climb = -(-round(1000.0 * TAKEOFF_HEIGHT) // scale[rows])
-    whole[rows, node, 2] = whole[rows, 0, 2] + climb
-    points = np.stack(
-        [
-            whole[:, :-1],
-            whole[:, :-1] + handle[:, :-1],
-            whole[:, 1:] - handle[:, 1:],
-            whole[:, 1:],
-        ],
-        axis=2,
-    )
-    if points.size and int(np.abs(points).max()) > GREATEST:
-        raise ExportError(
-            f"the show reaches {np.abs(place[:, :, :3]).max():.0f} m from its origin; "
-            f"the format holds {GREATEST * COARSEST / 1000.0:.0f} m"
+    moved = round(1000.0 * (lead - show.early))
+    fit = _Fit(moved, round(1000.0 * lead), tolerance, followed)
+    return _together(
+        side_by_side(
+            [
+                partial(fit.made, chosen(exact, slice(low, low + _DRONES)), low)
+                for low in range(0, exact.drones, _DRONES)
+            ]
         )
-    fitted = FittedFleet(
-        lead,
-        step,
-        begin,
-        scale,
-        points,
-        np.degrees(place[:, :, 3]),
-        _NOTHING,
     )
-    error = error_of(exact, decoded(fitted), lead / 1000.0)
-    return replace(fitted, error=error)
 
 
-_NOTHING = FitError(*(Greatest(0.0, 0.0, 0, 0.0) for _ in range(3)))
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """How some drones are fitted."""
+
+    moved: int
+    """How much later than the clock of the tracks everything happens [ms]."""
+    lead: int
+    """How much later than the clock of the show [ms]."""
+    tolerance: float
+    """[m]"""
+    followed: Followed | None
+    """Accelerations that rounding keeps."""
+
+    def made(self, exact: Tracks, first: int) -> FittedFleet:
+        """Fit drones, the first of which has this number, with the first that keeps."""
+        for step in STEPS:
+            # What joining costs may be just what is lacking.
+            for share in (_SHARE, 0.0):
+                fitted = self._cut(exact, step, share * self.tolerance)
+                error = error_of(
+                    exact, decoded(fitted), self.moved / 1000.0, first=first, jobs=1
+                )
+                if error.position.upper <= self.tolerance:
+                    return replace(fitted, error=error)
+                if exact.drones > 1:
+                    # Some of them need shorter pieces; the others do without.
+                    alone = [
+                        self.made(chosen(exact, slice(drone, drone + 1)), first + drone)
+                        for drone in range(exact.drones)
+                    ]
+                    return _together(alone)
+        worst = error.position
+        raise ExportError(
+            f"drone {worst.drone + 1} at {worst.time:.2f} s: pieces of {STEPS[-1]} ms "
+            f"on a grid of {fitted.scale.max()} mm miss the solved flight by "
+            f"{worst.upper:.3f} m; wanted at most {self.tolerance:g} m: ask for less "
+            "with --tolerance, or bring the show nearer to its origin"
+        )
+
+    def _cut(self, exact: Tracks, step: int, cost: float) -> FittedFleet:
+        """Fit with pieces of ``step`` [ms], joined where it costs at most ``cost``."""
+        moved = self.moved
+        crossing = crossings(exact)
+        if moved < step:
+            # The odd rest of the time lies before the launch; there is no room for it.
+            crossing = np.full_like(crossing, np.inf)
+        high = np.isfinite(crossing)
+        at = np.rint(1000.0 * np.where(high, crossing, 0.0)).astype(np.int64)
+        begin = moved - -at % step
+        pieces = int(np.ceil((moved + 1000.0 * exact.end - begin.min()) / step))
+        times = begin[:, None] + step * np.arange(pieces + 1)
+        place, velocity = (
+            part[..., :3] for part in states(exact, (times - moved) / 1000.0)
+        )
+        node = np.where(high, (moved + at - begin) // step, -1)
+        drone, kept = np.nonzero(_joined(place, velocity, node, step, cost))
+        counts = np.bincount(drone, minlength=exact.drones)
+        joints = Joints(
+            np.concatenate([[0], np.cumsum(counts)]),
+            times[drone, kept],
+            place[drone, kept],
+            velocity[drone, kept],
+            np.where(kept == node[drone], TAKEOFF_HEIGHT, np.nan),
+        )
+        scale, points = on_grid(joints, self.followed)
+        return self._file(exact, joints, scale, points)
+
+    def _file(
+        self, exact: Tracks, joints: Joints, scale: IntArray, points: IntArray
+    ) -> FittedFleet:
+        """Put the time before the first joints in front."""
+        moving = joints.pieces
+        waits = [waiting(int(joints.times[row])) for row in joints.first[:-1]]
+        before = np.array([len(one) for one in waits])
+        ahead = np.concatenate([[0], np.cumsum(np.diff(joints.first) - 1)])
+        # Where the pieces of each drone begin among all that move.
+        at = np.repeat(ahead[:-1], before)
+        lengths = np.insert(
+            np.diff(joints.times)[moving], at, [one for some in waits for one in some]
+        )
+        points = np.insert(points, at, np.repeat(points[at, :1], 4, axis=1), axis=0)
+        first = np.concatenate([[0], np.cumsum(before + np.diff(ahead))])
+        end = np.cumsum(lengths)
+        begin = np.concatenate([[0], end])[first[:-1]]
+        starts = end - lengths - np.repeat(begin, np.diff(first))
+        count = -(-int(self.moved + 1000.0 * exact.end) // YAW_STEP) + 1
+        seconds = (YAW_STEP * np.arange(count) - self.moved) / 1000.0
+        turned, _ = states(exact, np.broadcast_to(seconds, (exact.drones, count)))
+        return FittedFleet(
+            self.lead,
+            first,
+            starts,
+            lengths,
+            points,
+            scale,
+            np.degrees(turned[:, :, 3]),
+            NO_ERROR,
+        )
+
+
+def _joined(
+    place: FloatArray, velocity: FloatArray, node: IntArray, step: int, cost: float
+) -> BoolArray:
+    """Which nodes stay joints when neighbouring pieces are joined.
+
+    Two pieces of one length become one where the cubic between their outer ends passes
+    near what they have in the middle. The difference is a cubic on either side of it,
+    with the value d and the slope s there and none at the other end: at most
+    |d| + 4/27 T |s|.
+
+    Parameters
+    ----------
+    place
+        Of all nodes, shape (drones, n + 1, 3) [m].
+    velocity
+        [m/s]
+    node
+        One of each drone that stays a joint; -1: none need, shape (drones,).
+    step
+        Between two nodes [ms].
+    cost
+        Greatest distance from what was joined [m].
+    """
+    pieces = place.shape[1] - 1
+    joint = np.ones(place.shape[:2], dtype=bool)
+    whole = np.ones((place.shape[0], pieces), dtype=bool)
+    still = np.abs(velocity).max(axis=2) < STANDING
+    width = 2
+    while width * step <= LONGEST:
+        count, half = pieces // width, width // 2
+        low = slice(0, count * width, width)
+        middle = slice(half, count * width, width)
+        high = slice(width, count * width + 1, width)
+        seconds = width * step / 1000.0
+        way = place[:, high] - place[:, low]
+        off = place[:, middle] - 0.5 * (place[:, low] + place[:, high])
+        off -= seconds / 8.0 * (velocity[:, low] - velocity[:, high])
+        turn = velocity[:, middle] - 1.5 * way / seconds
+        turn += 0.25 * (velocity[:, low] + velocity[:, high])
+        steep = np.linalg.norm(turn, axis=2)
+        far = np.linalg.norm(off, axis=2) + 2.0 / 27.0 * seconds * steep
+        whole = _side(whole, still[:, :: width // 2], count)
+        whole &= (far <= cost) & (steep <= 0.5 * _BENT * seconds)
+        whole &= half + width * np.arange(count) != node[:, None]
+        joint[:, middle] &= ~whole
+        width *= 2
+    return joint
+
+
+def _side(whole: BoolArray, still: BoolArray, count: int) -> BoolArray:
+    """Which pairs of pieces may become one: both are there, and their neighbours.
+
+    A drone that moves has velocities there that the shorter neighbour's grid holds;
+    over a piece more than twice as long what is rounded off would carry it far.
+
+    Parameters
+    ----------
+    whole
+        Pieces of half the length that are there, shape (drones, n).
+    still
+        Whether the drone stands where they begin, and where the last one ends.
+    count
+        Number of pairs.
+    """
+    edge = np.ones((whole.shape[0], 1), dtype=bool)
+    before = np.concatenate([edge, whole], axis=1)[:, 0 : 2 * count : 2]
+    after = np.concatenate([whole, edge], axis=1)[:, 2 : 2 * count + 1 : 2]
+    return np.asarray(
+        whole[:, 0 : 2 * count : 2]
+        & whole[:, 1 : 2 * count : 2]
+        & (before | still[:, 0 : 2 * count : 2])
+        & (after | still[:, 2 : 2 * count + 1 : 2])
+    )
+
+
+def _together(parts: Sequence[FittedFleet]) -> FittedFleet:
+    """Put fleets together, one after the other."""
+    counts = np.concatenate([np.diff(one.first) for one in parts])
+    return FittedFleet(
+        parts[0].lead,
+        np.concatenate([[0], np.cumsum(counts)]),
+        np.concatenate([one.starts for one in parts]),
+        np.concatenate([one.lengths for one in parts]),
+        np.concatenate([one.points for one in parts]),
+        np.concatenate([one.scale for one in parts]),
+        np.concatenate([one.yaw for one in parts]),
+        FitError.worst([one.error for one in parts]),
+    )
+
+
+NO_ERROR = FitError(*(Greatest(0.0, 0.0, 0, 0.0) for _ in range(3)))
+"""Before anything is known of it."""
 
 
 def crossings(exact: Tracks) -> FloatArray:
@@ -264,35 +446,26 @@ def states(exact: Tracks, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
     return place, velocity
 
 
-def _scale(place: FloatArray, handle: FloatArray) -> IntArray:
-    """Finest grid [mm] on which the control points of each drone fit 16 bits."""
-    reach = (np.abs(place) + np.abs(handle)).max(axis=(1, 2))
-    # As Skybrush's server works it out, that it stores what was fitted.
-    needed = np.ceil((np.ceil(1000.0 * reach) + 1.0) / (GREATEST + 1.0))
-    return np.asarray(np.clip(needed.astype(np.int64), 1, COARSEST))
-
-
 def decoded(fitted: FittedFleet) -> Tracks:
     """Return the tracks that the control points stand for, in the file's time."""
-    drones, pieces = fitted.drones, fitted.pieces
-    times = fitted.times / 1000.0
-    # Written into its place: a copy of a long show would be hundreds of megabytes.
-    body = np.empty((drones, pieces + 1, 4, 3))
-    np.multiply(
-        fitted.points, fitted.scale[:, None, None, None] / 1000.0, out=body[:, 1:]
-    )
-    body[:, 0] = body[:, 1, :1]
     return Tracks(
         0.0,
         fitted.duration,
-        np.arange(drones + 1) * (pieces + 1),
-        np.concatenate([np.zeros((drones, 1)), times[:, :-1]], axis=1).ravel(),
-        times.ravel(),
-        body.reshape(-1, 4, 3),
+        fitted.first,
+        fitted.starts / 1000.0,
+        (fitted.starts + fitted.lengths) / 1000.0,
+        fitted.points * fitted.grid[:, None, None],
     )
 
 
-def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
+def error_of(
+    exact: Tracks,
+    written: Tracks,
+    lead: float,
+    *,
+    first: int = 0,
+    jobs: int | None = None,
+) -> FitError:
     """Bound the difference of two fleets at every instant, some drones at a time.
 
     Parameters
@@ -303,17 +476,22 @@ def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
         What the file says, in its time.
     lead
         How much later everything happens in the file [s].
+    first
+        Number of the first drone.
+    jobs
+        Processes that share the work; None: one for each core.
     """
     end = max(written.end, exact.end + lead)
 
-    def bounded(first: int, part: Tracks, solved: Tracks) -> list[Greatest]:
-        moved = Tracks(
-            0.0,
-            end,
-            solved.first,
-            solved.starts + lead,
-            solved.ends + lead,
-            solved.position[:, :, :3],
+    def bounded(low: int, part: Tracks) -> FitError:
+        solved = chosen(exact, slice(low, low + part.drones))
+        moved = replace(
+            solved,
+            begin=0.0,
+            end=end,
+            starts=solved.starts + lead,
+            ends=solved.ends + lead,
+            position=solved.position[:, :, :3],
         )
         apart = difference(standing(moved, 0.0, end), standing(part, 0.0, end))
         found = []
@@ -323,36 +501,33 @@ def error_of(exact: Tracks, written: Tracks, lead: float) -> FitError:
             _ACCELERATION_RESOLUTION,
         ):
             one = greatest(apart, length((0, 1, 2)), resolution)
-            found.append(Greatest(one.upper, one.lower, one.drone + first, one.time))
+            found.append(replace(one, drone=one.drone + low + first))
             apart = derivative(apart)
+        return FitError(*found)
+
+    parts = [partial(bounded, low, part) for low, part in portions(written)]
+    return FitError.worst(side_by_side(parts, jobs))
+
+
+def waiting(begin: int) -> list[int]:
+    """Cut a time [ms] into durations that the server keeps whole."""
+    found = [LONGEST] * (begin // LONGEST)
+    rest = begin % LONGEST
+    if rest == 0:
         return found
-
-    every = side_by_side(
-        [
-            partial(bounded, first, part, solved)
-            for (first, part), solved in zip(
-                portions(written), _alike(exact, written), strict=True
-            )
-        ]
+    if kept_whole(rest):
+        return [*found, rest]
+    part = next(
+        part
+        for part in range(rest - 1, 0, -1)
+        if kept_whole(part) and kept_whole(rest - part)
     )
-    return FitError(
-        *(max(kind, key=lambda one: one.upper) for kind in zip(*every, strict=True))
-    )
+    return [*found, part, rest - part]
 
 
-def _alike(exact: Tracks, written: Tracks) -> list[Tracks]:
-    """Cut ``exact`` into the drones of the portions of ``written``."""
-    parts = []
-    for first, part in portions(written):
-        rows = slice(int(exact.first[first]), int(exact.first[first + part.drones]))
-        parts.append(
-            Tracks(
-                exact.begin,
-                exact.end,
-                exact.first[first : first + part.drones + 1] - exact.first[first],
-                exact.starts[rows],
-                exact.ends[rows],
-                exact.position[rows],
-            )
-        )
-    return parts
+def kept_whole(milliseconds: int) -> bool:
+    """Whether Skybrush's server turns this duration, written in seconds, into itself.
+
+    It takes the whole part of a thousand times the rounded seconds, in floating point.
+    """
+    return int(round(milliseconds / 1000.0, 3) * 1000.0) == milliseconds

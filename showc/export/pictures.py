@@ -120,50 +120,39 @@ def glb_file(show: SolvedShow, fitted: FittedFleet) -> bytes:
     """
     scene = _Scene()
     scene.diamond()
-    place = _gltf_axes(_nodes(fitted))
-    tangent = _gltf_axes(_tangents(fitted))
-    clocks: dict[int, int] = {}
     nodes = []
     lights = light_nodes(show.light_times, show.lights, fitted.lead / 1000.0)
     for drone in range(fitted.drones):
-        begin = int(fitted.begin[drone])
-        if begin not in clocks:
-            times = fitted.times_of(drone) / 1000.0
-            keys = np.concatenate([[0.0], times]) if begin > 0 else times
-            clocks[begin] = scene.numbers(keys[:, None], "SCALAR")
-        values = np.stack([tangent[drone], place[drone], tangent[drone]], axis=1)
-        if begin > 0:
-            still = np.stack([np.zeros(3), place[drone, 0], np.zeros(3)])
-            values = np.concatenate([still[None], values])
+        times, place, tangent = _keys(fitted, drone)
+        clock = scene.numbers(times[:, None], "SCALAR")
+        values = np.stack([tangent, place, tangent], axis=1)
         output = scene.numbers(values.reshape(-1, 3), "VEC3")
         scene.animate(
-            clocks[begin], output, "CUBICSPLINE", {"node": drone, "path": "translation"}
+            clock, output, "CUBICSPLINE", {"node": drone, "path": "translation"}
         )
         nodes.append(
             {
                 "name": drone_name(drone),
                 "mesh": scene.lit(lights[drone]),
-                "translation": place[drone, 0].tolist(),
+                "translation": place[0].tolist(),
             }
         )
     return scene.binary(nodes, show.rules.name)
 
 
-def _nodes(fitted: FittedFleet) -> FloatArray:
-    """Places at the nodes, shape (drones, pieces + 1, 3) [m]."""
-    whole = np.concatenate([fitted.points[:, :, 0], fitted.points[:, -1:, 3]], axis=1)
-    return np.asarray(whole * (fitted.scale[:, None, None] / 1000.0))
-
-
-def _tangents(fitted: FittedFleet) -> FloatArray:
-    """Velocities at the nodes, shape (drones, pieces + 1, 3) [m/s]."""
-    points = fitted.points
-    handles = np.concatenate(
-        [points[:, :, 1] - points[:, :, 0], points[:, -1:, 3] - points[:, -1:, 2]],
-        axis=1,
+def _keys(fitted: FittedFleet, drone: int) -> tuple[FloatArray, ...]:
+    """Return times (n,) [s], places and velocities (n, 3) [m, m/s] of joints."""
+    rows = fitted.rows(drone)
+    points = fitted.points[rows] * (fitted.scale[drone] / 1000.0)
+    ends = (fitted.starts[rows] + fitted.lengths[rows]) / 1000.0
+    last = points[-1:]
+    slope = 3000.0 * (points[:, 1] - points[:, 0]) / fitted.lengths[rows, None]
+    still = 3000.0 * (last[:, 3] - last[:, 2]) / fitted.lengths[rows][-1]
+    return (
+        np.append(0.0, ends),
+        _gltf_axes(np.concatenate([points[:, 0], last[:, 3]])),
+        _gltf_axes(np.concatenate([slope, still])),
     )
-    grid = fitted.scale[:, None, None] / 1000.0
-    return np.asarray(handles * grid * (3000.0 / fitted.step))
 
 
 def _gltf_axes(values: FloatArray) -> FloatArray:

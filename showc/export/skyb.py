@@ -25,17 +25,11 @@ from showc.foreign.skyb import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.arrays import IntArray
     from showc.export.fit import FittedFleet
 
 
 LONGEST_BLOCK = 65_535
 """A block's length is 16 bits [bytes]."""
-
-LONGEST_SEGMENT = 4_000
-"""Longest segment that is written [ms]. The format holds 65,535, but Skybrush's server
-shortens some durations by 1 ms; up to here it keeps all multiples of the lengths that
-pieces have (the first that it does not is 4,020)."""
 
 CUBIC = 2
 """What a header says of an axis with three control points after the first."""
@@ -79,12 +73,10 @@ def trajectory_block(fitted: FittedFleet, drone: int, yaw: int = 0) -> bytes:
 
     ``yaw`` is that of the start [0.1 deg]; Skybrush's firmware does not read it.
     """
-    points = fitted.points[drone]
-    scale, begin = int(fitted.scale[drone]), int(fitted.begin[drone])
-    head = struct.pack("<B4h", scale, *points[0, 0].tolist(), yaw)
-    first, lengths = runs(points, fitted.step)
-    durations, segments = lengths * fitted.step, points[first]
-    waits = waiting(begin)
+    rows = fitted.rows(drone)
+    durations, segments = fitted.lengths[rows], fitted.points[rows]
+    scale = int(fitted.scale[drone])
+    head = struct.pack("<B4h", scale, *segments[0, 0].tolist(), yaw)
     moving = np.any(segments != segments[:, :1], axis=1)
     count = moving.sum(axis=1)
     sizes = 3 + 6 * count
@@ -101,53 +93,7 @@ def trajectory_block(fitted: FittedFleet, drone: int, yaw: int = 0) -> bytes:
         value = segments[row, index + 1, axis].astype("<i2").view("<u2")
         data[where + 2 * index] = value & 0xFF
         data[where + 2 * index + 1] = value >> 8
-    return (
-        head + b"".join(struct.pack("<BH", 0, wait) for wait in waits) + data.tobytes()
-    )
-
-
-def waiting(begin: int) -> list[int]:
-    """Cut a time [ms] into durations that the server keeps whole."""
-    found = [LONGEST_SEGMENT] * (begin // LONGEST_SEGMENT)
-    rest = begin % LONGEST_SEGMENT
-    if rest == 0:
-        return found
-    if kept_whole(rest):
-        return [*found, rest]
-    part = next(
-        part
-        for part in range(rest - 1, 0, -1)
-        if kept_whole(part) and kept_whole(rest - part)
-    )
-    return [*found, part, rest - part]
-
-
-def kept_whole(milliseconds: int) -> bool:
-    """Whether Skybrush's server turns this duration, written in seconds, into itself.
-
-    It takes the whole part of a thousand times the rounded seconds, in floating point.
-    """
-    return int(round(milliseconds / 1000.0, 3) * 1000.0) == milliseconds
-
-
-def runs(points: IntArray, step: int) -> tuple[IntArray, IntArray]:
-    """First piece of every segment, and of how many pieces of ``step`` [ms] it is made.
-
-    Pieces in which nothing moves are joined, up to the longest segment.
-    """
-    standing = np.all(points == points[:, :1], axis=(1, 2))
-    most = LONGEST_SEGMENT // step
-    first, lengths, index = [], [], 0
-    moving = np.append(np.flatnonzero(~standing), points.shape[0])
-    while index < points.shape[0]:
-        length = 1
-        if standing[index]:
-            ahead = int(moving[np.searchsorted(moving, index)])
-            length = min(ahead - index, most)
-        first.append(index)
-        lengths.append(length)
-        index += length
-    return np.array(first), np.array(lengths)
+    return head + data.tobytes()
 
 
 def yaw_block(degrees: Sequence[float], times: Sequence[int]) -> bytes:

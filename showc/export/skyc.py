@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from showc.export.skyb import runs, waiting
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
@@ -149,7 +148,8 @@ def _top(show: SolvedShow, fitted: FittedFleet) -> dict[str, Any]:
     for drone in range(fitted.drones):
         folder = f"./drones/{drone_name(drone)}"
         grid = int(fitted.scale[drone]) / 1000.0
-        first, last = fitted.points[drone, 0, 0], fitted.points[drone, -1, -1]
+        points = fitted.points[fitted.rows(drone)]
+        first, last = points[0, 0], points[-1, -1]
         drones.append(
             {
                 "type": "generic",
@@ -243,23 +243,21 @@ _STANDING, _MOVING = "[%s,[%s,%s,%s],[]]", "[%s,[%s,%s,%s],[[%s,%s,%s],[%s,%s,%s
 
 
 def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:
-    points = fitted.points[drone]
-    begin, step = int(fitted.begin[drone]), fitted.step
-    waits = np.cumsum([0, *waiting(begin)]).tolist()
-    starts, lengths = runs(points, step)
-    moving = np.any(points[starts] != points[starts, :1], axis=(1, 2))
-    cells = strings.table(int(fitted.scale[drone]))[points[starts] + 32_768]
+    rows = fitted.rows(drone)
+    points = fitted.points[rows]
+    moving = np.any(points != points[:, :1], axis=(1, 2))
+    cells = strings.table(int(fitted.scale[drone]))[points + 32_768]
     # One formatting of all cells: a million rows of a fleet would take a while.
     sizes = np.where(moving, 10, 4)
     at = np.cumsum(sizes) - sizes
     text = np.empty(int(sizes.sum()), dtype=object)
-    text[at] = [_seconds(time) for time in (begin + step * (starts + lengths)).tolist()]
+    ends = fitted.starts[rows] + fitted.lengths[rows]
+    text[at] = [_seconds(time) for time in ends.tolist()]
     text[at[:, None] + np.arange(1, 4)] = cells[:, 3]
     text[at[moving, None] + np.arange(4, 10)] = cells[moving, 1:3].reshape(-1, 6)
-    first = [cell for time in waits for cell in (_seconds(time), *cells[0, 0])]
-    shapes = [_STANDING] * len(waits) + np.where(moving, _MOVING, _STANDING).tolist()
-    rows = ",".join(shapes) % (*first, *text.tolist())
-    return f'{{"version":1,"points":[{rows}],"takeoffTime":0}}'
+    shapes = [_STANDING, *np.where(moving, _MOVING, _STANDING).tolist()]
+    written = ",".join(shapes) % ("0.0", *cells[0, 0], *text.tolist())
+    return f'{{"version":1,"points":[{written}],"takeoffTime":0}}'
 
 
 def _seconds(milliseconds: int) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
-from showc.export.fit import TOLERANCE, FitError, FittedFleet, fit_fleet
+from showc.export.fit import TOLERANCE, YAW_STEP, FitError, FittedFleet, fit_fleet
 from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
 from showc.export.pictures import glb_file, kml_file, vviz_file
@@ -36,6 +36,7 @@ from showc.foreign.folder import (
     rules_to_json,
 )
 from showc.foreign.show import FencePolygon
+from showc.foreign.showmode import FOLLOWED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -48,9 +49,6 @@ if TYPE_CHECKING:
 LEAD = 10.0
 """How long the fleet stands before the show begins, unless asked [s]: the firmware
 needs it to start motors and climb."""
-
-YAW_STEP = 1000
-"""Length of a step of yaw [ms]: drones turn slowly beside how they move."""
 
 SAMPLED = {"skybrush-csv": 0.03, "vviz": 0.05}
 """Greatest distance from the solved flight where straight lines join samples [m]: at
@@ -114,18 +112,25 @@ class Exported:
         return all(check.verdict != "fail" for check in self.checks)
 
 
+def _flown(show: SolvedShow, options: ExportOptions) -> FittedFleet:
+    """Fit what show mode is to follow."""
+    return fit_fleet(
+        show, lead=options.lead, tolerance=options.tolerance, followed=FOLLOWED
+    )
+
+
 def _binary(show: SolvedShow, options: ExportOptions) -> Written:
     """Make one binary file a drone."""
     show = slowed(show, options.lead)
-    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
+    fitted = _flown(show, options)
     programs = _programs(show, options.lead, range(show.drones))
     comment = f"showc {__version__}: {show.rules.name}"
-    times = _yaw_times(fitted)
+    times = YAW_STEP * np.arange(fitted.yaw.shape[1])
     files = {
         f"{drone_name(drone)}.skyb": skyb_file(
             trajectory_block(fitted, drone),
             programs[drone],
-            yaw_block(_yaw(fitted, drone, times), times.tolist()),
+            yaw_block(_yaw(fitted, drone), times.tolist()),
             f"{comment}, drone {drone + 1}",
         )
         for drone in range(show.drones)
@@ -144,12 +149,12 @@ def _binary(show: SolvedShow, options: ExportOptions) -> Written:
 def _compiled(show: SolvedShow, options: ExportOptions) -> Written:
     """Put the whole show in one archive."""
     show = slowed(show, options.lead)
-    fitted = fit_fleet(show, lead=options.lead, tolerance=options.tolerance)
-    times = _yaw_times(fitted)
+    fitted = _flown(show, options)
+    times = YAW_STEP * np.arange(fitted.yaw.shape[1])
 
     def beside(drones: Sequence[int]) -> list[tuple[bytes, Setpoints]]:
         programs = _programs(show, options.lead, drones)
-        yaws = [_setpoints(_yaw(fitted, drone, times), times) for drone in drones]
+        yaws = [_setpoints(_yaw(fitted, drone), times) for drone in drones]
         return list(zip(programs, yaws, strict=True))
 
     archive = skyc_file(show, fitted, beside)
@@ -280,7 +285,7 @@ def _fitted(
 ) -> Written:
     error = fitted.error
     fit = {
-        "pieces_ms": fitted.step,
+        "pieces_ms": fitted.shortest,
         "lead_s": fitted.lead / 1000.0,
         "grid_mm": int(fitted.scale.max()),
         **_stated(error),
@@ -300,17 +305,9 @@ def _rounded(value: float) -> float:
     return float(np.ceil(value * 1e4) / 1e4)
 
 
-def _yaw_times(fitted: FittedFleet) -> np.ndarray[Any, np.dtype[np.int64]]:
-    end = round(1000.0 * fitted.duration)
-    return np.arange(0, end + YAW_STEP, YAW_STEP)
-
-
-def _yaw(
-    fitted: FittedFleet, drone: int, times: np.ndarray[Any, np.dtype[np.int64]]
-) -> list[float]:
-    """Degrees clockwise from +x at ``times`` [ms]."""
-    nodes = fitted.times_of(drone)
-    return [-value for value in np.interp(times, nodes, fitted.yaw[drone]).tolist()]
+def _yaw(fitted: FittedFleet, drone: int) -> list[float]:
+    """Degrees clockwise from +x every ``YAW_STEP``."""
+    return [-value for value in fitted.yaw[drone].tolist()]
 
 
 def _setpoints(
@@ -330,11 +327,12 @@ def _setpoints(
 
 def _landing_speed(fitted: FittedFleet) -> float:
     """How fast the fleet descends over the last stretch before its pads [m/s]."""
-    height = fitted.points[:, :, 0, 2] * (fitted.scale[:, None] / 1000.0)
-    above = height - height[:, -1:]
-    speed = -np.diff(height, axis=1) / (fitted.step / 1000.0)
-    late = np.arange(speed.shape[1]) >= speed.shape[1] // 2
-    near = (above[:, :-1] < 2.5) & (above[:, :-1] > 1.0) & (speed > 0.0) & late
+    points, grid = fitted.points[:, :, 2], fitted.grid
+    last = np.repeat(points[fitted.first[1:] - 1, 3], np.diff(fitted.first))
+    above = (points[:, 0] - last) * grid
+    speed = (points[:, 0] - points[:, 3]) * grid / (fitted.lengths / 1000.0)
+    late = fitted.starts >= 500.0 * fitted.duration
+    near = (above < 2.5) & (above > 1.0) & (speed > 0.0) & late
     return float(np.median(speed[near])) if near.any() else 1.0
 
 

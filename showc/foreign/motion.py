@@ -49,6 +49,19 @@ def owners(tracks: Tracks) -> IntArray:
     return np.repeat(np.arange(tracks.drones), np.diff(tracks.first))
 
 
+def chosen(tracks: Tracks, drones: slice) -> Tracks:
+    """Return the tracks of some neighbouring drones."""
+    low, high, _ = drones.indices(tracks.drones)
+    part = slice(int(tracks.first[low]), int(tracks.first[high]))
+    return replace(
+        tracks,
+        first=tracks.first[low : high + 1] - tracks.first[low],
+        starts=tracks.starts[part],
+        ends=tracks.ends[part],
+        position=tracks.position[part],
+    )
+
+
 def portions(tracks: Tracks, rows: int = ROWS_AT_ONCE) -> Iterator[tuple[int, Tracks]]:
     """Cut a fleet into some drones at a time: number of the first, and their tracks."""
     low = 0
@@ -57,18 +70,7 @@ def portions(tracks: Tracks, rows: int = ROWS_AT_ONCE) -> Iterator[tuple[int, Tr
             np.searchsorted(tracks.first, tracks.first[low] + rows, side="right")
         )
         high = min(max(high - 1, low + 1), tracks.drones)
-        part = slice(int(tracks.first[low]), int(tracks.first[high]))
-        yield (
-            low,
-            Tracks(
-                tracks.begin,
-                tracks.end,
-                tracks.first[low : high + 1] - tracks.first[low],
-                tracks.starts[part],
-                tracks.ends[part],
-                tracks.position[part],
-            ),
-        )
+        yield low, chosen(tracks, slice(low, high))
         low = high
 
 

@@ -21,9 +21,11 @@ from showc.foreign.motion import (
     over_fleet,
     owners,
 )
+from showc.verify.kernel.bernstein import values
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:
+    from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Separation
     from showc.verify.kernel.separation import Encounter
     from showc.verify.kernel.slices import Tracks
@@ -69,6 +71,37 @@ UP, DOWN = 3.0, 3.8
 
 HEIGHT = 0.25
 """Greatest vertical error up to there [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Up to which accelerations a file is followed, as a fit aims at them."""
+
+    sideways: tuple[float, ...]
+    """By growing tube [m/s²]."""
+    up: float
+    """[m/s²]"""
+    down: float
+    """[m/s²]"""
+
+    def limits(self, asked: FloatArray) -> FloatArray:
+        """Limits that flights (n, 3) are within: sideways, up, down [m/s²].
+
+        Infinite where a flight is within none.
+        """
+        limits = np.full(asked.shape, np.inf)
+        for axis, levels in enumerate((self.sideways, (self.up,), (self.down,))):
+            row = np.searchsorted(levels, asked[:, axis])
+            limits[:, axis] = np.append(levels, np.inf)[row]
+        return limits
+
+
+FOLLOWED = Followed(
+    tuple(tube.acceleration + 0.5 * FITTED for tube in TUBES),
+    UP + 0.5 * FITTED,
+    DOWN + 0.5 * FITTED,
+)
+"""What a fit aims at: half of what a file may ask beyond its flight is kept free."""
 
 
 def what_show_mode_makes(
@@ -137,20 +170,28 @@ def joint_accelerations(velocity: Tracks) -> tuple[Greatest, Greatest, Greatest]
     """Greatest acceleration sideways, up and down, between joints of a file [m/s²].
 
     It is the change of velocity from a joint to the next that is a quarter of a second
-    later or more, over that time. At joints a file has the velocity of the flight that
-    was solved, but for rounding; between them a cubic overshoots where the flight's
-    acceleration jumps.
+    later or more, over that time; a piece that lasts half a second or more counts as
+    several. At joints a file has the velocity of the flight that was solved, but for
+    rounding; between them a cubic overshoots where the flight's acceleration jumps.
     """
-    owner = owners(velocity)
-    begin = velocity.position[:, 0]
+    parts = np.floor((velocity.ends - velocity.starts) / WINDOW + 1e-6)
+    parts = np.maximum(parts.astype(np.int64), 1)
+    # The last piece of a drone ends in a joint too.
+    joints = parts.copy()
+    joints[velocity.first[1:] - 1] += 1
+    of = np.repeat(np.arange(parts.size), joints)
+    share = (np.arange(of.size) - np.repeat(np.cumsum(joints) - joints, joints)) / (
+        parts[of]
+    )
+    begin = values(velocity.position[of], share)
+    starts = velocity.starts[of] + share * (velocity.ends - velocity.starts)[of]
+    owner = owners(velocity)[of]
     offset = 2.0 * (velocity.end - velocity.begin + 1.0)
-    key = velocity.starts - velocity.begin + offset * owner
+    key = starts - velocity.begin + offset * owner
     later = np.searchsorted(key, key + WINDOW - 1e-6)
-    last = velocity.first[1:] - 1
-    # The last piece of a drone ends in the last joint.
-    inside = later <= last[owner]
-    row = np.flatnonzero(inside)
-    time = velocity.starts[later[row]] - velocity.starts[row]
+    row = np.flatnonzero(later < of.size)
+    row = row[owner[later[row]] == owner[row]]
+    time = starts[later[row]] - starts[row]
     push = (begin[later[row]] - begin[row]) / time[:, None]
     kinds = (np.hypot(push[:, 0], push[:, 1]), push[:, 2], -push[:, 2])
     found = []
@@ -158,9 +199,7 @@ def joint_accelerations(velocity: Tracks) -> tuple[Greatest, Greatest, Greatest]
         worst = int(np.argmax(kind)) if kind.size else 0
         value = float(kind[worst]) if kind.size else 0.0
         place = int(row[worst]) if kind.size else 0
-        found.append(
-            Greatest(value, value, int(owner[place]), float(velocity.starts[place]))
-        )
+        found.append(Greatest(value, value, int(owner[place]), float(starts[place])))
     return found[0], found[1], found[2]
 
 

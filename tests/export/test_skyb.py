@@ -8,13 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from showc.errors import DamagedFileError, ExportError
-from showc.export.fit import decoded, fit_fleet
+from showc.export.fit import decoded, fit_fleet, kept_whole, waiting
 from showc.export.lights import LightNodes, bytecode, light_nodes, varuint
 from showc.export.skyb import (
-    kept_whole,
     skyb_file,
     trajectory_block,
-    waiting,
     yaw_block,
 )
 from showc.foreign.firmware import Firmware, phases

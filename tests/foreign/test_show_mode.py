@@ -33,3 +33,15 @@ def test_a_climb_steeper_than_was_flown_is_a_finding(acceleration, grid, verdict
     assert upward.code == "VRF561" and upward.verdict == verdict
     (tube,) = (one for one in checks if one.code == "VRF562")
     assert tube.verdict == verdict
+
+
+def test_a_single_cubic_hides_no_acceleration_between_its_ends():
+    # From rest to rest, 10 m in 2 s: 15 m/s² at both ends, and the same speed there.
+    position = np.zeros((1, 4, 3))
+    position[0, 2:, 0] = 10.0
+    once = Tracks(0.0, 2.0, np.array([0, 1]), np.array([0.0]), np.array([2.0]), position)
+    checks = what_show_mode_makes(once, None, None)
+    (sideways,) = (one for one in checks if one.name.startswith("sideways"))
+    assert sideways.verdict == "fail"
+    # From 15 m/s² evenly down, over the first quarter of a second.
+    assert sideways.value == pytest.approx(15.0 * (1.0 - 0.25 / 2.0))
