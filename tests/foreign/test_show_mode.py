@@ -39,7 +39,9 @@ def test_a_single_cubic_hides_no_acceleration_between_its_ends():
     # From rest to rest, 10 m in 2 s: 15 m/s² at both ends, and the same speed there.
     position = np.zeros((1, 4, 3))
     position[0, 2:, 0] = 10.0
-    once = Tracks(0.0, 2.0, np.array([0, 1]), np.array([0.0]), np.array([2.0]), position)
+    once = Tracks(
+        0.0, 2.0, np.array([0, 1]), np.array([0.0]), np.array([2.0]), position
+    )
     checks = what_show_mode_makes(once, None, None)
     (sideways,) = (one for one in checks if one.name.startswith("sideways"))
     assert sideways.verdict == "fail"
