@@ -7,27 +7,30 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import (
+    given,
+    jobs_option,
+    log_argument,
+    output_option,
+    quiet_option,
+)
+
 
 @click.command(name="abort")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
-@click.option(
+@log_argument
+@given(
     "--every",
     type=click.FloatRange(0.5, 600.0),
+    metavar="SECONDS",
     default=10.0,
-    show_default=True,
-    help="Time between two rows, in seconds.",
+    help="Time between two moments of the table.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="TABLE.json",
-    help="Where to put the table.  [default: OUTPUT-abort.json]",
+@output_option(
+    "TABLE.json",
+    "Where to put the table.  [default: OUTPUT-abort.json]",
 )
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes to work with.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+@jobs_option
+@quiet_option
 def command(
     log: Path, every: float, output: Path | None, jobs: int | None, quiet: bool
 ) -> int:

@@ -8,38 +8,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from showc.cli.console import outside_option
+from showc.cli.options import flag, outside_option, report_options
 
 if TYPE_CHECKING:
     from showc.script import LoadResult
 
-FORMATS = ("text", "json", "sarif", "github", "junit")
-
 
 @click.command(name="check")
 @click.argument("scripts", nargs=-1, required=True, metavar="SHOW.yaml...")
-@click.option(
-    "--format",
-    "style",
-    type=click.Choice(FORMATS),
-    default="text",
-    help="How to print the findings.  [default: text]",
-)
-@click.option("--json", "style", flag_value="json", help="Short for --format json.")
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the findings to a file instead of standard output.",
-)
-@click.option("--strict", is_flag=True, help="Count warnings as errors.")
+@report_options
+@flag("--strict", text="Count warnings as errors.")
 @click.option(
     "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
 )
 @click.option("--ignore", multiple=True, metavar="CODE", help="Not these codes.")
-@click.option("--fix", "mending", is_flag=True, help="Mend what has one right answer.")
+@flag("--fix", "mending", text="Mend what has one right answer.")
 @outside_option
-@click.option("--exit-zero", is_flag=True, help="End with 0 whatever is found.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing when all is well.")
+@flag("--exit-zero", text="End with 0 whatever is found.")
+@flag("-q", "--quiet", text="Say nothing when all is well.")
 def command(
     scripts: tuple[str, ...],
     style: str,

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from showc.cli.options import FILE, SHOW, json_option
+
 if TYPE_CHECKING:
     from showc.vehicle_link.compare import Comparison
 
 
 @click.command(name="compare")
-@click.argument(
-    "plan", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
+@click.argument("plan", type=FILE, metavar="OUTPUT.mcap")
 @click.argument(
     "flown",
     nargs=-1,
     required=True,
-    type=click.Path(path_type=Path),
+    type=SHOW,
     metavar="FLOWN...",
 )
 @click.option(
@@ -31,15 +31,16 @@ if TYPE_CHECKING:
 @click.option(
     "--limit",
     type=click.FloatRange(min=0.0),
-    help="Also end with 1 if a drone was farther from its plan, in metres.",
+    metavar="METRES",
+    help="Also end with 1 if a drone was farther from its plan.",
 )
 @click.option(
     "-o",
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write a page with the tables and with pictures.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@json_option
 def command(
     plan: Path,
     flown: tuple[Path, ...],
@@ -60,7 +61,7 @@ def command(
       showc compare output.mcap output-flown.mcap
       showc compare output.mcap logs/ -o flight.html
     """
-    from showc.errors import UsageError
+    from showc.files import write_file
     from showc.vehicle_link.compare import compared, load_flown
     from showc.vehicle_link.comparison_page import render_comparison
 
@@ -68,12 +69,7 @@ def command(
     result = compared(flight)
     if output is not None:
         page = render_comparison(f"{plan.stem}, flown", flight, result)
-        try:
-            output.write_text(page, encoding="utf-8")
-        except OSError as error:
-            raise UsageError(
-                f"{output}: cannot be written ({error.strerror})"
-            ) from None
+        write_file(output, page.encode())
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=1))
     else:
@@ -84,17 +80,11 @@ def command(
 
 def _print(result: Comparison) -> None:
     """Print the tables."""
+    from showc.cli.console import columns
     from showc.vehicle_link.comparison_page import LEG_HEADS, leg_cells
 
     rows = [list(LEG_HEADS), *(leg_cells(leg) for leg in result.legs)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(LEG_HEADS))]
-    click.echo(f"held against the {result.against}")
-    for name, *cells in rows:
-        line = [name.ljust(widths[0])]
-        line += [
-            cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)
-        ]
-        click.echo("  ".join(line))
+    click.echo("\n".join([f"held against the {result.against}", *columns(rows)]))
     for drone in result.drones:
         click.echo(
             f"drone {drone.drone}: at most {drone.greatest_error:.2f} m off, at "

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from showc.cli.console import outside_option
+from showc.cli.console import columns
+from showc.cli.options import (
+    FILE,
+    Written,
+    cache_option,
+    flag,
+    given,
+    jobs_option,
+    outside_option,
+    quiet_option,
+)
 
 if TYPE_CHECKING:
     from showc.flight import LegFlight
@@ -18,38 +28,21 @@ if TYPE_CHECKING:
     from showc.script import LoadResult
 
 
-class UtcTime(click.ParamType[datetime]):
-    """A time such as 2026-06-01T20:00:00Z; without a zone it is taken as UTC."""
-
-    name = "time"
-
-    def convert(
-        self,
-        value: str | datetime,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> datetime:
-        """Parse ISO 8601."""
-        if isinstance(value, datetime):
-            return value
-        try:
-            time = datetime.fromisoformat(value)
-        except ValueError:
-            self.fail(
-                f"{value!r} is no time; wanted one such as 2026-06-01T20:00:00Z",
-                param,
-                ctx,
-            )
-        if time.microsecond:
-            self.fail(f"{value!r} has a fraction of a second; use whole ones")
-        if time.tzinfo is None:
-            self.fail(
-                f"{value!r} names no time zone; write {value}Z for UTC, or "
-                f"{value}+02:00 for two hours ahead of it",
-                param,
-                ctx,
-            )
-        return time.astimezone(UTC)
+def utc(text: str) -> datetime:
+    """Read a time with its zone, such as 2026-06-01T20:00:00Z."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        wanted = "2026-06-01T20:00:00Z"
+        raise ValueError(f"{text!r} is no time; wanted one such as {wanted}") from None
+    if time.microsecond:
+        raise ValueError(f"{text!r} has a fraction of a second; use whole ones")
+    if time.tzinfo is None:
+        raise ValueError(
+            f"{text!r} names no time zone; write {text}Z for UTC, or {text}+02:00 for "
+            "two hours ahead of it"
+        )
+    return time.astimezone(UTC)
 
 
 @click.command(name="compile")
@@ -59,20 +52,21 @@ class UtcTime(click.ParamType[datetime]):
     "--output",
     "log",
     default="output.mcap",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     metavar="PATH.mcap",
     help="Where to put the log; missions and manifest go into the folder PATH/.  "
     "[default: output.mcap]",
 )
 @click.option(
     "--start",
-    type=UtcTime(),
+    type=Written("time", utc),
     help="Time at which the missions begin, with its zone (2026-06-01T20:00:00Z, or "
     "22:00:00+02:00).  Without it they begin at a minute of any hour.",
 )
 @click.option(
     "--start-minute",
     type=click.IntRange(0, 59),
+    metavar="MINUTE",
     help="That minute.  [default: mission.start_minute of the script]",
 )
 @click.option(
@@ -80,44 +74,30 @@ class UtcTime(click.ParamType[datetime]):
     type=click.Choice(["ardupilot", "px4"]),
     help="Dialect of the missions.  [default: mission.autopilot of the script]",
 )
-@click.option(
-    "-j",
-    "--jobs",
-    type=click.IntRange(min=1),
-    help="Processes to solve in.  [default: one for each core]",
-)
+@jobs_option
 @click.option(
     "--cluster",
     metavar="tls://HOST:PORT",
     help="Solve on the workers of this Dask scheduler instead.",
 )
-@click.option(
+@given(
     "--effort",
     type=click.IntRange(1, 100),
+    metavar="N",
     default=1,
-    show_default=True,
     help="Work to spend on shorter times where drones are crowded.",
 )
-@click.option("--no-cache", is_flag=True, help="Solve everything again.")
-@click.option(
-    "--cache-dir",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of solved transitions.  [default: showc in the user's cache folder]",
-)
+@flag("--no-cache", text="Solve everything again.")
+@cache_option
 @outside_option
-@click.option(
-    "--no-missions",
-    is_flag=True,
-    help="Make the log alone, to be flown by showc stream.",
-)
-@click.option("--strict", is_flag=True, help="Do not compile a script with warnings.")
-@click.option(
+@flag("--no-missions", text="Make the log alone, to be flown by showc stream.")
+@flag("--strict", text="Do not compile a script with warnings.")
+@flag(
     "--json",
     "as_json",
-    is_flag=True,
-    help="Print the result as JSON, and progress as a line of JSON each.",
+    text="Print the result as JSON, and progress as a line of JSON each.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+@quiet_option
 def command(
     script: str,
     log: Path,
@@ -263,14 +243,7 @@ def table(compiled: Compiled) -> str:
             _row(move, move.leg.depart or 0.0, f"  {move.leg.name}")
             for move in flown.parts
         ]
-    widths = [max(len(row[column]) for row in rows) for column in range(7)]
-    lines = []
-    for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [
-            cell.rjust(width) for cell, width in zip(row[1:6], widths[1:6], strict=True)
-        ]
-        lines.append("  ".join([*cells, row[6]]).rstrip())
+    lines = columns(rows)
     minutes, seconds = divmod(manifest["duration"], 60.0)
     lines += [
         "",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rich.progress import Progress as Bars
     from rich.progress import TaskID
@@ -20,14 +20,7 @@ if TYPE_CHECKING:
     from showc.progress import Progress
 
 
-outside_option = click.option(
-    "--allow-outside",
-    is_flag=True,
-    help="Read files outside the script's folder too, links followed.",
-)
-
-
-def colour_wanted(stream: Any) -> bool:  # noqa: ANN401 - any text stream
+def colour_wanted(stream: Any) -> bool:
     """Whether ``stream`` should be written in colour.
 
     NO_COLOR forbids it, FORCE_COLOR demands it, TERM=dumb and anything that is no
@@ -38,6 +31,18 @@ def colour_wanted(stream: Any) -> bool:  # noqa: ANN401 - any text stream
     if os.environ.get("FORCE_COLOR"):
         return True
     return bool(stream.isatty()) and os.environ.get("TERM") != "dumb"
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lay cells out in columns, the first to the left and the others to the right."""
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if at else cell.ljust(width)
+            for at, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 class _Lines:

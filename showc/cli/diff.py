@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from showc.cli.options import SHOW, json_option
+
 if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
 
-_SHOW = click.Path(path_type=Path)
+_SHOW = SHOW
 
 
 @click.command(name="diff")
 @click.argument("before", type=_SHOW, metavar="A.mcap|SHOW")
 @click.argument("after", type=_SHOW, metavar="B.mcap|SHOW")
-@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
+@json_option
 def command(before: Path, after: Path, as_json: bool) -> int:
     """Compare two compiled shows: rules, legs, times, paths.
 
@@ -169,7 +171,7 @@ def compare(before: LoggedShow, after: LoggedShow) -> list[dict[str, Any]]:
     return found
 
 
-def _flat(message: Any) -> dict[str, Any]:  # noqa: ANN401 - any protobuf message
+def _flat(message: Any) -> dict[str, Any]:
     """Fields of a message as a flat mapping of readable values."""
     return {
         field.name: str(value).strip().replace("\n", ", ")
@@ -177,7 +179,7 @@ def _flat(message: Any) -> dict[str, Any]:  # noqa: ANN401 - any protobuf messag
     }
 
 
-def _other_paths(before: Any, after: Any) -> int:  # noqa: ANN401 - trajectories
+def _other_paths(before: Any, after: Any) -> int:
     """Count drones whose states differ by more than a micrometre anywhere."""
     import numpy as np
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from showc.cli.options import FOLDER, json_option, log_argument
 from showc.script.show import Export
 
 if TYPE_CHECKING:
@@ -69,9 +70,7 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
 
 
 @click.command(name="export")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
+@log_argument
 @click.option(
     "--to",
     "form",
@@ -83,29 +82,32 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
     "-o",
     "--output",
     "folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     metavar="FOLDER",
     help="Where to put the files.  [default: OUTPUT-FORMAT beside the log]",
 )
 @click.option(
     "--lead",
     type=click.FloatRange(0.0, 600.0),
+    metavar="SECONDS",
     help="Seconds that the fleet stands before the show begins.  [default: 10 for skyc "
     "and skyb, else 0]",
 )
 @click.option(
     "--tolerance",
     type=click.FloatRange(0.001, 1.0),
+    metavar="METRES",
     default=0.01,
-    help="Greatest distance of the written flight from the solved one, in metres.  "
+    help="Greatest distance of the written flight from the solved one.  "
     "[default: 0.01]",
 )
 @click.option(
     "--separation",
     type=click.FloatRange(0.0, 100.0),
-    help="Distance that must be left in the air, in metres.  [default: the script's]",
+    metavar="METRES",
+    help="Distance that must be left in the air.  [default: the script's]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the manifest.")
+@json_option
 def command(
     log: Path,
     form: str,

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import flag
+
 
 @click.command(name="fmt")
 @click.argument("scripts", nargs=-1, required=True, metavar="SHOW.yaml...")
-@click.option("--check", is_flag=True, help="Change nothing; end with 1 if it would.")
-@click.option("--diff", is_flag=True, help="Change nothing; print what would change.")
+@flag("--check", text="Change nothing; end with 1 if it would.")
+@flag("--diff", text="Change nothing; print what would change.")
 def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
     """Give scripts one layout.
 

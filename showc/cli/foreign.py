@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from showc.cli.options import given
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
@@ -59,10 +61,10 @@ SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb"}
 _POSITIVE = click.FloatRange(0.0, 1e6, min_open=True)
 
 _OPTIONS = (
-    ("--separation", "Show of others: least distance between two drones, in metres."),
-    ("--max-height", "Show of others: greatest height, in metres."),
-    ("--max-speed", "Show of others: greatest horizontal speed, in m/s."),
-    ("--max-climb", "Show of others: greatest speed up and down, in m/s."),
+    ("--separation", "METRES", "least distance between two drones"),
+    ("--max-height", "METRES", "greatest height"),
+    ("--max-speed", "M/S", "greatest horizontal speed"),
+    ("--max-climb", "M/S", "greatest speed up and down"),
 )
 
 
@@ -77,20 +79,21 @@ def foreign_options(command: Command) -> Command:
         max_speed: float | None,
         max_climb: float | None,
         tilt: float,
-        **others: Any,  # noqa: ANN401 - the command's own options
+        **others: Any,
     ) -> int:
         rules = Rules(separation, max_height, max_speed, max_climb, tilt)
         return command(rules=rules, **others)
 
-    wrapped = click.option(
+    wrapped = given(
         "--tilt",
         type=click.FloatRange(1.0, 80.0),
+        metavar="DEGREES",
         default=30.0,
-        show_default=True,
-        help="Show of others: greatest tilt of the aircraft, in degrees.",
+        help="Show of others: greatest tilt of the aircraft.",
     )(gathered)
-    for name, text in reversed(_OPTIONS):
-        wrapped = click.option(name, type=_POSITIVE, help=text)(wrapped)
+    for name, unit, text in reversed(_OPTIONS):
+        said = f"Show of others: {text}."
+        wrapped = click.option(name, metavar=unit, type=_POSITIVE, help=said)(wrapped)
     return wrapped
 
 

@@ -6,78 +6,57 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import FILE, SHOW, Written, flag
 
-class Instants(click.ParamType[tuple[float, ...]]):
-    """Show times in seconds, with commas between them."""
 
-    name = "times"
+def _seconds(text: str) -> tuple[float, ...]:
+    """Read show times, with commas between them [s]."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"{text!r} is no list of seconds such as 30,60.5") from None
 
-    def convert(
-        self,
-        value: str | tuple[float, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, ...]:
-        """Parse them."""
-        if isinstance(value, tuple):
-            return value
+
+def _stretches(text: str) -> tuple[tuple[float, float], ...]:
+    """Read begins and ends of stretches, with commas between them [s]."""
+    found = []
+    for part in text.split(","):
+        begin, _, end = part.partition("-")
         try:
-            return tuple(float(part) for part in value.split(","))
+            found.append((float(begin), float(end)))
         except ValueError:
-            self.fail(f"{value!r} is no list of seconds such as 30,60.5", param, ctx)
-
-
-class Stretches(click.ParamType[tuple[tuple[float, float], ...]]):
-    """Begin and end of stretches, in seconds, with commas between them."""
-
-    name = "stretches"
-
-    def convert(
-        self,
-        value: str | tuple[tuple[float, float], ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[tuple[float, float], ...]:
-        """Parse them."""
-        if isinstance(value, tuple):
-            return value
-        found = []
-        for part in value.split(","):
-            begin, _, end = part.partition("-")
-            try:
-                found.append((float(begin), float(end)))
-            except ValueError:
-                self.fail(
-                    f"{part!r} is no stretch of seconds such as 30-60.5", param, ctx
-                )
-        return tuple(found)
+            wanted = "30-60.5"
+            raise ValueError(
+                f"{part!r} is no stretch of seconds such as {wanted}"
+            ) from None
+    return tuple(found)
 
 
 @click.command(name="import")
-@click.argument("show", type=click.Path(path_type=Path), metavar="SHOW")
+@click.argument("show", type=SHOW, metavar="SHOW")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     required=True,
     metavar="SHOW.yaml",
     help="Where to put the script; its tables go into SHOW-formations.",
 )
 @click.option(
     "--at",
-    type=Instants(),
+    type=Written("times", _seconds),
     default=(),
     metavar="SECONDS,...",
     help="Make formations of these instants too: for shows that never hold.",
 )
 @click.option(
     "--moving",
-    type=Stretches(),
+    type=Written("stretches", _stretches),
     default=(),
     metavar="BEGIN-END,...",
     help="Make moving formations of these stretches too [s]: played as they are.",
 )
-@click.option("--force", is_flag=True, help="Replace a script that is there.")
+@flag("--force", text="Replace a script that is there.")
 def command(
     show: Path,
     output: Path,

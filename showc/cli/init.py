@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import FILE, flag
+
 
 def template_text(name: str) -> str:
     """Return a commented script that is a complete show, of that title."""
@@ -19,11 +21,11 @@ def template_text(name: str) -> str:
 @click.argument(
     "script",
     default="show.yaml",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     metavar="[SHOW.yaml]",
 )
 @click.option("--name", default="My first show", help="Title of the show.")
-@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@flag("--force", text="Replace the file if it exists.")
 def command(script: Path, name: str, force: bool) -> int:
     """Write a first show script to start from, with every idea once and explained.
 

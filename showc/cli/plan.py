@@ -8,29 +8,21 @@ from pathlib import Path
 
 import click
 
-from showc.cli.console import outside_option
+from showc.cli.options import FILE, cache_option, flag, json_option, outside_option
 
 
 @click.command(name="plan")
 @click.argument("script", metavar="SHOW.yaml")
-@click.option("--json", "as_json", is_flag=True, help="Print the plan as JSON.")
-@click.option(
-    "--cache-dir",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of solved transitions, as for compile.",
-)
+@json_option
+@cache_option
 @click.option(
     "--labels",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write the timeline as labels for Audacity (.txt), or as CSV for Reaper and "
     "others (.csv), in the music's time.",
 )
 @outside_option
-@click.option(
-    "--detailed-exitcode",
-    is_flag=True,
-    help="End with 3 if compile would solve anything.",
-)
+@flag("--detailed-exitcode", text="End with 3 if compile would solve anything.")
 def command(
     script: str,
     as_json: bool,

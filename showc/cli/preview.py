@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from showc.cli.console import outside_option
+from showc.cli.options import cache_option, flag, outside_option
 
 
 @click.command(name="preview")
@@ -15,16 +15,13 @@ from showc.cli.console import outside_option
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
+    metavar="PORT",
     default=0,
     help="Where to listen.  [default: any port that is free]",
 )
-@click.option("--solve", is_flag=True, help="Solve in the background, as compile does.")
-@click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
-@click.option(
-    "--cache-dir",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of solved transitions, as for compile.",
-)
+@flag("--solve", text="Solve in the background, as compile does.")
+@flag("--open", "show", text="Open the page in the browser.")
+@cache_option
 @outside_option
 def command(
     script: str,

@@ -8,27 +8,32 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+from showc.cli.options import output_option, quiet_option, show_argument
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
 
 
 @click.command(name="report")
-@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PAGE.html",
-    help="Where to put the page.  [default: OUTPUT-report.html]",
+@show_argument
+@output_option(
+    "PAGE.html",
+    "Where to put the page.  [default: OUTPUT-report.html]",
 )
 @click.option(
     "--leg",
     type=click.IntRange(min=0),
+    metavar="N",
     help="Draw this leg's solution instead: states, controls, margins, mesh.",
 )
-@click.option("--drone", type=click.IntRange(min=1), default=1, help="Drone for --leg.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+@click.option(
+    "--drone",
+    type=click.IntRange(min=1),
+    metavar="N",
+    default=1,
+    help="Drone for --leg.",
+)
+@quiet_option
 @foreign_options
 def command(
     log: Path,

@@ -9,37 +9,34 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import json_option, log_argument, output_option
+
 
 @click.command(name="safety")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PAGE.html",
-    help="Where to put the page; the map goes beside it.  "
-    "[default: OUTPUT-safety.html]",
+@log_argument
+@output_option(
+    "PAGE.html",
+    "Where to put the page; the map goes beside it.  [default: OUTPUT-safety.html]",
 )
 @click.option(
     "--wind",
     type=click.FloatRange(0.0, 30.0),
-    help="Greatest wind in a fall, in m/s.  [default: the script's]",
+    metavar="M/S",
+    help="Greatest wind in a fall.  [default: the script's]",
 )
 @click.option(
     "--rotation",
     type=click.FloatRange(0.0, 180.0),
-    help="Angle by which the whole show may be turned, in degrees.  "
-    "[default: the script's]",
+    metavar="DEGREES",
+    help="Angle by which the whole show may be turned.  [default: the script's]",
 )
 @click.option(
     "--shift",
     type=click.FloatRange(0.0, 100.0),
-    help="Way by which the whole show may be moved, in metres.  "
-    "[default: the script's]",
+    metavar="METRES",
+    help="Way by which the whole show may be moved.  [default: the script's]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the case as JSON.")
+@json_option
 def command(
     log: Path,
     output: Path | None,

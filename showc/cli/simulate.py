@@ -7,50 +7,59 @@ from pathlib import Path
 
 import click
 
+from showc.cli.options import (
+    flag,
+    given,
+    json_option,
+    log_argument,
+    output_option,
+    quiet_option,
+)
+
 
 @click.command(name="simulate")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
-@click.option(
+@log_argument
+@given(
     "--wind",
     type=click.FloatRange(0.0, 30.0),
+    metavar="M/S",
     default=0.0,
-    show_default=True,
-    help="Mean wind in m/s, of a direction drawn for each run.",
+    help="Mean wind, of a direction drawn for each run.",
 )
-@click.option(
+@given(
     "--gusts",
     type=click.Choice(("none", "light", "moderate", "severe")),
     default="none",
-    show_default=True,
     help="Dryden turbulence: what MIL-F-8785C has at that wind (moderate), half of it "
     "(light), or half as much again (severe).",
 )
-@click.option(
-    "--runs", type=click.IntRange(1, 10_000), default=10, show_default=True,
+@given(
+    "--runs",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    default=10,
     help="How often the show is flown.",
-)  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the runs.")
+)
 @click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    default=0,
+    help="Number that the gusts of all runs follow from.",
+)
+@given(
     "--controller",
     type=click.Choice(("flatness", "predictive")),
     default="flatness",
-    show_default=True,
     help="By differential flatness, or model predictive: it looks 0.8 s ahead.",
 )
-@click.option(
-    "--no-observer", is_flag=True, help="Fly without the disturbance observer."
+@flag("--no-observer", text="Fly without the disturbance observer.")
+@output_option(
+    "RESULTS.json",
+    "Where to put the results.  [default: OUTPUT-wind.json]",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="RESULTS.json",
-    help="Where to put the results.  [default: OUTPUT-wind.json]",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+@json_option
+@quiet_option
 def command(
     log: Path,
     wind: float,

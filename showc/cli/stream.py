@@ -8,72 +8,73 @@ from typing import Literal
 
 import click
 
-from showc.cli.vehicles import connect_option, drones_option, signing_key_option
+from showc.cli.options import (
+    FILE,
+    connected,
+    flag,
+    given,
+    json_option,
+    log_argument,
+    quiet_option,
+)
 
 
 @click.command(name="stream")
-@click.argument(
-    "log", type=click.Path(dir_okay=False, path_type=Path), metavar="OUTPUT.mcap"
-)
-@connect_option
-@drones_option
-@click.option(
+@log_argument
+@connected
+@given(
     "--rate",
     type=click.FloatRange(min=10.0),
+    metavar="HZ",
     default=20.0,
-    show_default=True,
     help="Setpoints a second for each vehicle.",
 )
-@click.option(
+@given(
     "--corridor",
     type=click.FloatRange(min=0.1),
+    metavar="METRES",
     default=3.0,
-    show_default=True,
-    help="Abort when a vehicle is farther from its trajectory, in metres.",
+    help="Distance of a vehicle from its trajectory at which the show is stopped.",
 )
-@click.option(
+@given(
     "--link-timeout",
     type=click.FloatRange(min=0.1),
+    metavar="SECONDS",
     default=1.0,
-    show_default=True,
-    help="Abort when a vehicle's last position is older, in seconds.",
+    help="Age of a vehicle's last position at which the show is stopped.",
 )
-@click.option(
+@given(
     "--lead",
     type=click.FloatRange(0.0, 1.0),
+    metavar="SECONDS",
     default=0.0,
-    show_default=True,
-    help="How much before its moment a setpoint leaves, in seconds: the lag of the "
+    help="How much before its moment a setpoint leaves: the lag of the "
     "autopilot and of the link.",
 )
-@click.option(
+@given(
     "--after-stop",
     type=click.Choice(["hold", "land", "return"]),
     default="hold",
-    show_default=True,
     help="What a stopped fleet does: hover, land where it is, or fly back the way it "
     "came and land on its pads.",
 )
-@click.option(
+@flag(
     "--set-parameters",
-    is_flag=True,
-    help="Raise ArduCopter's limits that are too small for the show; they get their "
+    text="Raise ArduCopter's limits that are too small for the show; they get their "
     "values back after the landing.",
 )
-@click.option(
+@flag(
     "--set-gains",
-    is_flag=True,
-    help="Fly with the gains that trajectories were measured with, until the landing: "
+    text="Fly with the gains that trajectories were measured with, until the landing: "
     "those of ArduCopter's simulated quadrotor. Leave it out where vehicles are tuned.",
 )
-@signing_key_option
 @click.option(
     "--flown",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Log of what was flown, for compare.  [default: OUTPUT-flown.mcap]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+@json_option
+@quiet_option
 def command(
     log: Path,
     connections: tuple[str, ...],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from showc.cli.vehicles import connect_option, drones_option, signing_key_option
+from showc.cli.options import FILE, connected, flag, given, json_option, quiet_option
 
 
 @click.command(name="upload")
@@ -16,35 +16,28 @@ from showc.cli.vehicles import connect_option, drones_option, signing_key_option
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     metavar="OUTPUT/",
 )
-@connect_option
-@drones_option
+@connected
 @click.option(
     "--audit",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="File that keeps which vehicle has which file with which hash.  "
     "[default: OUTPUT/../OUTPUT-audit.json]",
 )
-@click.option(
+@given(
     "--timeout",
     type=click.FloatRange(min=0.1),
+    metavar="SECONDS",
     default=30.0,
-    show_default=True,
-    help="Seconds in which a vehicle must show up.",
+    help="Time in which a vehicle must show up.",
 )
-@click.option(
+@flag(
     "--missing",
-    is_flag=True,
-    help="Only drones that do not hold their mission by the record: to try again "
+    text="Only drones that do not hold their mission by the record: to try again "
     "those that failed.",
 )
-@click.option(
-    "--no-parameters",
-    is_flag=True,
-    help="Leave the parameters of the vehicles as they are.",
-)
-@signing_key_option
-@click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+@flag("--no-parameters", text="Leave the parameters of the vehicles as they are.")
+@json_option
+@quiet_option
 def command(
     folder: Path,
     connections: tuple[str, ...],

@@ -11,48 +11,35 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, verify_foreign
+from showc.cli.options import (
+    FILE,
+    flag,
+    jobs_option,
+    quiet_option,
+    report_options,
+    show_argument,
+)
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
     from showc.verify.report import Verification
 
-FORMATS = ("text", "json", "sarif", "github", "junit")
-
 
 @click.command(name="verify")
-@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
-@click.option(
-    "-j",
-    "--jobs",
-    type=click.IntRange(min=1),
-    help="Processes to prove in.  [default: one for each core]",
-)
+@show_argument
+@jobs_option
 @click.option(
     "--script",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     metavar="SHOW.yaml",
     help="Trust this script, and not the one in the log, which must equal it.",
 )
-@click.option(
-    "--format",
-    "style",
-    type=click.Choice(FORMATS),
-    default="text",
-    help="How to print the result.  [default: text]",
-)
-@click.option("--json", "style", flag_value="json", help="Short for --format json.")
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Write the result to a file instead of standard output.",
-)
-@click.option(
+@report_options
+@flag(
     "--no-missions",
-    is_flag=True,
-    help="Leave the mission files, the manifest and the exports beside the log out.",
+    text="Leave the mission files, the manifest and the exports beside the log out.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="No progress; only the result.")
+@quiet_option
 @foreign_options
 def command(
     log: Path,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
+from showc.cli.options import SHOW, flag, output_option, show_argument
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
@@ -16,26 +17,17 @@ if TYPE_CHECKING:
 
 
 @click.command(name="view")
-@click.argument("log", type=click.Path(path_type=Path), metavar="OUTPUT.mcap|SHOW")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PAGE.html",
-    help="Where to put the page.  [default: OUTPUT.html]",
+@show_argument
+@output_option(
+    "PAGE.html",
+    "Where to put the page.  [default: OUTPUT.html]",
 )
-@click.option("--open", "show", is_flag=True, help="Open it in the browser.")
-@click.option(
-    "--no-verify", is_flag=True, help="Prove nothing; the page says that it is not."
-)
-@click.option(
-    "--music",
-    is_flag=True,
-    help="Put the recording that the script names into the page.",
-)
+@flag("--open", "show", text="Open it in the browser.")
+@flag("--no-verify", text="Prove nothing; the page says that it is not.")
+@flag("--music", text="Put the recording that the script names into the page.")
 @click.option(
     "--flown",
-    type=click.Path(path_type=Path),
+    type=SHOW,
     multiple=True,
     metavar="RECORD",
     help="Draw what was flown beside it, as compare reads it; may be repeated.",

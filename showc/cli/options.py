@@ -1,0 +1,160 @@
+"""Options that several verbs have, and the kinds of values that they take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    Decorator = Callable[[Callable[..., int]], Callable[..., int]]
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
+SHOW = click.Path(path_type=Path)
+"""A log, or a show of others: a file or a folder."""
+
+REPORTS = ("text", "json", "sarif", "github", "junit")
+"""Formats of findings."""
+_MOST = 10_000
+"""Greatest number of a drone."""
+
+
+def given(*names: str, **more: Any) -> Decorator:
+    """Return an option of which the help shows the default."""
+    return click.option(*names, show_default=True, **more)
+
+
+def flag(*names: str, text: str) -> Decorator:
+    """Return an option without a value."""
+    return click.option(*names, is_flag=True, help=text)
+
+
+def output_option(metavar: str, text: str, **more: Any) -> Decorator:
+    """Return the option that says where a result goes."""
+    kind = {"type": FILE} | more
+    return click.option("-o", "--output", metavar=metavar, help=text, **kind)
+
+
+log_argument = click.argument("log", type=FILE, metavar="OUTPUT.mcap")
+"""A log of showc's own."""
+show_argument = click.argument("log", type=SHOW, metavar="OUTPUT.mcap|SHOW")
+"""Such a log, or a show of others."""
+json_option = flag("--json", "as_json", text="Print the result as JSON.")
+quiet_option = flag("-q", "--quiet", text="No progress; only the result.")
+outside_option = flag(
+    "--allow-outside",
+    text="Read files outside the script's folder too, links followed.",
+)
+cache_option = click.option(
+    "--cache-dir",
+    type=FOLDER,
+    help="Folder of solved transitions.  [default: showc in the user's cache folder]",
+)
+jobs_option = click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Processes to work in.  [default: one for each core]",
+)
+
+
+def report_options(command: Callable[..., int]) -> Callable[..., int]:
+    """Add the options that say how findings are printed, and where."""
+    for option in (
+        click.option(
+            "--output",
+            type=FILE,
+            metavar="FILE",
+            help="Write the findings to a file instead of standard output.",
+        ),
+        click.option(
+            "--json", "style", flag_value="json", help="Short for --format json."
+        ),
+        click.option(
+            "--format",
+            "style",
+            type=click.Choice(REPORTS),
+            default="text",
+            help="How to print the findings.  [default: text]",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+class Written(click.ParamType[Any]):
+    """A value that a function reads; its ValueError says what is wrong.
+
+    Parameters
+    ----------
+    name
+        Of what is written, for the help.
+    read
+        Takes the text.
+    """
+
+    def __init__(self, name: str, read: Callable[[str], object]) -> None:
+        self.name, self._read = name, read
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        """Read it, unless that is done already."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._read(value)
+        except ValueError as fault:
+            self.fail(str(fault), param, ctx)
+
+
+def numbers(text: str) -> list[int]:
+    """Read ``1-20,23`` as sorted drone numbers, counting from 1."""
+    chosen: set[int] = set()
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        try:
+            low, high = int(first), int(last if dash else first)
+        except ValueError:
+            low, high = 0, 0
+        if not 1 <= low <= high <= _MOST:
+            raise ValueError(
+                f"{part!r} names no drones; give numbers from 1, such as 1-20,23"
+            )
+        chosen.update(range(low, high + 1))
+    return sorted(chosen)
+
+
+def connected(command: Callable[..., int]) -> Callable[..., int]:
+    """Add the options of verbs that talk to vehicles: by which links, to which."""
+    for option in (
+        click.option(
+            "--signing-key",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            metavar="FILE",
+            help="Sign all messages and heed only signed ones (MAVLink 2).  FILE holds "
+            "64 hexadecimal digits, or the passphrase given to the vehicles.",
+        ),
+        click.option(
+            "--drones",
+            type=Written("drones", numbers),
+            metavar="1-20,23",
+            help="Only these drones.  [default: all of them]",
+        ),
+        click.option(
+            "--connect",
+            "connections",
+            multiple=True,
+            required=True,
+            metavar="udp:HOST:PORT",
+            help="Link to the vehicles: udp: or udpin:HOST:PORT listens, "
+            "udpout:HOST:PORT calls.  May be given more than once.",
+        ),
+    ):
+        command = option(command)
+    return command
