@@ -210,3 +210,20 @@ def test_stiff_dynamics_with_slopes_that_vary_are_integrated():
     assert solution.result is ocp.Result.SOLVED
     assert solution.error.dynamics < 1e-6
     assert solution.error.shooting < 1e-6
+
+
+@pytest.mark.parametrize(("degree", "intervals"), [(1, 10), (1, 20), (1, 40), (2, 10)])
+def test_a_singular_arc_errs_by_what_its_control_misses_not_by_its_slopes(
+    degree, intervals
+):
+    problem = ocp.Problem("follow")
+    phase = problem.phase(duration=3.0)
+    x = phase.state("x", start=0.0)
+    u = phase.control("u", -2.0, 2.0, degree=degree)
+    phase.derivative(x, u - 0.3 * x)
+    # The wave can be followed exactly, by a control that no mesh here represents.
+    problem.minimise(1.0 + phase.integral((x - 0.8 * ca.sin(2.0 * phase.time)) ** 2))
+    options = ocp.Options(mesh=ocp.Mesh.uniform(intervals, 6), meshes=1, switches=False)
+    solution = ocp.solve(problem, options=options)
+    true = solution.objective - 1.0
+    assert 1e-10 < true <= solution.error.objective <= 30.0 * true

@@ -14,6 +14,7 @@ controls' degree.
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,10 @@ _MOST_CORNERS = 6
 _CANCELLED = 1e-3
 """An objective below this share of what the states are worth is all but zero: its error
 is judged over that share instead."""
+_RESOLVED = 1e-5
+"""Error of an interval's dynamics up to which it tells where its singular arc is."""
+_TOLD = 1e-2
+"""Error of any dynamics up to which costates tell it."""
 _MOSTLY = 0.5
 """Share of an interval from which a state counts as being at its bound on it."""
 
@@ -98,11 +103,18 @@ class MinimumPrinciple:
         """For each path constraint: whether a control enters it."""
         slope = casadi.gradient(hamiltonian, u)
         bend = casadi.diag(casadi.jacobian(slope, u))
+        self._arguments = x, u, t, p, costate
+        self._rates = f, -casadi.gradient(hamiltonian, x)
         self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])
         self.h_slopes = casadi.Function("hs", [x, u, t, p, costate], [slope, bend])
 
-    def gap(self, phase: PhaseSolution, p: FloatArray, table: Table) -> FloatArray:
-        """Integral over each interval of the gap in the minimum principle."""
+    def gap(
+        self, phase: PhaseSolution, p: FloatArray, table: Table, missed: FloatArray
+    ) -> FloatArray:
+        """Integral over each interval of the gap in the minimum principle.
+
+        ``missed``: relative error of the dynamics on each interval, shape (K,).
+        """
         count = phase.states.intervals
         if not phase.control_names:
             return np.zeros(count)
@@ -132,13 +144,8 @@ class MinimumPrinciple:
         vertices = self._vertices(lower, upper)
         pinned: BoolArray = np.zeros(t.size, dtype=bool)
         if vertices:
-            # Where every control of a path constraint is held at its bound, the
-            # multiplier of that constraint is not determined.
-            near = 1e-9 * (upper - lower)[:, None]
-            held = (u <= lower[:, None] + near) | (u >= upper[:, None] - near)
-            pinned = np.asarray(held[list(self.path_bound)].all(axis=0))
-            pressures = costate[len(phase.state_names) :]
-            pressures[np.ix_(self.mixed, pinned)] = 0.0
+            pinned = self._pinned(u, (lower, upper))
+            costate[len(phase.state_names) :][np.ix_(self.mixed, pinned)] = 0.0
         h = self.h.map(t.size)
         here = np.asarray(h(x, u, t, parameters, costate)).ravel()
         slope, bend = (
@@ -148,6 +155,8 @@ class MinimumPrinciple:
         settled = np.repeat(settling, nodes.size)
         switching = self._switching(phase, np.flatnonzero(settling), p, places)
         gap = np.zeros(t.size)
+        reach = self._reach((x, u, t, parameters, costate), slope, phase, missed)
+        reach[:, settled | np.any(blocked != 0.0, axis=0)] = np.inf
         rate = np.asarray(self.auditor.f.map(t.size)(x, u, t, parameters))
         for j in range(u.shape[0]):
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -158,6 +167,7 @@ class MinimumPrinciple:
                     continue
                 trial = u.copy()
                 trial[j] = np.clip(candidate, lower[j], upper[j])
+                trial[j] = np.clip(trial[j], u[j] - reach[j], u[j] + reach[j])
                 value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
                 if self.affine[j]:
                     step = trial[j, settled] - u[j, settled]
@@ -176,6 +186,67 @@ class MinimumPrinciple:
                 vertices, u[:, pinned], at, costate[:, pinned], table
             )
         return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+
+    @cached_property
+    def _singular(self) -> Any:  # noqa: ANN401 - a CasADi function
+        """Second time derivative of each control's slope of H, and its own slope.
+
+        Arguments as :attr:`h_slopes`; results of shape (controls,), the second one
+        by the same control.
+        """
+        x, u, t, p, costate = self._arguments
+        own = costate[: x.numel()]
+
+        def along(e: Any) -> Any:  # noqa: ANN401 - of casadi
+            rates = casadi.jtimes(e, x, self._rates[0]), casadi.jtimes(e, t, 1.0)
+            return rates[0] + rates[1] + casadi.jtimes(e, costate, padded)
+
+        rest = costate.numel() - own.numel()
+        padded = casadi.vertcat(self._rates[1], casadi.SX.zeros(rest))
+        second = along(along(self.h_slopes(x, u, t, p, costate)[0]))
+        bend = casadi.diag(casadi.jacobian(second, u))
+        return casadi.Function("singular", [x, u, t, p, costate], [second, bend])
+
+    def _reach(
+        self,
+        at: tuple[FloatArray, ...],
+        slope: FloatArray,
+        phase: PhaseSolution,
+        missed: FloatArray,
+    ) -> FloatArray:
+        """How far controls are from those of a singular arc, shape (controls, n).
+
+        Where a control enters linearly and strengthens the Legendre-Clebsch condition
+        in its general form (Kelley, Kopp, Moyer 1967, order 1), its arc off the bounds
+        is where the second derivative of its slope vanishes. A Newton step leads there;
+        a farther one is no gain, whatever the slope. Infinite elsewhere.
+        """
+        reach = np.full(slope.shape, np.inf)
+        affine = list(self.affine)
+        known = any(affine) and missed.max() < _TOLD and not self.phase.path_constraints
+        if not known:
+            return reach
+        places = slope.shape[1] // missed.size
+        second, bend = (np.asarray(a) for a in self._singular.map(slope.shape[1])(*at))
+        rate = 2.0 * np.asarray(phase.mesh.points) / np.diff(phase.states.breaks)
+        force = np.abs(second) + np.abs(slope) * np.repeat(rate, places) ** 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(bend < 0.0, force / np.abs(bend), np.inf)
+        step[:, np.repeat(missed > _RESOLVED, places)] = np.inf
+        reach[affine] = np.nan_to_num(step, nan=np.inf)[affine]
+        return reach
+
+    def _pinned(
+        self, u: FloatArray, bounds: tuple[FloatArray, FloatArray]
+    ) -> BoolArray:
+        """Mark where every control of a path constraint is held at its bound, (n,).
+
+        The multiplier of that constraint is not determined there.
+        """
+        lower, upper = bounds
+        near = 1e-9 * (upper - lower)[:, None]
+        held = (u <= lower[:, None] + near) | (u >= upper[:, None] - near)
+        return np.asarray(held[list(self.path_bound)].all(axis=0))
 
     def _ends(
         self, j: int, u: FloatArray, count: int, bounds: tuple[FloatArray, FloatArray]

@@ -134,7 +134,7 @@ class PhaseAuditor:
             np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
             jumps,
             np.abs(residual),
-            self.principle.gap(phase, p, table),
+            self.principle.gap(phase, p, table, flown.deviation),
             path,
             path_places,
             path_names,

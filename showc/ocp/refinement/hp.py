@@ -29,6 +29,7 @@ from showc.ocp.refinement.options import (
 )
 from showc.ocp.refinement.proposal import (
     Proposal,
+    halved,
     place_switches,
     plain_mesh,
     refined,
@@ -109,7 +110,7 @@ class Hp(Collocated):
         unknowns = self.attempts.unknowns(proposal.mesh)
         limit = base.iterations
         if switching:
-            limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 150)))
+            limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 200)))
         accuracy = base.tolerance
         # What the solver left open is no fault of the mesh.
         error = current.error.objective - self._left_open(current)
@@ -154,6 +155,11 @@ class Hp(Collocated):
         """Whether arcs found a better optimum, or about the same one as well."""
         if refutes(self.problem, fresh, current):
             return True
+        sign = -1.0 if self.problem.maximises else 1.0
+        loss = sign * (fresh.solution.objective - current.solution.objective)
+        size = objective_size(current.solution)
+        if loss / size > current.error.objective + current.flattery + ROUGH:
+            return False
         # Wrong arcs are mended by the next meshes, if these cost little.
         costly = fresh.solution.multipliers.unknowns.size > CHEAP
         error = fresh.error.objective
@@ -268,7 +274,19 @@ class Hp(Collocated):
             proposal = self.finer(current)
             if proposal is not None:
                 self.history.note(current.solution, current, proposal)
-        return None if proposal is None else self.take(proposal, current)
+        if proposal is None:
+            return None
+        fresh = self.take(proposal, current)
+        # A mesh that was no better tells little of what would be.
+        return fresh or self._halved(current)
+
+    def _halved(self, current: Judgement) -> Judgement | None:
+        """Solve a mesh with every interval halved, if programs of it are cheap."""
+        proposal = halved(current)
+        if self.attempts.unknowns(proposal.mesh) > CHEAP or not self.goes_on():
+            return None
+        self.history.note(current.solution, current, proposal)
+        return self.take(proposal, current)
 
     def arcs(self, current: Judgement) -> Proposal | None:
         """Return a mesh whose arcs are those of a solution, if they are new."""

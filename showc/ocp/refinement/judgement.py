@@ -155,9 +155,10 @@ def judge(
 def _stubborn(
     solution: Solution, audits: Sequence[PhaseAudit], former: Judgement
 ) -> tuple[BoolArray, ...]:
-    """Find intervals whose dynamics a higher degree did not help since ``former``."""
+    """Find intervals whose error a higher degree did not help since ``former``."""
+    size = objective_size(solution)
     return tuple(
-        not_helped(new.mesh, audit.dynamics, old.mesh, before.dynamics)
+        not_helped(new.mesh, _own(audit, size), old.mesh, _own(before, size))
         for new, audit, old, before in zip(
             solution.phases,
             audits,
@@ -166,6 +167,12 @@ def _stubborn(
             strict=True,
         )
     )
+
+
+def _own(audit: PhaseAudit, size: float) -> FloatArray:
+    """Error of each interval, of its dynamics or its controls, shape (K,)."""
+    share = audit.objective_control / size * len(audit.dynamics) / 2.0
+    return np.maximum(audit.dynamics, share)
 
 
 def _path_cost(

@@ -50,7 +50,7 @@ EFFORT = 1e6
 """Unknowns times iterations that one mesh may cost; at least a hundred iterations."""
 TRIAL_EFFORT = 3e5
 """Unknowns times iterations after which arcs are taken for wrong; at least sixty
-iterations, at most a hundred and fifty."""
+iterations, at most two hundred."""
 VAGUE = 3e-2
 """Relative error of the objective above which a solution has not yet found its arcs."""
 UNEVENNESS = (5e-2, 1.0)
@@ -65,6 +65,9 @@ EVEN = (20, 40)
 """Intervals of meshes to try where the solver fails and nothing good is known."""
 ELSEWHERE = 0.02
 """Share of the phase by which a border of arcs must be off to be placed once more."""
+MOSTLY_PLAIN = 0.75
+"""Share of the intervals that must have no switch for the others to tell whether a
+solution is about right."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

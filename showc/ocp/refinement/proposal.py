@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.ocp.audit.optimality import ranges
+from showc.ocp.audit.optimality import objective_size, ranges
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.nodes import fitting_points
@@ -20,12 +20,14 @@ from showc.ocp.refinement.options import (
     GROWTH,
     INNER_DEGREE,
     LITTLE_VIOLATION,
+    MOSTLY_PLAIN,
     ROUGH,
     VAGUE,
 )
 from showc.ocp.refinement.refine import (
     IntervalErrors,
     arc_mesh,
+    halves,
     refine,
     summary,
 )
@@ -42,6 +44,10 @@ if TYPE_CHECKING:
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.limits import Table
+
+
+_BESIDE = 0.05
+"""Share of the least interval within which a switch is at a border of both."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,17 +100,17 @@ def place_switches(
     Arcs are believed only where dynamics and optimality are about right and the mesh
     has at least two intervals for each; ``refused`` are structures that did not help.
     """
-    if judgement.error.dynamics > ROUGH or judgement.error.objective > VAGUE:
+    found = [_structure(judgement, auditor, table) for auditor in auditors]
+    if not _credible(judgement, found):
         return None
     meshes: list[PhaseMesh] = []
     arcs: list[FloatArray] = []
     structures: list[Structure | None] = []
     decisions: list[tuple[Decision, ...]] = []
     placed = 0
-    for auditor, part, known in zip(
-        auditors, judgement.solution.phases, judgement.structures, strict=True
+    for auditor, part, known, structure in zip(
+        auditors, judgement.solution.phases, judgement.structures, found, strict=True
     ):
-        structure = _structure(judgement, auditor, table)
         count = structure.times.size
         least = 1 if known is None else max(known.times.size, 1)
         believed = least <= count <= part.mesh.intervals // 2
@@ -140,6 +146,30 @@ def place_switches(
         f"{placed} switch times placed",
         places_switches=True,
     )
+
+
+def _credible(judgement: Judgement, found: Sequence[Structure]) -> bool:
+    """Whether dynamics and optimality are about right, but for what arcs will mend.
+
+    On an interval with a switch in it the dynamics are missed whatever its degree.
+    """
+    dynamics, objective = 0.0, 0.0
+    for audit, part, structure in zip(
+        judgement.audits, judgement.solution.phases, found, strict=True
+    ):
+        plain = np.ones(part.mesh.intervals, dtype=bool)
+        breaks = part.states.breaks
+        margin = _BESIDE * np.diff(breaks).min()
+        for way in (-1.0, 1.0):
+            at = np.searchsorted(breaks, structure.times + way * margin) - 1
+            plain[np.clip(at, 0, plain.size - 1)] = False
+        if plain.mean() < MOSTLY_PLAIN:
+            plain[:] = True
+        dynamics = max(dynamics, float(audit.dynamics[plain].max(initial=0.0)))
+        objective += float(audit.objective_control.sum() + part.bound_gaps.sum())
+        objective += float(audit.objective_dynamics[plain].sum())
+    vague = VAGUE * objective_size(judgement.solution)
+    return dynamics <= ROUGH and objective <= vague
 
 
 def _moved(part: PhaseSolution, structure: Structure) -> bool:
@@ -210,6 +240,21 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
         tuple(decisions),
         "; ".join(words),
         complete=complete,
+    )
+
+
+def halved(judgement: Judgement) -> Proposal:
+    """Mesh with every interval halved, whatever its error."""
+    parts = judgement.solution.phases
+    return Proposal(
+        Mesh(tuple(halves(part.mesh) for part in parts)),
+        tuple(part.arc_durations for part in parts),
+        judgement.structures,
+        tuple(
+            (Decision(Step.CUT, "all are halved"),) * part.mesh.intervals
+            for part in parts
+        ),
+        "every interval halved",
     )
 
 

@@ -45,6 +45,8 @@ _BEYOND = 3
 _HELPS = 0.3
 """Share of its error that an interval may keep if a higher degree helped: by two points
 more, coefficients that fall as slowly as is called smooth leave a twentieth."""
+_MOST_NEEDED = 8
+"""Points that an interval may lack for its degree to be raised rather."""
 _SWITCHES = 0.5
 """Share of its range by which a control moves on an interval with a switch in it; on a
 singular arc it moves less between any two borders of a first mesh."""
@@ -210,7 +212,7 @@ def refine(
     tuple
         The new mesh, and for each interval of the old one what was done and why.
     """
-    indicator, must_cut, jumps = errors.indicator, errors.must_cut, errors.jumps
+    indicator = errors.indicator
     out: list[Cell] = []
     decisions: list[Decision] = []
     fine = -1
@@ -228,41 +230,51 @@ def refine(
                 out.append(cell)
                 decisions.append(Decision())
                 fine = k
-            continue
-        if waiting[k]:
+        elif waiting[k]:
             words = f"error {indicator[k]:.2g} times what is allowed; worse ones first"
             out.append(cell)
             decisions.append(Decision(reason=words))
-            continue
-        if jumps and jumps[k]:
-            out += _cut(cell, [0.0, *jumps[k], 1.0])
-            words = f"error {indicator[k]:.2g} times what is allowed; the rates jump"
-            decisions.append(Decision(Step.CUT, f"{words}: cut about the jump"))
-            continue
-        coefficients = phase.states.coefficients[k]
-        rate, smooth, found = _smoothness(phase, k, scale)
-        gentle = smooth and not _switches(phase, k)
-        richer = _richer(cell) if must_cut[k] and gentle else None
-        if richer is not None:
-            out.append(richer)
-            words = f"error {indicator[k]:.2g} times what is allowed; {found}"
-            decisions.append(Decision(Step.RAISED, f"{words}: control's degree raised"))
-            continue
-        against = _against_degree(errors, k)
-        smooth, found = smooth and not against, against or found
-        found = f"error {indicator[k]:.2g} times what is allowed; {found}"
-        needed = int(np.ceil(np.log10(indicator[k]) / max(rate, 0.1))) if smooth else 99
-        needed = max(needed, 2)
-        if smooth and cell.points + min(needed, 4) <= MOST_POINTS and needed <= 8:
-            out.append(replace(cell, points=cell.points + min(needed, 4)))
-            decisions.append(
-                Decision(Step.RAISED, f"{found}: degree raised by {min(needed, 4)}")
-            )
-            continue
-        pieces = _pieces(indicator[k])
-        out += _cut(cell, [0.0, *cut_places(coefficients, scale, pieces), 1.0])
-        decisions.append(Decision(Step.CUT, f"{found}: cut in {pieces}"))
+        else:
+            cells, decision = _mended(cell, k, phase, errors, scale)
+            out += cells
+            decisions.append(decision)
     return mesh_of(out), tuple(decisions)
+
+
+def _mended(
+    cell: Cell,
+    k: int,
+    phase: PhaseSolution,
+    errors: IntervalErrors,
+    scale: FloatArray,
+) -> tuple[list[Cell], Decision]:
+    """Cut interval k, or raise its degree."""
+    error = f"error {errors.indicator[k]:.2g} times what is allowed"
+    if errors.jumps and errors.jumps[k]:
+        words = f"{error}; the rates jump: cut about the jump"
+        cells = _cut(cell, [0.0, *errors.jumps[k], 1.0])
+        return cells, Decision(Step.CUT, words)
+    rate, smooth, found = _smoothness(phase, k, scale)
+    stubborn = errors.stubborn is not None and bool(errors.stubborn[k])
+    gentle = smooth and not stubborn and not _switches(phase, k)
+    richer = _richer(cell) if errors.must_cut[k] and gentle else None
+    if richer is not None:
+        words = f"{error}; {found}: control's degree raised"
+        return [richer], Decision(Step.RAISED, words)
+    if errors.must_cut[k]:
+        smooth, found = False, "the control errs, and its degree is given"
+    elif stubborn:
+        smooth, found = False, "a higher degree did not help"
+    decades = float(np.log10(errors.indicator[k]))
+    needed = max(2, int(np.ceil(decades / max(rate, 0.1))))
+    points = cell.points + min(needed, 4)
+    if smooth and points <= MOST_POINTS and needed <= _MOST_NEEDED:
+        words = f"{error}; {found}: degree raised by {points - cell.points}"
+        return [replace(cell, points=points)], Decision(Step.RAISED, words)
+    pieces = _pieces(errors.indicator[k])
+    places = cut_places(phase.states.coefficients[k], scale, pieces)
+    words = f"{error}; {found}: cut in {pieces}"
+    return _cut(cell, [0.0, *places, 1.0]), Decision(Step.CUT, words)
 
 
 def _smoothness(
@@ -276,14 +288,6 @@ def _smoothness(
         control_scale = np.maximum(np.abs(controls).max(axis=(0, 1)), 1e-9)
         rate = min(rate + 0.25, 0.25 + decay_rate(controls[k], control_scale))
     return rate, rate > 0.6, f"coefficients fall by {rate:.1f} decades a degree"
-
-
-def _against_degree(errors: IntervalErrors, k: int) -> str:
-    """Say why a higher degree cannot help on interval k; empty if it may."""
-    if errors.must_cut[k]:
-        return "the control errs, and its degree is given"
-    stubborn = errors.stubborn is not None and errors.stubborn[k]
-    return "a higher degree did not help" if stubborn else ""
 
 
 def _switches(phase: PhaseSolution, k: int) -> bool:
@@ -330,6 +334,12 @@ def _cut(cell: Cell, edges: Sequence[float]) -> list[Cell]:
     ]
 
 
+def halves(mesh: PhaseMesh) -> PhaseMesh:
+    """Mesh with every interval halved."""
+    halved = (_cut(cell, [0.0, 0.5, 1.0]) for cell in cells_of(mesh))
+    return mesh_of([cell for pair in halved for cell in pair])
+
+
 def _pieces(indicator: float) -> int:
     """Into how many intervals one is cut, by how much too large its error is."""
     return 2 if indicator < 30.0 else 3 if indicator < 1e4 else 4
@@ -371,6 +381,9 @@ def _one_polynomial(phase: PhaseSolution, k: int, scale: FloatArray) -> bool:
     basis = bernstein_basis(phase.states.degree, 1.0 + s * right / left)
     continued = basis @ states[k - 1]
     actual = bernstein_basis(phase.states.degree, s) @ states[k]
+    # A state that is small here compared with its range may matter at its own size.
+    size = np.abs(states[k - 1 : k + 1]).max(axis=(0, 1))
+    scale = np.clip(size, 1e-6 * scale, scale)
     return bool((np.abs(continued - actual) / scale).max() < 1e-4)
 
 

@@ -306,8 +306,11 @@ def detect(
     arcs = np.searchsorted(times, grid.times)
     along = np.stack(
         [
-            np.mean(_kinds(at_bound, grid.times[arcs == arc]) != 0, axis=0)
-            for arc in range(middle.size)
+            # The middle too: an arc may lie between two samples.
+            np.mean(
+                _kinds(at_bound, np.append(grid.times[arcs == arc], at)) != 0, axis=0
+            )
+            for arc, at in enumerate(middle)
         ]
     )
     leaning = ((along > _FOLLOWS) @ reach) & (classes != 0)
