@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import tan
+from math import floor, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.script.build import Sketch
-    from showc.script.show import Mark
+    from showc.script.show import Export, Mark
 
 
 CEILING = 120.0
@@ -253,21 +253,41 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="bring the formation nearer to the origin, or export `poly7`",
                     spot=Spot(formation.name, (place,)),
                 )
-            if wish.to not in {"skyb", "skyc"}:
-                continue
-            kept = wish.separation
-            if kept is None:
-                kept = show.separation.distance - 2.0 * show.tracking
-            pair = closest(formation.points, kept + FLOWN_APART, show.separation)
-            if pair is None:
-                continue
-            yield _warning(
-                "SHW310",
-                f"places {pair.first + 1} and {pair.second + 1} of `{formation.name}` "
-                f"are {number_text(pair.distance)} m apart; `{wish.to}` needs "
-                f"{number_text(kept + FLOWN_APART)} m: show mode takes up to "
-                f"{FLOWN_APART} m, and {number_text(kept)} m must be left",
-                section.mark,
-                "write `separation: {tracking: 8 cm}`, or a smaller `separation` for "
-                "the export",
-            )
+        if wish.to in {"skyb", "skyc"}:
+            yield from _room(sketch, wish, section.mark)
+
+
+def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
+    """Look for less room between drones than show mode takes (SHW310)."""
+    show = sketch.show
+    assert show is not None  # noqa: S101 - exports are a show's
+    kept = wish.separation
+    if kept is None:
+        kept = show.separation.distance - 2.0 * show.tracking
+    wanted = kept + FLOWN_APART
+    if show.separation.distance >= wanted:
+        return
+    notes = [
+        f"`{formation.name}` has places {number_text(pair.distance)} m apart "
+        f"({pair.first + 1} and {pair.second + 1}): that is surely a finding"
+        for formation in sketch.formations.values()
+        if (pair := closest(formation.points, wanted, show.separation)) is not None
+    ]
+    asked = sketch.settings.section("separation").number("distance")
+    planned = number_text(show.separation.distance)
+    less = floor(100.0 * (show.separation.distance - FLOWN_APART) + 1e-6) / 100.0
+    help_text = (
+        f"write `separation: {{distance: {number_text(asked)}, tracking: 8 cm}}`"
+    )
+    if less > 0.0:
+        other = f"{{to: {wish.to}, separation: {number_text(less)}}}"
+        help_text += f", or `{other}` to leave less"
+    yield _warning(
+        "SHW310",
+        f"`{wish.to}` wants {number_text(wanted)} m between paths, they keep {planned} "
+        f"m: show mode takes up to {FLOWN_APART} m, and {number_text(kept)} m must be "
+        "left; an export in which drones pass nearer is not proved",
+        mark,
+        help_text,
+        notes=tuple(notes),
+    )
