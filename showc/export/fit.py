@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +29,9 @@ from showc.foreign.motion import (
     derivative,
     difference,
     greatest,
+    jumps,
     length,
+    owners,
     portions,
     standing,
 )
@@ -431,19 +434,23 @@ def states(exact: Tracks, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
     slope = derivative(exact)
     place = np.empty((*nodes.shape, exact.position.shape[2]))
     velocity = np.empty_like(place)
-    # Before the start and after the end a drone stands.
-    inside = np.clip(nodes, exact.begin, exact.end)
     for drone in range(exact.drones):
-        rows = slice(int(exact.first[drone]), int(exact.first[drone + 1]))
-        start, end = exact.starts[rows], exact.ends[rows]
-        row = np.searchsorted(start, inside[drone], side="right") - 1
-        row = np.clip(row, 0, start.size - 1)
-        share = (inside[drone] - start[row]) / (end[row] - start[row])
-        share = np.clip(share, 0.0, 1.0)
-        place[drone] = values(exact.position[rows][row], share)
-        velocity[drone] = values(slope.position[rows][row], share)
+        place[drone] = along(exact, drone, nodes[drone])
+        velocity[drone] = along(slope, drone, nodes[drone])
     velocity[(nodes <= exact.begin) | (nodes >= exact.end)] = 0.0
     return place, velocity
+
+
+def along(tracks: Tracks, drone: int, moments: FloatArray) -> FloatArray:
+    """Values of a drone's track at ``moments`` (n,) [s], shape (n, components).
+
+    Before the start and after the end they are those at the start and the end.
+    """
+    rows = slice(int(tracks.first[drone]), int(tracks.first[drone + 1]))
+    start, end = tracks.starts[rows], tracks.ends[rows]
+    row = np.clip(np.searchsorted(start, moments, side="right") - 1, 0, start.size - 1)
+    share = np.clip((moments - start[row]) / (end[row] - start[row]), 0.0, 1.0)
+    return values(tracks.position[rows][row], share)
 
 
 def decoded(fitted: FittedFleet) -> Tracks:
@@ -507,6 +514,42 @@ def error_of(
 
     parts = [partial(bounded, low, part) for low, part in portions(written)]
     return FitError.worst(side_by_side(parts, jobs))
+
+
+def error_of_lines(exact: Tracks, step: float, grid: float) -> FitError:
+    """Bound what straight lines between even samples miss, at every instant.
+
+    A line through both ends of a step h misses a function by h² / 8 of its greatest
+    second derivative at most, and its slope by h / 2 (Davis 1975, Interpolation and
+    Approximation, section 3.1); a jump of the slope adds a quarter of h, and itself.
+
+    Parameters
+    ----------
+    exact
+        What was solved.
+    step
+        Between two samples [s].
+    grid
+        Step to which each coordinate is rounded [m].
+    """
+    path = replace(exact, position=exact.position[:, :, :3])
+    velocity = derivative(path)
+    bend = greatest(derivative(velocity), length((0, 1, 2)), _ACCELERATION_RESOLUTION)
+    off, kink = (_all_jumps(one) for one in (path, velocity))
+    rounding = 0.5 * sqrt(3.0) * grid
+    bounds = (
+        step**2 / 8.0 * bend.upper + 0.25 * step * kink + off + rounding,
+        0.5 * step * bend.upper + kink + (off + 2.0 * rounding) / step,
+        bend.upper,
+    )
+    return FitError(*(replace(bend, upper=bound, lower=0.0) for bound in bounds))
+
+
+def _all_jumps(tracks: Tracks) -> float:
+    """Sum of the jumps of the drone that has most of them: rounding, mostly."""
+    rows, off = jumps(tracks)
+    size = np.sqrt((off**2).sum(axis=1))
+    return float(np.bincount(owners(tracks)[rows], weights=size).max(initial=0.0))
 
 
 def waiting(begin: int) -> list[int]:

@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import json
 import struct
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape
 
 import numpy as np
 
 from showc.documents.gltf import FLOAT, MAGIC
-from showc.export.fit import error_of, tracks_of
+from showc.export.fit import error_of_lines
 from showc.export.lights import LightNodes, light_nodes
-from showc.export.skyc import drone_name
-from showc.export.tables import sampled, uniform
+from showc.export.skyc import drone_name, shared
+from showc.export.tables import Samples
 from showc.foreign.lights import FRAME
+from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from showc.arrays import ByteArray, FloatArray
+    from collections.abc import Sequence
+
+    from showc.arrays import FloatArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
     from showc.safety.case import SafetyCase
@@ -45,10 +49,7 @@ def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
 
     Steps are differences of rounded places: rounded steps would add up.
     """
-    times, place, light = sampled(show, lead, 1.0 / RATE)
-    rounded = np.round(place, 3) + 0.0
-    axes = np.stack([-rounded[..., 1], rounded[..., 2], rounded[..., 0]], axis=2)
-    steps = np.round(np.diff(axes, axis=1), 3) + 0.0
+    samples = Samples.of(show, lead, 1.0 / RATE)
     site = show.rules.site
     top = {
         "version": "1.0",
@@ -63,28 +64,33 @@ def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
         "defaultColorRate": RATE,
         "timeOffsetSecs": 0,
     }
+
     # One drone after the other: a great fleet as one document would take a gigabyte.
-    performances = ",".join(
-        _compact(_performance(drone, axes[drone, 0], steps[drone], light[drone]))
-        for drone in range(show.drones)
-    )
-    body = np.stack([rounded[:, :-1], rounded[:, 1:]], axis=2)
-    error = error_of(tracks_of(show), uniform(times, body), lead)
-    text = f'{_compact(top)[:-1]},"performances":[{performances}]}}'
-    return text.encode(), error, float(times[-1])
+    def performances(drones: Sequence[int]) -> str:
+        return ",".join(_compact(_performance(samples, drone)) for drone in drones)
+
+    parts = [partial(performances, some) for some in shared(show.drones)]
+    every = ",".join(side_by_side(parts))
+    error = error_of_lines(samples.exact, 1.0 / RATE, 1e-3)
+    text = f'{_compact(top)[:-1]},"performances":[{every}]}}'
+    return text.encode(), error, float(samples.times[-1])
 
 
 def _compact(value: dict[str, Any]) -> str:
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
-def _performance(
-    drone: int, home: FloatArray, steps: FloatArray, light: ByteArray
-) -> dict[str, Any]:
+def _performance(samples: Samples, drone: int) -> dict[str, Any]:
+    rounded = np.round(samples.places(drone), 3) + 0.0
+    axes = np.stack([-rounded[:, 1], rounded[:, 2], rounded[:, 0]], axis=1)
+    steps = np.round(np.diff(axes, axis=0), 3) + 0.0
+    light = samples.lights[:, drone]
     moves = [{"dx": 0.0, "dy": 0.0, "dz": 0.0}]
     moves += [{"dx": x, "dy": y, "dz": z} for x, y, z in steps.tolist()]
     lit = {"id": 1, "type": "Light", "payloadActions": _actions(light.tolist())}
-    places = dict(zip(("homeX", "homeY", "homeZ"), (home + 0.0).tolist(), strict=True))
+    places = dict(
+        zip(("homeX", "homeY", "homeZ"), (axes[0] + 0.0).tolist(), strict=True)
+    )
     return {
         "id": drone + 1,
         "agentDescription": {**places, "agentTraversal": moves},
@@ -281,13 +287,13 @@ def kml_file(show: SolvedShow, case: SafetyCase | None = None) -> bytes:
     case
         Volumes, audience and buildings to draw too, a folder each; None: none.
     """
-    _, place, _ = sampled(show, 0.0, PATH_STEP)
+    samples = Samples.of(show, 0.0, PATH_STEP)
     site = show.rules.site
     low, high = site.volume_min, site.volume_max
     corners = np.array(
         [[low.x, low.y], [high.x, low.y], [high.x, high.y], [low.x, high.y]]
     )
-    pads = place[:, 0]
+    pads = np.stack([samples.places(drone)[0] for drone in range(show.drones)])
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>',
@@ -316,7 +322,7 @@ def kml_file(show: SolvedShow, case: SafetyCase | None = None) -> bytes:
         )
     lines.append("</Folder><Folder><name>Ways</name>")
     for drone in range(show.drones):
-        where = _coordinates(show, place[drone])
+        where = _coordinates(show, samples.places(drone))
         lines.append(
             f"<Placemark><name>{drone_name(drone)}</name><styleUrl>#way</styleUrl>"
             "<LineString><altitudeMode>absolute</altitudeMode>"

@@ -109,9 +109,8 @@ class Entry:
     """CRC-32 of its content."""
 
     @classmethod
-    def of(cls, name: str, text: str) -> Self:
+    def of(cls, name: str, content: bytes) -> Self:
         """Pack a text, the same bytes at any time of day."""
-        content = text.encode()
         deflate = zlib.compressobj(LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS)
         packed = deflate.compress(content) + deflate.flush()
         return cls(name, packed, len(content), zlib.crc32(content))
@@ -136,8 +135,8 @@ def archive(entries: Iterable[Entry]) -> bytes:
     return bytes(out + index + b"PK\x05\x06" + end)
 
 
-def _json(value: Any) -> str:  # noqa: ANN401 - any JSON
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+def _json(value: Any) -> bytes:  # noqa: ANN401 - any JSON
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def _top(show: SolvedShow, fitted: FittedFleet) -> dict[str, Any]:
@@ -242,7 +241,7 @@ _STANDING, _MOVING = "[%s,[%s,%s,%s],[]]", "[%s,[%s,%s,%s],[[%s,%s,%s],[%s,%s,%s
 """A point of a trajectory: its time, its place, and the controls before it."""
 
 
-def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:
+def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> bytes:
     rows = fitted.rows(drone)
     points = fitted.points[rows]
     moving = np.any(points != points[:, :1], axis=(1, 2))
@@ -257,7 +256,7 @@ def _trajectory(fitted: FittedFleet, drone: int, strings: _Decimals) -> str:
     text[at[moving, None] + np.arange(4, 10)] = cells[moving, 1:3].reshape(-1, 6)
     shapes = [_STANDING, *np.where(moving, _MOVING, _STANDING).tolist()]
     written = ",".join(shapes) % ("0.0", *cells[0, 0], *text.tolist())
-    return f'{{"version":1,"points":[{written}],"takeoffTime":0}}'
+    return f'{{"version":1,"points":[{written}],"takeoffTime":0}}'.encode()
 
 
 def _seconds(milliseconds: int) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from showc.errors import ExportError
-from showc.export.fit import error_of, states, tracks_of
+from showc.export.fit import along, error_of, error_of_lines, states, tracks_of
 from showc.export.skyb import trajectory_block
 from showc.export.skyc import Entry, archive, drone_name, shared
 from showc.foreign.motion import derivative
@@ -20,7 +21,7 @@ from showc.verify.kernel.slices import Tracks
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.arrays import ByteArray, FloatArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
     from showc.export.fit import FitError, FittedFleet
     from showc.export.solved import SolvedShow
 
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 CSV_STEP = 0.05
 """Time between two rows of a table [s]: straight lines are 3 mm off at 10 m/s²."""
 
-_ROW = "%d,%.4f,%.4f,%.4f,%d,%d,%d\n"
-"""A row of a table."""
+DECIMALS = 4
+"""Of a place in metres."""
 
 HEADING = "Time [msec],x [m],y [m],z [m],Red,Green,Blue"
 """First line of a table, as importers demand it."""
@@ -46,49 +47,96 @@ RAW_PIECES, COMPRESSED_BYTES = 31, 4096
 
 def csv_zip(show: SolvedShow, lead: float) -> tuple[dict[str, bytes], FitError, float]:
     """Return a zip of one table a drone, its error, and how long the show is [s]."""
-    times, place, light = sampled(show, lead, CSV_STEP)
-    whole = np.rint(times * 1000.0).astype(np.int64)
+    samples = Samples.of(show, lead, CSV_STEP)
+    milliseconds = np.rint(samples.times * 1000.0).astype(np.int64)
 
     def table(drones: Sequence[int]) -> list[Entry]:
         entries = []
         for drone in drones:
-            cells = np.empty((times.size, 7), dtype=object)
-            cells[:, 0], cells[:, 1:4] = whole, place[drone] + 0.0
-            cells[:, 4:] = light[drone]
-            text = _ROW * times.size % tuple(cells.ravel().tolist())
-            entries.append(Entry.of(f"{drone_name(drone)}.csv", f"{HEADING}\n{text}"))
+            place = np.rint(samples.places(drone) * 10.0**DECIMALS).astype(np.int64)
+            columns = [
+                decimals(milliseconds, 0),
+                *(decimals(column, DECIMALS) for column in place.T),
+                *(decimals(column, 0) for column in samples.lights[:, drone].T),
+            ]
+            text = f"{HEADING}\n".encode() + rows_of(columns)
+            entries.append(Entry.of(f"{drone_name(drone)}.csv", text))
         return entries
 
     parts = [partial(table, some) for some in shared(show.drones)]
     content = archive(entry for some in side_by_side(parts) for entry in some)
-    lines = np.round(place, 4)
-    body = np.stack([lines[:, :-1], lines[:, 1:]], axis=2)
-    error = error_of(tracks_of(show), uniform(times, body), lead)
-    return {"show.zip": content}, error, float(times[-1])
+    error = error_of_lines(samples.exact, CSV_STEP, 0.1**DECIMALS)
+    return {"show.zip": content}, error, float(samples.times[-1])
 
 
-def sampled(
-    show: SolvedShow, lead: float, step: float
-) -> tuple[FloatArray, FloatArray, ByteArray]:
-    """Sample places and lights at even times.
+def decimals(whole: IntArray, places: int) -> ByteArray:
+    """Write numbers, whole steps of a power of ten, as characters.
+
+    Parameters
+    ----------
+    whole
+        The numbers times 10 to the ``places``, shape (n,).
+    places
+        Digits after the point; without any there is no point.
 
     Returns
     -------
-    times
-        Of the file, shape (T,) [s]; whole milliseconds, a whole number of steps.
-    places
-        Shape (drones, T, 3) [m].
-    lights
-        Linear light, 0 to 255, shape (drones, T, 3).
+    ndarray
+        ASCII, shape (n, width); zero where a shorter number has nothing.
     """
-    count = int(np.ceil((show.duration + lead) / step - 1e-9)) + 1
-    times = np.round(step * np.arange(count), 3)
-    nodes = np.broadcast_to(times - lead, (show.drones, count))
-    place, _ = states(tracks_of(show), nodes)
-    row = np.searchsorted(show.light_times, times - lead + 1e-9, side="right") - 1
-    light = show.lights[np.clip(row, 0, show.light_times.size - 1)].copy()
-    light[times < lead] = 0
-    return times, place[:, :, :3], np.ascontiguousarray(light.transpose(1, 0, 2))
+    size = np.abs(whole.astype(np.int64))
+    digits = max(len(str(int(size.max(initial=0)))), places + 1)
+    powers = 10 ** np.arange(digits - 1, -1, -1)
+    shown = size[:, None] >= powers
+    shown[:, digits - 1 - places :] = True
+    signs = np.where(whole < 0, ord("-"), 0)[:, None]
+    written = np.where(shown, size[:, None] // powers % 10 + ord("0"), 0)
+    parts = [signs, written[:, : digits - places]]
+    if places:
+        points = np.full_like(signs, ord("."))
+        parts += [points, written[:, digits - places :]]
+    return np.concatenate(parts, axis=1).astype(np.uint8)
+
+
+def rows_of(columns: Sequence[ByteArray]) -> bytes:
+    """Join columns of characters, each of n rows: commas between, one line a row."""
+    rows = columns[0].shape[0]
+    parts = []
+    for index, column in enumerate(columns):
+        last = index + 1 == len(columns)
+        end = ord("\n") if last else ord(",")
+        parts += [column, np.full((rows, 1), end, dtype=np.uint8)]
+    block = np.concatenate(parts, axis=1)
+    return bytes(block[block != 0].tobytes())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Places and lights of a show at even times."""
+
+    exact: Tracks
+    """The flights, in the show's own time."""
+    times: FloatArray
+    """Of the file, shape (T,) [s]; whole milliseconds, a whole number of steps."""
+    lead: float
+    """How much later than in the show everything happens [s]."""
+    lights: ByteArray
+    """Linear light, 0 to 255, shape (T, drones, 3)."""
+
+    @classmethod
+    def of(cls, show: SolvedShow, lead: float, step: float) -> Self:
+        """Sample every ``step`` [s]; places are worked out drone by drone."""
+        count = int(np.ceil((show.duration + lead) / step - 1e-9)) + 1
+        times = np.round(step * np.arange(count), 3)
+        moments = times - lead + 1e-9
+        row = np.searchsorted(show.light_times, moments, side="right") - 1
+        lights = show.lights[np.clip(row, 0, show.light_times.size - 1)]
+        lights[times < lead] = 0
+        return cls(tracks_of(show), times, lead, lights)
+
+    def places(self, drone: int) -> FloatArray:
+        """Places of a drone, shape (T, 3) [m]."""
+        return along(self.exact, drone, self.times - self.lead)[:, :3]
 
 
 def uniform(times: FloatArray, body: FloatArray) -> Tracks:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import ByteArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class LightTrack:
 
     times: FloatArray
     """Not decreasing, shape (n,) [s]; two equal ones are a jump."""
-    colours: FloatArray
+    colours: FloatArray | ByteArray
     """Linear light, 0 to 255, shape (n, 3)."""
 
     def at(self, moments: FloatArray) -> FloatArray:

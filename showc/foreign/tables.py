@@ -228,7 +228,11 @@ def skybrush_course(content: bytes, name: str) -> tuple[Course, LightTrack | Non
             f"{name}: the colour of row {row + 1} is {colours[row].tolist()}; wanted "
             "three numbers from 0 to 255"
         )
-    return course, LightTrack(times, colours)
+    # Whole numbers, as they are written, take an eighth as bytes.
+    short = colours.astype(np.uint8)
+    return course, LightTrack(
+        times, short if np.array_equal(short, colours) else colours
+    )
 
 
 COLOURED = 7

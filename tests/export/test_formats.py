@@ -6,15 +6,25 @@ import json
 import shutil
 import struct
 import zipfile
+from decimal import Decimal
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from showc.errors import ExportError
-from showc.export.fit import fit_fleet, tracks_of
+from showc.export.fit import error_of, error_of_lines, fit_fleet, tracks_of
 from showc.export.stage import FORMATS, WAITING, ExportOptions, export
-from showc.export.tables import HEADING, crazyflie_files
+from showc.export.tables import (
+    HEADING,
+    Samples,
+    crazyflie_files,
+    decimals,
+    rows_of,
+    uniform,
+)
 from showc.export.takeoff import slowed
 from showc.foreign.facts import own_rules
 from showc.foreign.folder import verify_export
@@ -227,3 +237,29 @@ def test_a_page_plays_every_format_as_it_was_solved(gliding, exports, form, tmp_
     assert ("fence" in scene.unknown) == (form != "skyc")
     assert ("least separation" in scene.unknown) == (form != "skyc")
     assert ("lights" in scene.unknown) == (form in {"poly7", "crazyflie"})
+
+
+@given(
+    st.lists(st.integers(-(10**7), 10**7), min_size=1, max_size=20),
+    st.integers(0, 4),
+)
+def test_numbers_are_written_as_python_writes_them(whole, places):
+    columns = [decimals(np.array(whole), places), decimals(np.array(whole[::-1]), 0)]
+    wanted = "".join(
+        f"{Decimal(one).scaleb(-places):.{places}f},{other}\n"
+        for one, other in zip(whole, whole[::-1], strict=True)
+    )
+    assert rows_of(columns).decode() == wanted
+
+
+def test_lines_between_samples_miss_no_more_than_is_stated(gliding):
+    samples = Samples.of(gliding, 0.0, 0.25)
+    stated = error_of_lines(samples.exact, 0.25, 1e-3)
+    places = np.stack([samples.places(drone) for drone in range(gliding.drones)])
+    places = np.round(places, 3)
+    lines = uniform(samples.times, np.stack([places[:, :-1], places[:, 1:]], axis=2))
+    measured = error_of(samples.exact, lines, 0.0)
+    assert measured.position.lower <= stated.position.upper
+    assert measured.velocity.lower <= stated.velocity.upper
+    assert measured.acceleration.lower <= stated.acceleration.upper
+    assert stated.position.upper <= 2.0 * measured.position.upper
