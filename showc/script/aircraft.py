@@ -20,6 +20,8 @@ from showc.vehicle import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.script.files import InputFiles
     from showc.script.reader import Reader
     from showc.script.settings import Settings
@@ -130,12 +132,32 @@ def separation_of(settings: Settings, tracking: float) -> Separation:
     )
 
 
-def tracking_of(settings: Settings, files: InputFiles, reader: Reader) -> float:
+SHOW_MODE = frozenset({"skyb", "skyc"})
+"""Exports that Skybrush's show mode flies."""
+
+FLOWN_APART = 0.14
+"""How much nearer drones come in Skybrush's show mode than their files, at most, as
+flown in calm air [m]."""
+
+SHOW_MODE_TRACKING = 0.08
+"""How far each drone may stray where show mode flies it [m]: half of the 0.14 m that
+pairs were measured to lose in calm air, and twice what the fit of a file takes."""
+
+
+def tracking_of(
+    settings: Settings, exports: Sequence[Settings], files: InputFiles, reader: Reader
+) -> float:
     """Return how far each drone may stray from its path [m].
 
     A number, or the tube of the whole show in a file that ``showc simulate`` wrote;
-    ``reader`` hears what is wrong with that file.
+    ``reader`` hears what is wrong with that file. Unwritten, it is what show mode takes
+    where ``exports`` are for it and do not say themselves what is left.
     """
+    flown = any(
+        one.text("to") in SHOW_MODE and "separation" not in one for one in exports
+    )
+    if flown and not settings.written("tracking"):
+        return SHOW_MODE_TRACKING
     if settings.values["tracking"].value != "measured":
         return settings.number("tracking")
     name = settings.text("results")

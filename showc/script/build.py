@@ -122,7 +122,8 @@ class Builder:
         separation = None
         if not _broken(settings, "separation"):
             section = settings.section("separation")
-            self.tracking = tracking_of(section, self.files, self.reader)
+            exports = settings.sound("exports")
+            self.tracking = tracking_of(section, exports, self.files, self.reader)
             separation = separation_of(section, self.tracking)
         site = None
         if not _broken(settings, "site"):

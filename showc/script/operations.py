@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from math import floor, tan
+from math import cos, floor, inf, sqrt, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.aircraft import FLOWN_APART, SHOW_MODE
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import fence_distance, inside_polygon
 from showc.script.missions import mission_findings
 from showc.script.spacing import closest
 from showc.script.timing import least_mean_time
 from showc.script.wording import number_text
-from showc.vehicle import Separation
+from showc.vehicle import PRESETS, Separation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,9 +38,9 @@ BATTERY = 720.0
 """Time that batteries of show drones surely last [s]."""
 CRAZYFLIE_REACH = 32.767
 """Furthest coordinate of a Crazyflie's compressed trajectory, 16 bits of 1 mm [m]."""
-FLOWN_APART = 0.14
-"""How much nearer drones come in Skybrush's show mode than their files, at most, as
-flown in calm air [m]."""
+FLOWN = (6.0, 3.0, 3.8)
+"""Accelerations sideways, up and down up to which Skybrush's show mode was flown
+[m/s²]."""
 REACTION = 1.0
 """Time from a fault to the reaction of pilot or autopilot [s]."""
 
@@ -253,8 +254,9 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="bring the formation nearer to the origin, or export `poly7`",
                     spot=Spot(formation.name, (place,)),
                 )
-        if wish.to in {"skyb", "skyc"}:
+        if wish.to in SHOW_MODE:
             yield from _room(sketch, wish, section.mark)
+            yield from _followed(sketch, wish, section.mark)
 
 
 def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
@@ -290,4 +292,47 @@ def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
         mark,
         help_text,
         notes=tuple(notes),
+    )
+
+
+def _followed(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
+    """Look for limits that allow more than show mode was flown with (SHW311)."""
+    show = sketch.show
+    assert show is not None  # noqa: S101 - exports are a show's
+    limits, mass = show.limits, show.vehicle.mass
+    # Roll and pitch both at their limits leave the square of the cosine upright.
+    level = cos(limits.tilt)
+    allowed = (
+        min(
+            limits.acceleration or inf,
+            limits.thrust_max / mass * sqrt(1.0 - level**4),
+        ),
+        min(
+            limits.acceleration_up or inf,
+            limits.thrust_max / mass - show.vehicle.gravity,
+        ),
+        min(
+            limits.acceleration_down or inf,
+            show.vehicle.gravity - limits.thrust_min / mass * level**2,
+        ),
+    )
+    over = [
+        f"{number_text(one)} m/s² {name} ({most:g} was flown)"
+        for one, most, name in zip(
+            allowed, FLOWN, ("sideways", "up", "down"), strict=True
+        )
+        if one > most + 0.05
+    ]
+    if not over:
+        return
+    known = PRESETS[sketch.settings.section("vehicle").text("preset")].envelope
+    yield _warning(
+        "SHW311",
+        f"limits allow {', '.join(over)}: where `{wish.to}` asks for that, show mode "
+        "is not known to follow, and the export is not proved",
+        mark,
+        "write `vehicle: {envelope: autopilot}`"
+        if known is not None
+        else "write `limits: {acceleration: 4.2, acceleration_up: 3, "
+        "acceleration_down: 3.8}`",
     )

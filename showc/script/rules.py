@@ -6,11 +6,12 @@ yields what it finds.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.aircraft import FLOWN_APART, SHOW_MODE_TRACKING
 from showc.script.company import company_findings
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import Fence, inside_polygon
@@ -71,7 +72,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
             if tight > 2:
                 notes += (f"{tight} places are closer to another than the separation",)
             if distance > section.number("distance"):
-                notes += ("`distance` and twice `tracking` make the separation",)
+                notes += (_tracked(section, pair.distance),)
             # Pads that the script leaves out stand where it asks for the separation.
             unwritten = formation.name == "pads" and not sketch.settings.written("pads")
             mark = asked if unwritten else formation.mark
@@ -112,6 +113,18 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 spot=Spot(formation.name, (pair.first, pair.second)),
                 severity=Severity.WARNING,
             )
+
+
+def _tracked(section: Settings, apart: float) -> str:
+    """Say why the separation is more than `distance`."""
+    note = "`distance` and twice `tracking` make the separation"
+    if section.written("tracking"):
+        return note
+    left = floor(100.0 * (apart - FLOWN_APART) + 1e-6) / 100.0
+    return (
+        f"{note}; unwritten, `tracking` is the {SHOW_MODE_TRACKING:g} m that show mode "
+        f"takes: `exports` with `separation: {left:g}` or less leave it out"
+    )
 
 
 def _measure(shape: str) -> str:

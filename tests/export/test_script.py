@@ -59,6 +59,28 @@ def test_wishes_are_read(tmp_path):
     assert (skyb.to, skyb.separation, skyb.lead) == ("skyb", 1.5, 12.0)
 
 
+@pytest.mark.parametrize(
+    ("separation", "exports", "tracking"),
+    [
+        ("1.6 m", "[skyc]", 0.08),
+        ("1.6 m", "[kml, {to: skyb, lead: 12 s}]", 0.08),
+        ("{distance: 1.6 m, tracking: 0}", "[skyc]", 0.0),
+        ("{distance: 1.6 m, tracking: 0.3 m}", "[skyc]", 0.3),
+        ("1.6 m", "[{to: skyc, separation: 1.4 m}]", 0.0),
+        ("1.6 m", "[gltf]", 0.0),
+    ],
+)
+def test_what_show_mode_takes_is_planned_for_unless_written(
+    separation, exports, tracking, tmp_path
+):
+    path = tmp_path / "show.yaml"
+    head = SCRIPT.split("exports:", maxsplit=1)[0].replace("1.6 m", separation)
+    path.write_text(f"{head}exports: {exports}\n")
+    show = load_show(path).show
+    assert show.tracking == tracking
+    assert show.separation.distance == pytest.approx(1.6 + 2.0 * tracking)
+
+
 def test_compile_writes_and_proves_what_a_script_asks_for(compiled):
     folder = compiled.parent
     manifest = json.loads((folder / "show-skyb" / "export.json").read_text())
