@@ -20,6 +20,8 @@ from showc.script.show import Mark
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from showc.script.kinds import Plain
+
 MAX_BYTES = 4_000_000
 """Largest script that is read [bytes]."""
 MAX_NODES = 100_000
@@ -97,6 +99,20 @@ class Mapping:
 
 
 Node = Scalar | Sequence | Mapping
+
+
+def as_node(value: Plain, mark: Mark) -> Node:
+    """Return a default of the field table as the node a script would give."""
+    if isinstance(value, dict):
+        entries = {
+            key: Entry(key, mark, as_node(item, mark)) for key, item in value.items()
+        }
+        return Mapping(entries, mark)
+    if isinstance(value, list):
+        return Sequence(tuple(as_node(item, mark) for item in value), mark)
+    if isinstance(value, bool):
+        return Scalar("true" if value else "false", plain=True, mark=mark)
+    return Scalar(str(value), plain=True, mark=mark)
 
 
 @dataclass(slots=True)

@@ -7,7 +7,6 @@ the rest is read on.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Label, ScriptError
@@ -18,6 +17,7 @@ from showc.script.document import (
     Node,
     Scalar,
     Sequence,
+    as_node,
 )
 from showc.script.fields import SECTIONS, resolve
 from showc.script.kinds import (
@@ -27,7 +27,6 @@ from showc.script.kinds import (
     Items,
     Kind,
     Paint,
-    Plain,
     Quantity,
     Section,
     Table,
@@ -54,22 +53,12 @@ if TYPE_CHECKING:
     from showc.script.show import Mark
 
 
+_FORMS: dict[type, type] = {Section: Mapping, Table: Mapping, Items: Sequence}
+"""Forms of nodes that kinds take, where it is not a single value."""
+
+
 class _BadValueError(Exception):
     """The value is not used; why is in the findings already."""
-
-
-def as_node(value: Plain, mark: Mark) -> Node:
-    """Return a default of the field table as the node a script would give."""
-    if isinstance(value, dict):
-        entries = {
-            key: Entry(key, mark, as_node(item, mark)) for key, item in value.items()
-        }
-        return Mapping(entries, mark)
-    if isinstance(value, list):
-        return Sequence(tuple(as_node(item, mark) for item in value), mark)
-    if isinstance(value, bool):
-        return Scalar("true" if value else "false", plain=True, mark=mark)
-    return Scalar(str(value), plain=True, mark=mark)
 
 
 class Reader:
@@ -128,11 +117,18 @@ class Reader:
         )
 
     def _bad(
-        self, code: str, message: str, span: Mark, *, help_text: str = "", fix: str = ""
+        self, code: str, message: str, span: Mark, advice: str = "", fix: str = ""
     ) -> _BadValueError:
         """Add an error and return what to raise."""
-        self.say(code, message, span, help_text=help_text, fix=fix)
+        self.say(code, message, span, help_text=advice, fix=fix)
         return _BadValueError()
+
+    def _unfit(  # noqa: PLR0917 - what is wanted, what is there, what to do
+        self, kind: Kind, node: Node, span: Mark, key: str, advice: str, fix: str = ""
+    ) -> _BadValueError:
+        """Say that a value has another form than its kind."""
+        message = f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted"
+        return self._bad("SHW103", message, node.mark.near(span), advice, fix)
 
     def section(self, section: Section, node: Node, span: Mark) -> Settings:
         """Read a section.
@@ -154,13 +150,8 @@ class Reader:
                 given = Entry(section.short, node.mark, node)
                 node = Mapping({given.key: given}, node.mark)
             else:
-                self.say(
-                    "SHW103",
-                    f"`{section.name}` is {form_of(node)}, {wanted_text(section)} "
-                    "is wanted",
-                    _near(node.mark, span),
-                    help_text=about_braces(section, node),
-                )
+                advice = about_braces(section, node)
+                self._unfit(section, node, span, section.name, advice)
                 settings.broken = True
                 return settings
         fields = self._fields(section, node, settings)
@@ -213,7 +204,7 @@ class Reader:
             except _BadValueError:
                 settings.broken = True
                 continue
-            mark = _near(entry.value.mark, entry.mark)
+            mark = entry.value.mark.near(entry.mark)
             settings.values[entry.key] = Setting(value, mark, entry.mark)
             if section.name != "show" and _has_broken(value):
                 settings.broken = True
@@ -231,7 +222,13 @@ class Reader:
         if comma is not None:
             self.found.append(comma)
             return
-        absent = [key for key in known if node.get(key) is None]
+        # What excludes a key that is there is not meant.
+        chosen = any(node.get(key) is not None for key in section.one_of)
+        absent = [
+            key
+            for key in known
+            if node.get(key) is None and not (chosen and key in section.one_of)
+        ]
         if right := spaced(entry):
             self._meant.add((id(node), right.split(":")[0]))
             self.say(
@@ -256,7 +253,7 @@ class Reader:
         elif section.name == "formation" and entry.key in SECTIONS["transform"].one_of:
             advice = f"changes stand in a list: `transform: [{{{entry.key}: …}}]`"
         else:
-            advice = f"keys here: {', '.join(sorted(known))}"
+            advice = f"keys here: {', '.join(sorted(absent))}"
         self.say(
             "SHW101",
             f"unknown key `{entry.key}` in {where}",
@@ -343,18 +340,12 @@ class Reader:
                 if isinstance(kind, Paint) and isinstance(node, Sequence):
                     node = mixed_colour(node)
                 if not isinstance(node, Scalar):
-                    raise self._bad(
-                        "SHW103",
-                        f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
-                        _near(node.mark, span),
-                        help_text=about_colours(node)
-                        if isinstance(kind, Paint)
-                        else "",
-                    )
+                    advice = about_colours(node) if isinstance(kind, Paint) else ""
+                    raise self._unfit(kind, node, span, key, advice)
                 try:
                     return read_scalar(kind, node, key, self.tempo)
                 except ScriptError as fault:
-                    self.refuse(fault, _first_line(node.mark))
+                    self.refuse(fault, node.mark.first_line)
                     raise _BadValueError from None
 
     def _empty(self, node: Scalar, span: Mark, key: str, kind: Kind) -> None:
@@ -369,8 +360,8 @@ class Reader:
                 "SHW103",
                 f"`{key}` has no value",
                 node.mark if node.text or fix else span,
-                help_text=advice,
-                fix=fix,
+                advice,
+                fix,
             )
 
     def _misspelt(self, kind: Either, node: Node, key: str) -> None:
@@ -398,46 +389,29 @@ class Reader:
         if isinstance(node, Mapping) and not any(
             isinstance(one, Section | Table) for one in options
         ):
-            raise self._bad(
-                "SHW103",
-                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
-                _near(node.mark, span),
-                help_text=about_brackets(lists[0], node) if lists else "",
-            )
+            advice = about_brackets(lists[0], node) if lists else ""
+            raise self._unfit(kind, node, span, key, advice)
 
     def _choose(self, kind: Either, node: Node) -> Kind:
         """Return the option whose form the node has; the first, if none has."""
         options = [resolve(option) for option in kind.options]
         for option in options:
-            fits: bool
-            match option:
-                case Section():
-                    fits = isinstance(node, Mapping)
-                case Items():
-                    fits = isinstance(node, Sequence)
-                case Table():
-                    fits = isinstance(node, Mapping)
-                case _:
-                    fits = isinstance(node, Scalar)
-            if fits and not _other_word(option, node, len(options)):
+            form = _FORMS.get(type(option), Scalar)
+            if isinstance(node, form) and not _other_word(option, node, len(options)):
                 return option
         return next((item for item in options if isinstance(item, Section)), options[0])
 
     def _table(self, kind: Table, node: Node, span: Mark, key: str) -> Settings:
         settings = Settings(key, span)
         if not isinstance(node, Mapping):
-            raise self._bad(
-                "SHW103",
-                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
-                _near(node.mark, span),
-                help_text=f"write each {kind.what} behind its name: `name: …`",
-            )
+            advice = f"write each {kind.what} behind its name: `name: …`"
+            raise self._unfit(kind, node, span, key, advice)
         if len(node.entries) > kind.most:
             raise self._bad(
                 "SHW119",
                 f"`{key}` has {len(node.entries)} entries, at most {kind.most} are "
                 "read",
-                _near(node.mark, span),
+                node.mark.near(span),
             )
         for entry in node:
             if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,59}", entry.key) is None:
@@ -453,26 +427,23 @@ class Reader:
             except _BadValueError:
                 settings.broken = True
                 value = None
-            mark = _near(entry.value.mark, entry.mark)
+            mark = entry.value.mark.near(entry.mark)
             settings.values[entry.key] = Setting(value, mark, entry.mark)
         return settings
 
     def _items(self, kind: Items, node: Node, span: Mark, key: str) -> list[Setting]:
+        commas = with_commas(kind, node) if node.mark.on_one_line else ""
+        advice = about_commas(kind, node)
         if not isinstance(node, Sequence):
-            raise self._bad(
-                "SHW103",
-                f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted",
-                _near(node.mark, span),
-                help_text=about_commas(kind, node) or about_brackets(kind, node),
-                fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
-            )
+            advice = advice or about_brackets(kind, node)
+            raise self._unfit(kind, node, span, key, advice, commas)
         if nested := flat(kind, node):
             raise self._bad(
                 "SHW103",
                 f"`{key}` is a list of numbers, {wanted_text(kind)} is wanted",
-                _near(node.mark, span),
-                help_text=f"write `{nested}`",
-                fix=nested if _on_one_line(node.mark) else "",
+                node.mark.near(span),
+                f"write `{nested}`",
+                nested if node.mark.on_one_line else "",
             )
         size = len(node.items)
         if not kind.least <= size <= kind.most:
@@ -480,19 +451,19 @@ class Reader:
                 "SHW112",
                 f"`{key}` has {counted(size, 'element')}, {wanted_text(kind)} is "
                 "wanted",
-                _near(node.mark, span),
-                help_text=about_commas(kind, node),
-                fix=with_commas(kind, node) if _on_one_line(node.mark) else "",
+                node.mark.near(span),
+                advice,
+                commas,
             )
         elements: list[Setting] = []
         sound = True
         for item in node.items:
             try:
-                value = self.value(kind.item, item, _first_line(item.mark), key)
+                value = self.value(kind.item, item, item.mark.first_line, key)
             except _BadValueError:
                 sound = False
                 continue
-            elements.append(Setting(value, item.mark, _first_line(item.mark)))
+            elements.append(Setting(value, item.mark, item.mark.first_line))
         if not sound:
             raise _BadValueError
         return elements
@@ -518,19 +489,3 @@ def _paints(kind: Kind) -> bool:
     return isinstance(kind, Paint) or (
         isinstance(kind, Section) and kind.name == "colour"
     )
-
-
-def _on_one_line(mark: Mark) -> bool:
-    return mark.end_line == mark.line
-
-
-def _first_line(mark: Mark) -> Mark:
-    """Return the part of a span on its first line, one column if it goes on."""
-    if _on_one_line(mark):
-        return mark
-    return replace(mark, end_line=mark.line, end_column=mark.column + 1)
-
-
-def _near(mark: Mark, key: Mark) -> Mark:
-    """Return the span of a value if it stands on one line, else that of its key."""
-    return mark if _on_one_line(mark) else key

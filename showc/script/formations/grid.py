@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 
 _STEP = Quantity("m", minimum=0.01, maximum=1000.0)
+_USUAL = 2.0
+"""Distance of neighbours where the script says nothing [m]: room for straight moves at
+the usual separation."""
 
 SECTION = Section(
     "grid",
@@ -50,7 +53,7 @@ SECTION = Section(
             Either((_STEP, Items(_STEP, 2, 3))),
             "Distance between neighbours: one number, or one each along a row, "
             "between rows and between layers.",
-            default=2.0,
+            default_text="2 m, or `spacing` where that is more",
             examples=(2.5, [3.0, 2.0], "250 cm"),
         ),
         plane_field("horizontal"),
@@ -95,10 +98,11 @@ def lattice(settings: Settings, request: Request, plane: str) -> FloatArray:
             f"places, {count} are needed",
             help_text="leave out `rows` or `columns`, or make them larger",
         )
-    value = settings.values["step"].value
-    steps = settings.numbers("step") if isinstance(value, list) else ()
-    step = settings.number("step") if not steps else steps[0]
-    steps = (*steps, *([steps[-1] if steps else step] * (3 - len(steps))))
+    steps: tuple[float, ...] = (max(_USUAL, settings.optional("spacing") or 0.0),)
+    if "step" in settings:
+        value = settings.values["step"].plain
+        steps = value if isinstance(value, tuple) else (value,)
+    steps = (*steps, *[steps[-1]] * (3 - len(steps)))
     index = np.arange(count)
     across = np.column_stack(
         [
