@@ -455,7 +455,7 @@ def place(leg: Leg) -> str:
     """Where the script asks for the leg, as ``path:line:column: name``."""
     if leg.mark is None:
         return leg.name
-    return f"{leg.mark.path}:{leg.mark.line}:{leg.mark.column}: {leg.name}"
+    return f"{leg.mark}: {leg.name}"
 
 
 def pair_names(leg: Leg, first: int, second: int) -> str:

@@ -21,8 +21,7 @@ from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.sparing import sparing_time
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
-from showc.plan.build import held_in_motion, state_at
-from showc.plan.itinerary import Leg
+from showc.plan.itinerary import Leg, held_in_motion, state_at
 from showc.script.lanes import held_for
 
 if TYPE_CHECKING:

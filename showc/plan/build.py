@@ -8,13 +8,21 @@ groups have times of their own.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.errors import PlanError
 from showc.plan.assignment import Assignment, assign, in_order
-from showc.plan.itinerary import Itinerary, Leg
+from showc.plan.itinerary import (
+    ANY_TIME,
+    Itinerary,
+    Leg,
+    frozen,
+    held_in_motion,
+    state_at,
+)
+from showc.plan.places import PARKED, Places
 from showc.progress import Silent
 from showc.script.lanes import (
     chapters,
@@ -28,39 +36,17 @@ from showc.script.lanes import (
 )
 from showc.script.moving import moving_places
 from showc.script.show import Formation
-from showc.vehicle.flatness import state_in_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from showc.arrays import FloatArray, IntArray
     from showc.plan.itinerary import LegKind
+    from showc.plan.places import Assign
     from showc.progress import Progress
     from showc.script.moving import MovingPlaces
     from showc.script.show import Effect, Mark, Preference, Show, Transition
-    from showc.vehicle import Limits, Separation
-
-    class Assign(Protocol):
-        """Gives places to drones, as :func:`assign` does."""
-
-        def __call__(
-            self,
-            start: FloatArray,
-            goals: FloatArray,
-            separation: Separation,
-            *,
-            required: int | None = None,
-        ) -> Assignment:
-            """Return the places."""
-            ...
-
-
-PARKED = -1
-"""Place of a drone that has none in the formation."""
-_ANY_TIME = 1.0
-"""Length of a hold that is not known yet [s]: where it leads does not depend on it."""
+    from showc.vehicle import Limits
 
 
 def build_itinerary(
@@ -113,17 +99,16 @@ class _Builder:
 
     def __init__(self, show: Show, optimal: Assign) -> None:
         self.show, self.optimal = show, optimal
+        self.assigned = Places(show, optimal)
         self.legs: list[Leg] = []
         self.added: dict[str, Formation] = {}
-        self.fleet = _frozen(np.arange(show.drones))
+        self.fleet = frozen(np.arange(show.drones))
         self.formation = show.pads
         self.places = self.fleet
         self.position = np.array(show.formations[show.pads].points[: show.drones])
         self.colours = np.zeros((show.drones, 3))
-        self.parking = np.full(show.drones, PARKED)
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
         self.motions = 0
-        self.numbers = self.fleet
         # Of drones that leave out of a motion.
         self.state: FloatArray | None = None
 
@@ -160,7 +145,7 @@ class _Builder:
             if left or self.state is not None:
                 mark = transitions[0].mark
                 raise PlanError(
-                    f"{mark.path}:{mark.line}:{mark.column}: groups that move at times "
+                    f"{mark}: groups that move at times "
                     "of their own begin and end together at rest; leave `leave: "
                     "moving` out of their last transitions and of what comes before, "
                     "or give them one time"
@@ -220,7 +205,7 @@ class _Builder:
         while free in taken:
             number += 1
             free = f"{name} ({number})"
-        formation = Formation(free, _frozen(points), _frozen(colours), mark, effect)
+        formation = Formation(free, frozen(points), frozen(colours), mark, effect)
         self.added[free] = formation
         return formation
 
@@ -236,9 +221,8 @@ class _Builder:
                 formation.mark,
                 formation.effect,
             )
-        given = self._give(transition, formation, self.fleet)
+        given = self.assigned.give(transition, formation, self.fleet, self.position)
         self.placed = [(transition, self.fleet, given.places)]
-        self.numbers = given.places
         return formation, given
 
     def _met(self, transition: Transition, hold: float) -> Formation:
@@ -248,12 +232,12 @@ class _Builder:
             return formation
         every = np.arange(len(formation.points))
         given = every, every, formation, transition, self.show.formations
-        points = moving_places(*given).ends(hold or _ANY_TIME)[0][0]
+        points = moving_places(*given).ends(hold or ANY_TIME)[0][0]
         colours = transition.colours
         return replace(
             formation,
             name=f"{formation.name} in motion",
-            points=_frozen(points),
+            points=frozen(points),
             colours=formation.colours if colours is None else colours,
         )
 
@@ -288,8 +272,9 @@ class _Builder:
         for index, transition in zip(indices, transitions, strict=True):
             members = np.asarray(self.show.groups[str(transition.group)])
             formation = self._met(transition, hold)
-            given = self._give(transition, formation, members)
-            goals = self._goals(formation, given.places, members)
+            start = self.position[members]
+            given = self.assigned.give(transition, formation, members, start)
+            goals = self.assigned.positions(formation, given.places, members)
             parts.append(self._part(index, members, goals, given))
             # A group may move again in the same chapter.
             self.position = self.position.copy()
@@ -307,8 +292,6 @@ class _Builder:
                 formation.colours if transition.colours is None else transition.colours
             )
             self.placed.append((transition, members, given.places))
-            self.numbers = self.numbers.copy()
-            self.numbers[members] = given.places
             placed = given.places != PARKED
             colours[members[placed]] = shown[given.places[placed]]
             colours[members[~placed]] = 0.0
@@ -331,12 +314,12 @@ class _Builder:
             index=len(self.legs),
             name=transition.name,
             kind="transition",
-            drones=_frozen(members.copy()),
-            start=_frozen(self.position[members]),
-            goal=_frozen(goals),
+            drones=frozen(members.copy()),
+            start=frozen(self.position[members]),
+            goal=frozen(goals),
             from_formation=self.formation,
             to_formation=transition.to,
-            places=_frozen(given.places.copy()),
+            places=frozen(given.places.copy()),
             limits=self.show.limits,
             duration=transition.duration,
             after=(),
@@ -372,70 +355,6 @@ class _Builder:
         )
         return held_in_motion(part, self.show, transition.hold)
 
-    def _give(
-        self, transition: Transition, formation: Formation, members: IntArray
-    ) -> Assignment:
-        """Assign drones to the places of ``formation``, and the rest to parking."""
-        start = self.position[members]
-        drones, places = members.size, formation.points.shape[0]
-        if transition.assignment == "keep":
-            return self._kept(transition, formation, members)
-        choose = self.optimal if transition.assignment == "optimal" else in_order
-        separation = self.show.separation
-        self.parking[members] = PARKED
-        if places == drones:
-            return choose(start, formation.points, separation)
-        mark = transition.mark
-        where = f"{mark.path}:{mark.line}:{mark.column}: formation {formation.name!r}"
-        found = f"{where} has {places} places for {drones} drones"
-        if places > drones:
-            raise PlanError(f"{found}; take places away, or send more drones")
-        if self.show.parking is None:
-            raise PlanError(
-                f"{found}; name a formation in 'parking' where the other "
-                f"{drones - places} wait"
-            )
-        spots = self.show.formations[self.show.parking].points
-        free = np.setdiff1d(np.arange(spots.shape[0]), self.parking)
-        if free.size < drones - places:
-            raise PlanError(
-                f"{found}; the parking formation {self.show.parking!r} has "
-                f"{free.size} free places, {drones - places} are needed: add places"
-            )
-        goals = np.concatenate([formation.points, spots[free]])
-        if transition.assignment == "optimal":
-            given = self.optimal(start, goals, separation, required=places)
-        else:
-            given = in_order(start, goals, separation)
-        outside = given.places >= places
-        self.parking[members[outside]] = free[given.places[outside] - places]
-        return replace(given, places=np.where(outside, PARKED, given.places))
-
-    def _kept(
-        self, transition: Transition, formation: Formation, members: IntArray
-    ) -> Assignment:
-        """Leave every drone the number of its place."""
-        numbers = self.numbers[members]
-        if not np.array_equal(np.sort(numbers), np.arange(len(formation.points))):
-            mark = transition.mark
-            raise PlanError(
-                f"{mark.path}:{mark.line}:{mark.column}: the drones cannot keep the "
-                f"numbers of their places in {formation.name!r}, which has "
-                f"{len(formation.points)} places; write `assignment: optimal`"
-            )
-        return Assignment(numbers, np.inf, "every drone keeps the number of its place")
-
-    def _goals(
-        self, formation: Formation, places: IntArray, members: IntArray
-    ) -> FloatArray:
-        """Positions of ``places``, parking places for those that have none."""
-        goals = np.array(formation.points[np.maximum(places, 0)])
-        outside = places == PARKED
-        if outside.any():
-            spots = self.show.formations[str(self.show.parking)].points
-            goals[outside] = spots[self.parking[members[outside]]]
-        return goals
-
     def _move(
         self,
         kind: LegKind,
@@ -444,8 +363,8 @@ class _Builder:
         given: Assignment,
         asked: _Asked,
     ) -> None:
-        places = _frozen(given.places.copy())
-        goal = self._goals(formation, places, self.fleet)
+        places = frozen(given.places.copy())
+        goal = self.assigned.positions(formation, places, self.fleet)
         colours = formation.colours
         if asked.transition is not None:
             override = self.show.transitions[asked.transition].colours
@@ -493,10 +412,10 @@ class _Builder:
         )
         goal, points = self.position.copy(), before.points.copy()
         for one in motion:
-            goal[one.rows] = one.ends(duration or _ANY_TIME)[1][0]
+            goal[one.rows] = one.ends(duration or ANY_TIME)[1][0]
             points[self.places[one.rows]] = goal[one.rows]
         name = f"{before.name} after motion {self.motions}"
-        self.added[name] = replace(before, name=name, points=_frozen(points))
+        self.added[name] = replace(before, name=name, points=frozen(points))
         return goal, name
 
     def _leg(
@@ -512,8 +431,8 @@ class _Builder:
             name=name,
             kind=kind,
             drones=self.fleet,
-            start=_frozen(self.position.copy()),
-            goal=_frozen(goal.copy()),
+            start=frozen(self.position.copy()),
+            goal=frozen(goal.copy()),
             from_formation=self.formation,
             to_formation=formation,
             places=self.places,
@@ -530,67 +449,9 @@ class _Builder:
         )
 
 
-def held_in_motion(part: Leg, show: Show, duration: float) -> Leg:
-    """Return a motion of some drones with its ends, when it is held for a time [s].
-
-    0 if that is not known yet. Its drones are counted within the leg.
-    """
-    goal = part.start.copy()
-    for one in part.motion:
-        goal[one.rows] = one.ends(duration or _ANY_TIME)[1][0]
-    return replace(
-        part,
-        goal=_frozen(goal),
-        start_state=state_at(show, part.motion, duration, 0, part.start),
-        goal_state=state_at(show, part.motion, duration, 1, goal),
-    )
-
-
-def state_at(
-    show: Show,
-    motion: Sequence[MovingPlaces],
-    duration: float,
-    side: int,
-    places: FloatArray,
-) -> FloatArray | None:
-    """States and thrusts (n, 13) in which a fleet joins or leaves what it holds.
-
-    Parameters
-    ----------
-    motion
-        What drones do while they hold it.
-    duration
-        For how long [s]; 0: not known yet, any time does.
-    side
-        0 where they join it, 1 where they leave it.
-    places
-        Where they are then, shape (n, 3) [m].
-
-    Returns
-    -------
-    ndarray or None
-        Those that are not in motion hover; None: all do.
-    """
-    moving = [one for one in motion if one.under_way[side]]
-    if not moving:
-        return None
-    states = np.zeros((len(places), 13))
-    states[:, :-1] = show.vehicle.hover_state(places, show.heading)
-    for one in moving:
-        there = one.ends(duration or _ANY_TIME)[side]
-        states[one.rows] = state_in_motion(show.vehicle, there, show.heading)
-    states[:, :3] = places
-    return _frozen(states)
-
-
 def _together(wanted: Sequence[Preference]) -> Preference:
     """Return what groups that are flown together prefer: the calmest wish."""
     if "energy" in wanted:
         return "energy"
     numbers = [one for one in wanted if not isinstance(one, str)]
     return max(numbers) if numbers else "time"
-
-
-def _frozen(array: NDArray) -> NDArray:  # type: ignore[type-arg]
-    array.setflags(write=False)
-    return array

@@ -6,10 +6,18 @@ hover in one common time, or holds them still.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
+from showc.vehicle.flatness import state_in_motion
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from showc.arrays import FloatArray, IntArray
     from showc.script.moving import MovingPlaces
     from showc.script.show import Mark, Preference, Show
@@ -17,6 +25,8 @@ if TYPE_CHECKING:
     from showc.vehicle import Limits
 
 
+ANY_TIME = 1.0
+"""Length of a hold that is not known yet [s]: where it leads does not depend on it."""
 STILL = 1e-7
 """Distance of places that differ by rounding alone [m]: a tenth of what a proof calls
 equal."""
@@ -115,3 +125,62 @@ class Itinerary:
     """The show, with the formations that planning added: above the pads, groups."""
     legs: tuple[Leg, ...]
     """Every leg has all drones of the fleet; a drone that does not move hovers."""
+
+
+def held_in_motion(part: Leg, show: Show, duration: float) -> Leg:
+    """Return a motion of some drones with its ends, when it is held for a time [s].
+
+    0 if that is not known yet. Its drones are counted within the leg.
+    """
+    goal = part.start.copy()
+    for one in part.motion:
+        goal[one.rows] = one.ends(duration or ANY_TIME)[1][0]
+    return replace(
+        part,
+        goal=frozen(goal),
+        start_state=state_at(show, part.motion, duration, 0, part.start),
+        goal_state=state_at(show, part.motion, duration, 1, goal),
+    )
+
+
+def state_at(
+    show: Show,
+    motion: Sequence[MovingPlaces],
+    duration: float,
+    side: int,
+    places: FloatArray,
+) -> FloatArray | None:
+    """States and thrusts (n, 13) in which a fleet joins or leaves what it holds.
+
+    Parameters
+    ----------
+    motion
+        What drones do while they hold it.
+    duration
+        For how long [s]; 0: not known yet, any time does.
+    side
+        0 where they join it, 1 where they leave it.
+    places
+        Where they are then, shape (n, 3) [m].
+
+    Returns
+    -------
+    ndarray or None
+        Those that are not in motion hover; None: all do.
+    """
+    moving = [one for one in motion if one.under_way[side]]
+    if not moving:
+        return None
+    states = np.zeros((len(places), 13))
+    states[:, :-1] = show.vehicle.hover_state(places, show.heading)
+    for one in moving:
+        there = one.ends(duration or ANY_TIME)[side]
+        states[one.rows] = state_in_motion(show.vehicle, there, show.heading)
+    states[:, :3] = places
+    return frozen(states)
+
+
+def frozen(array: NDArray) -> NDArray:  # type: ignore[type-arg]
+    """Return an array that cannot be written any more."""
+    array.setflags(write=False)
+    return array

@@ -29,6 +29,9 @@ class Mark:
     end_line: int
     end_column: int
 
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}:{self.column}"
+
     @property
     def on_one_line(self) -> bool:
         """Whether it ends on the line that it begins on."""
@@ -146,10 +149,7 @@ class Site:
 
     @property
     def room(self) -> tuple[Vector, Vector]:
-        """Corners of the box to fly in [m].
-
-        It is the flight volume; where its walls are the fence, the margin is taken off.
-        """
+        """Corners of the box to fly in [m], less the margin where it is the fence."""
         inset = 0.0 if self.fence is not None else self.fence_margin
         low, high = self.volume_min, self.volume_max
         return (

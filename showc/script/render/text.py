@@ -71,8 +71,7 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
     tint = _COLOURS[item.severity]
     where = ""
     if item.span is not None:
-        where = f"{item.span.path}:{item.span.line}:{item.span.column}: "
-        where = printable(where)
+        where = printable(f"{item.span}: ")
     head = paint(f"{item.severity}[{item.code}]", tint)
     out = [f"{where}{head}{paint(': ' + printable(item.message), _BOLD)}"]
     spans = [(item.span, item.label, True)] if item.span is not None else []
