@@ -193,18 +193,18 @@ class _Assessment:
         self._note(
             "SAF101",
             "flight to the fence (contingency)",
-            float(found.bound[0]),
+            found.bound,
             self.buffers.contingency,
-            found.places[0],
+            found.place,
             severity="warning",
         )
         found = least(self.pieces, self._misled(self.flight), inside)
         self._note(
             "SAF114",
             "flight to the fence, show turned and moved",
-            float(found.bound[0]),
+            found.bound,
             0.0,
-            found.places[0],
+            found.place,
         )
 
         own = Stopping(self.risk.reaction_time, self.stopping.authority.level)
@@ -212,9 +212,9 @@ class _Assessment:
         self._note(
             "SAF142",
             "drone that strays, braked at its own speed, to the fence",
-            float(found.bound[0]),
+            found.bound,
             self.risk.misplaced,
-            found.places[0],
+            found.place,
             severity="warning",
         )
 
@@ -341,26 +341,26 @@ class _Assessment:
             self._note(
                 "SAF111",
                 f"falls to {people.name}",
-                float(found.bound[0]),
+                found.bound,
                 risk.misplaced,
-                found.places[0],
+                found.place,
             )
             found = least(self.pieces, self._misled(self.impacts), away)
             self._note(
                 "SAF113",
                 f"falls to {people.name}, show turned and moved",
-                float(found.bound[0]),
+                found.bound,
                 0.0,
-                found.places[0],
+                found.place,
             )
             if risk.method in formula:
                 found = least(self.pieces, self.flight, away)
                 self._note(
                     "SAF112",
                     f"flight to {people.name} (contingency and {risk.method} buffer)",
-                    float(found.bound[0]),
+                    found.bound,
                     self.buffers.contingency + formula[risk.method],
-                    found.places[0],
+                    found.place,
                 )
 
     def _buildings(self) -> None:
@@ -374,7 +374,7 @@ class _Assessment:
             self._note(
                 "SAF121",
                 f"flight to {building.name}",
-                float(found.bound[0]),
+                found.bound,
                 self.buffers.contingency,
-                found.places[0],
+                found.place,
             )

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 CELL = 0.5
-"""Width of a table's cells in climb and in level speed over ground [m/s]."""
-AIRSPEED = 0.125
+"""Width of a table's cells in climb [m/s]."""
+AIRSPEED = 0.25
 """Distance between the airspeeds from which falls are integrated [m/s]."""
-DRAG_CELLS = 16
+DRAG_CELLS = 24
 """Cells into which the range of drag areas is cut."""
 STEP = 0.02
 """Step of the integration, classical Runge-Kutta [s]: wrong by less than 1e-6 m."""

@@ -1,7 +1,8 @@
-"""Regions on the ground that a flight may reach, enclosed in discs.
+"""Regions on the ground that a flight may reach, enclosed.
 
-Every piece of the flight is enclosed in a disc; discs that decide a question are cut
-until what they leave open is small. A bound that all discs keep, the flight keeps.
+Every piece of the flight is enclosed in a disc, which says for most that they decide
+nothing. Those that may are enclosed in the direction that matters, and cut until what
+they leave open is small. A bound that all pieces keep, the flight keeps.
 """
 
 from __future__ import annotations
@@ -11,26 +12,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.landing import Boxes
+from showc.safety.landing import Boxes, Courses
 from showc.safety.pieces import Pieces, Place
-from showc.script.fence import fence_distance, inside_polygon
+from showc.script.fence import inside_polygon
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.safety.landing import FallTable
 
-    Measure = Callable[[FloatArray], FloatArray]
-    """From points (n, 2) to m numbers each, (n, m), none of which changes by more than
-    the way between two points [m]."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """Distances of n points from m things; the least of each point's is meant."""
+
+    distance: FloatArray
+    """Shape (n, m) [m]; the least changes by no more than the way between points."""
+    away: FloatArray
+    """Unit vectors in which they grow, shape (n, m, 2)."""
+    line: FloatArray
+    """Shape (n, m): above it the distance from a line across ``away`` serves [m]."""
+
+
+if TYPE_CHECKING:
+    Measure = Callable[[FloatArray], Measured]
+    """Of points (n, 2) [m]."""
 
 OPEN = 0.05
 """Distance that bounds may leave open [m]."""
 ROUNDS = 24
 """How often pieces are halved at most; each round leaves half of what was open."""
-DIRECTIONS = 240
-"""Directions of a hull: its corners lie at most 0.01 % outside a circle."""
+DIRECTIONS = 360
+"""Directions of a hull: its corners lie at most 0.004 % outside a circle."""
+NEAR = 2.0
+"""Greatest radius of a piece's own way for which directions are looked at [m]."""
 BLOCK = 20_000
 """Pieces that are looked at together."""
 
@@ -49,12 +65,22 @@ class Discs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Least:
-    """Lower bounds on measures over a region."""
+    """Lower bounds on the distances of a region from m things."""
 
-    bound: FloatArray
+    bounds: FloatArray
     """Shape (m,) [m]."""
     places: tuple[Place, ...]
     """Which piece each is of; its drone and the middle of its time."""
+
+    @property
+    def bound(self) -> float:
+        """The least of all [m]."""
+        return float(self.bounds.min())
+
+    @property
+    def place(self) -> Place:
+        """Where that is."""
+        return self.places[int(self.bounds.argmin())]
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +122,9 @@ class Footing:
         level = pieces.position[:, :, :2]
         rest, spread = np.full(len(pieces), self.wider), np.zeros(len(pieces))
         if self.table is not None:
-            boxes = boxes_of(pieces, self.ground)
-            found = self.table(boxes)
+            found = self.table(boxes_of(pieces, self.ground))
             level = level + found.carry[:, None, None] * pieces.velocity[:, :, :2]
             rest, spread = rest + found.radius, found.spread
-        low, high = level.min(axis=1), level.max(axis=1)
-        centre = 0.5 * (low + high)
-        motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
         if self.stop is not None:
             boxes = boxes_of(pieces, self.ground)
             slowest, fastest = (
@@ -113,14 +135,29 @@ class Footing:
             level = level + middle[:, None, None] * pieces.velocity[:, :, :2]
             spread = 0.5 * (fastest - slowest) * boxes.speed_high
             rest = rest + spread
-            low, high = level.min(axis=1), level.max(axis=1)
-            centre = 0.5 * (low + high)
-            motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
-        if self.turn:
-            # A chord: 2 R sin(turn / 2), up to half a turn.
-            far = np.hypot(centre[:, 0], centre[:, 1]) + motion
-            rest = rest + 2.0 * far * np.sin(0.5 * min(self.turn, np.pi))
+        low, high = level.min(axis=1), level.max(axis=1)
+        centre = 0.5 * (low + high)
+        motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
+        rest = rest + self._chord * (np.hypot(*centre.T) + motion)
         return Discs(centre, motion + rest, motion + spread)
+
+    @property
+    def _chord(self) -> float:
+        """Chord of the turn about the origin, for each metre from it."""
+        return float(2.0 * np.sin(0.5 * min(self.turn, np.pi)))
+
+    def reach(self, pieces: Pieces, direction: FloatArray) -> FloatArray:
+        """Bound how far each piece may reach in its own direction (n, 2), (n,) [m]."""
+        if self.stop is not None:
+            return np.full(len(pieces), np.inf)
+        level, boxes = pieces.position[:, :, :2], boxes_of(pieces, self.ground)
+        chord = self._chord * np.hypot(level[..., 0], level[..., 1]).max(axis=1)
+        found = np.einsum("nkc,nc->nk", level, direction).max(axis=1) + self.wider
+        if self.table is not None:
+            slack = self._chord * boxes.speed_high
+            velocity = pieces.velocity[:, :, :2]
+            found += self.table.reach(Courses(boxes, velocity, slack, direction))
+        return np.asarray(found + chord)
 
 
 def boxes_of(pieces: Pieces, ground: float) -> Boxes:
@@ -152,20 +189,30 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     measure
         Numbers that no point may have too small.
     """
-    found = reached = np.full(1, np.inf)
+    found = np.full(1, np.inf)
     places: list[Place] = []
+    # Points that are reached for sure say how far bounds need be followed.
+    some = pieces.select(np.arange(0, len(pieces), len(pieces) // BLOCK + 1)).starts()
+    discs = footing.discs(some)
+    low = measure(discs.centre).distance - discs.radius[:, None]
+    reached = _ends(some, low.argmin(axis=0), footing, measure)
     for cut in range(ROUNDS + 1):
         left = []
         for part in _blocks(pieces):
             discs = footing.discs(part)
-            low = measure(discs.centre) - discs.radius[:, None]
-            # Points that are reached for sure say how far bounds need be followed.
-            likely = np.unique((low + 2.0 * discs.motion[:, None]).argmin(axis=0))
-            points = footing.discs(part.select(likely).starts())
-            seen = measure(points.centre) - points.radius[:, None]
-            reached = np.minimum(reached, seen.min(axis=0))
-            open_ = (low < reached - OPEN).any(axis=1) & (cut < ROUNDS)
-            left.append(part.select(open_))
+            seen = measure(discs.centre)
+            low = seen.distance - discs.radius[:, None]
+            near = discs.motion < NEAR
+            rows, columns = np.nonzero((low < reached - OPEN) & near[:, None])
+            if rows.size:
+                low[rows, columns] = np.fmax(
+                    low[rows, columns],
+                    _sharper(part, footing, seen, discs.centre, (rows, columns)),
+                )
+                likely = (low + 2.0 * discs.motion[:, None]).argmin(axis=0)
+                reached = np.minimum(reached, _ends(part, likely, footing, measure))
+            open_ = np.any(low < reached - OPEN, axis=1) & np.array(cut < ROUNDS)
+            left.append(part.select(np.flatnonzero(open_)))
             sure = np.flatnonzero(~open_)
             if not sure.size:
                 continue
@@ -184,6 +231,48 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     return Least(found, tuple(places))
 
 
+def _ends(
+    part: Pieces, likely: IntArray, footing: Footing, measure: Measure
+) -> FloatArray:
+    """Bound the distance of one point of the region from each of m things, (m,) [m].
+
+    Where the ``likely`` piece (m,) of each begins.
+    """
+    points, own = part.select(likely).starts(), np.arange(likely.size)
+    discs = footing.discs(points)
+    seen = measure(discs.centre)
+    low = seen.distance[own, own] - discs.radius
+    return np.fmax(low, _sharper(points, footing, seen, discs.centre, (own, own)))
+
+
+def _sharper(
+    part: Pieces,
+    footing: Footing,
+    seen: Measured,
+    centre: FloatArray,
+    pairs: tuple[IntArray, IntArray],
+) -> FloatArray:
+    """Bound distances of pieces from things by lines across the way; NaN: no bound.
+
+    Parameters
+    ----------
+    part
+        The pieces.
+    footing
+        What they may reach.
+    seen
+        Distances of their ``centre`` (n, 2) [m].
+    pairs
+        Rows and columns of it, shape (k,).
+    """
+    rows, columns = pairs
+    away = seen.away[rows, columns]
+    far = footing.reach(part.select(rows), -away)
+    own = np.einsum("kc,kc->k", centre[rows], away)
+    found = seen.distance[rows, columns] - own - far
+    return np.where(found > seen.line[rows, columns], found, np.nan)
+
+
 def _blocks(pieces: Pieces) -> Iterator[Pieces]:
     """Pieces in blocks that bound the memory."""
     for top in range(0, len(pieces), BLOCK):
@@ -194,8 +283,13 @@ def hull(pieces: Pieces, footing: Footing) -> FloatArray:
     """Enclose all that a flight may reach in a convex polygon, (n, 2) [m]."""
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    reach = -least(pieces, footing, lambda points: -points @ outward.T).bound
-    return corners_of(outward, reach)
+
+    def measure(points: FloatArray) -> Measured:
+        distance = -points @ outward.T
+        away = np.broadcast_to(-outward, (*distance.shape, 2))
+        return Measured(distance, away, np.broadcast_to(-np.inf, distance.shape))
+
+    return corners_of(outward, -least(pieces, footing, measure).bounds)
 
 
 def corners_of(outward: FloatArray, reach: FloatArray) -> FloatArray:
@@ -244,12 +338,21 @@ def outline(points: FloatArray, *, closed: bool) -> FloatArray:
 
 
 def outside(corners: FloatArray) -> Measure:
-    """Distance from a polygon, negative inside."""
+    """Distances from a polygon's edges; negative inside, where they are one."""
+    way = np.roll(corners, -1, axis=0) - corners
+    square = np.maximum(np.sum(way**2, axis=1), 1e-30)
 
-    def measure(points: FloatArray) -> FloatArray:
-        distance = fence_distance(points, corners)
-        within = inside_polygon(points, corners)
-        return np.where(within, -distance, distance)[:, None]
+    def measure(points: FloatArray) -> Measured:
+        gap = points[:, None] - corners
+        along = np.clip(np.sum(gap * way, axis=2) / square, 0.0, 1.0)
+        gap = gap - along[..., None] * way
+        distance = np.hypot(gap[..., 0], gap[..., 1])
+        away = gap / np.maximum(distance, 1e-12)[..., None]
+        within = inside_polygon(points, corners)[:, None]
+        deep = -distance.min(axis=1, keepdims=True)
+        # From outside: what is beyond the line there is as far from the edge.
+        line = np.where(within | (distance < 1e-9), np.inf, 0.0)
+        return Measured(np.where(within, deep, distance), away, line)
 
     return measure
 
@@ -257,4 +360,10 @@ def outside(corners: FloatArray) -> Measure:
 def within(corners: FloatArray) -> Measure:
     """Distance from a polygon's edge inside it, negative outside."""
     away = outside(corners)
-    return lambda points: -away(points)
+
+    def measure(points: FloatArray) -> Measured:
+        found = -away(points).distance.min(axis=1, keepdims=True)
+        still = np.zeros((len(points), 1, 2))
+        return Measured(found, still, np.full(found.shape, np.inf))
+
+    return measure

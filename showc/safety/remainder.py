@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.fall import AIRSPEED, CELL, DRAG_CELLS, HEAD, SPAN, STEP
+from showc.safety.fall import AIRSPEED, DRAG_CELLS, STEP
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -24,9 +24,15 @@ if TYPE_CHECKING:
 
 
 def remainder(
-    fall: Fall, climbs: FloatArray, fastest: tuple[float, float], levels: FloatArray
+    fall: Fall,
+    climbs: FloatArray,
+    fastest: tuple[float, float],
+    levels: FloatArray,
+    square: float,
 ) -> FloatArray:
     """Bound what interpolation misses, (climbs, levels) [m].
+
+    The cells lie on both sides of a climb, and between a level and the next.
 
     Parameters
     ----------
@@ -38,19 +44,16 @@ def remainder(
         Greatest level speed over ground, and through the air [m/s].
     levels
         Of the table, shape (m,) [m].
+    square
+        Sum of the squared widths of a cell in climb and in level speed [m²/s²].
     """
     edges = np.maximum(np.linspace(*fall.drag, DRAG_CELLS + 1), 1e-9)
     worst = np.zeros((climbs.size, levels.size))
     slowest = _Slowest(fall, climbs, fastest[1], edges[:-1, None], edges[1:, None])
     for parts in slowest.bounds(levels):
-        worst = np.maximum(worst, parts.missed(max(fastest[0], fall.wind), fastest))
-    # A node serves the cells about it, and falls that end on heads below.
-    found = np.empty_like(worst)
-    for number, level in enumerate(levels.tolist()):
-        end = max(level - HEAD - SPAN, 0.0)
-        under = int(np.searchsorted(levels, end, side="right")) - 1
-        found[:, number] = worst[:, under : number + 1].max(axis=1)
-    return found
+        ground = max(fastest[0], fall.wind)
+        worst = np.maximum(worst, parts.missed(ground, fastest, square))
+    return worst
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +88,9 @@ class _Bounds:
     gap: FloatArray
     """Of the cells of heights [m]."""
 
-    def missed(self, ground: float, fastest: tuple[float, float]) -> FloatArray:
+    def missed(
+        self, ground: float, fastest: tuple[float, float], square: float
+    ) -> FloatArray:
         """Bound what interpolation over the cells misses [m].
 
         ``ground`` [m/s] is the greatest level speed over ground in a fall.
@@ -97,7 +102,7 @@ class _Bounds:
         later = self.changes / sink
         curved = self.twices + 2.0 * self.change * later + self.brake * later**2
         rest = self.turn * longer**2 + 2.0 * fade * longer + self.bends
-        total = 2.0 * CELL**2 * (ground * bent + rest)
+        total = square * (ground * bent + rest)
         total = total + AIRSPEED**2 * (sum(fastest) * bent + 2.0 * longer + rest)
         total = total + self.width**2 * (
             ground * curved / sink
@@ -137,7 +142,8 @@ class _Slowest:
     ) -> None:
         self.gravity, self.air, self.least, self.most = fall.gravity, air, least, most
         # The cells about a climb: the longest rise, and one that is sure.
-        climb, slow = np.maximum(climbs + CELL, 0.0), np.maximum(climbs - CELL, 0.0)
+        cell = climbs[1] - climbs[0]
+        climb, slow = np.maximum(climbs + cell, 0.0), np.maximum(climbs - cell, 0.0)
         self.above = climb**2 / (2.0 * fall.gravity)
         self.rising = climb / fall.gravity
         against = fall.gravity + most * np.hypot(air, slow) * slow

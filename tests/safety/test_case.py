@@ -152,8 +152,8 @@ def test_the_formula_that_is_asked_for_is_judged(logged, show):
 def test_cutting_pieces_changes_no_bound_but_for_the_better(logged):
     pieces = flight_pieces(logged)
     away = outside(np.array([[20.0, -50.0], [30.0, -50.0], [30.0, 50.0]]))
-    coarse = least(pieces, Footing(), away).bound[0]
-    fine = least(pieces.parts(4), Footing(), away).bound[0]
+    coarse = least(pieces, Footing(), away).bound
+    fine = least(pieces.parts(4), Footing(), away).bound
     assert coarse == pytest.approx(fine, abs=0.06)
     assert area(hull(pieces.parts(3), Footing())) == pytest.approx(
         area(hull(pieces, Footing())), rel=0.02

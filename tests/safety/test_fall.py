@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from safety.falls import MASS, landings
 
 from showc.safety.fall import Fall
-from showc.safety.landing import Boxes, FallTable
+from showc.safety.landing import Boxes, Courses, FallTable
 from showc.vehicle.power import SEA_LEVEL
 
 DRAG, WIND = (0.02, 0.04), 8.0
@@ -63,6 +63,45 @@ def test_every_fall_from_a_box_ends_in_its_disc(table, seed):
     ground = landings(velocity, states[:, 2], wind, drag)
     away = np.hypot(ground[:, 0] - states[:, 1] * found.carry[0], ground[:, 1])
     assert (away <= found.radius[0]).all()
+
+
+def corner_of(low, high):
+    """Courses of one box of climbs, heights and two level velocities."""
+    sides = [np.array([side]) for pair in zip(low, high, strict=True) for side in pair]
+    velocity = np.array(
+        [[[x, y] for x in (low[1], high[1]) for y in (low[3], high[3])]]
+    )
+    climbs, _, heights, _ = (sides[2 * k : 2 * k + 2] for k in range(4))
+    speed = np.linalg.norm(velocity[0], axis=1).max(keepdims=True)
+    return Boxes(*climbs, 0.0 * speed, speed, *heights), velocity
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 100_000), st.sampled_from([0.0, 0.02, 0.5]))
+def test_no_fall_from_a_box_goes_beyond_its_reach(table, seed, size):
+    # Climb, one level velocity, height, the other level velocity.
+    rng = np.random.default_rng(seed)
+    low = rng.uniform([-5.0, -5.0, 0.0, -5.0], [4.5, 4.5, 50.0, 4.5])
+    if seed % 3 == 0:
+        low[2] *= 0.05
+    high = low + size * np.array([1.0, 1.0, 8.0, 1.0])
+    boxes, velocity = corner_of(low, high)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    direction = np.array([[np.cos(angle), np.sin(angle)]])
+    bound = table.reach(Courses(boxes, velocity, np.zeros(1), direction))[0]
+    count = 400
+    states = np.where(rng.random((count, 4)) < 0.5, low, high)
+    bearing = angle + rng.normal(0.0, 0.6, count)
+    share = np.where(rng.random(count) < 0.7, 1.0, rng.random(count))
+    wind = (WIND * share)[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    drag = rng.choice([DRAG[0], 0.5 * sum(DRAG), DRAG[1]], count)
+    # Down to the ground, or to a head above it.
+    end = np.minimum(rng.choice([0.0, 1.0, 2.0], count), states[:, 2])
+    ground = landings(states[:, [1, 3, 0]], states[:, 2] - end, wind, drag)
+    farthest = (ground @ direction[0]).max()
+    assert farthest <= bound + 1e-3
+    if size == 0.0 and states[0, 2] > 5.0:
+        assert bound <= farthest + 0.5 + 0.03 * abs(farthest)
 
 
 def test_a_hovering_drone_is_enclosed_closely(table):
