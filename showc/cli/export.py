@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,10 +11,13 @@ import click
 
 from showc.cli.options import FOLDER, json_option, log_argument
 from showc.script.show import Export
+from showc.script.wording import counted
+from showc.verify.report import figure
 
 if TYPE_CHECKING:
     from showc.export.solved import SolvedShow
     from showc.export.stage import Exported
+    from showc.verify.report import Check
 
 FORMATS = (
     "skyc",
@@ -53,6 +57,23 @@ def _solved(log: Path) -> SolvedShow:
     return solved
 
 
+_NAMED = 3
+"""Findings of an export that are said at once."""
+
+
+def _found(check: Check) -> str:
+    """Return what was found, where, and what to do about it, on one line."""
+    said = f"{check.code} {check.name}{figure(check)}"
+    if str(check.where):
+        said += f", {check.where}"
+    if check.code == "VRF504" and check.value:
+        left = max(floor(100.0 * check.value) / 100.0, 0.0)
+        return (
+            f"{said}: give drones room to stray, or the export `separation: {left:g}`"
+        )
+    return f"{said}: {check.notes[-1]}" if check.notes and check.value else said
+
+
 def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool]:
     """Write what a script asks for; return lines, and whether all is proved."""
     from showc.export.stage import folder_for
@@ -63,8 +84,9 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
         folder = folder_for(log, wish.to)
         exported = written(log, solved, wish, folder)
         failed = [check for check in exported.checks if check.verdict == "fail"]
-        said = f"{len(failed)} findings: showc verify {folder}" if failed else "proved"
-        lines.append(f"  export    {folder}: {said}")
+        said = f"{counted(len(failed), 'finding')}: showc verify {folder}"
+        lines.append(f"  export    {folder}: {said if failed else 'proved'}")
+        lines += [f"    {_found(check)}" for check in failed[:_NAMED]]
         proved = proved and exported.proved
     return lines, proved
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, floor, inf, sqrt, tan
+from math import ceil, cos, floor, inf, sqrt, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -254,44 +254,51 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="bring the formation nearer to the origin, or export `poly7`",
                     spot=Spot(formation.name, (place,)),
                 )
-        if wish.to in SHOW_MODE:
+        if wish.to != "kml":
             yield from _room(sketch, wish, section.mark)
+        if wish.to in SHOW_MODE:
             yield from _followed(sketch, wish, section.mark)
 
 
 def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
-    """Look for less room between drones than show mode takes (SHW310)."""
+    """Look for less room between drones than an export takes (SHW310)."""
     show = sketch.show
     assert show is not None  # noqa: S101 - exports are a show's
+    flown = wish.to in SHOW_MODE
+    taken = FLOWN_APART if flown else 2.0 * wish.tolerance
     kept = wish.separation
     if kept is None:
         kept = show.separation.distance - 2.0 * show.tracking
-    wanted = kept + FLOWN_APART
-    if show.separation.distance >= wanted:
+    planned = show.separation.distance
+    if planned >= kept + taken:
         return
-    notes = [
+    near = [
         f"`{formation.name}` has places {number_text(pair.distance)} m apart "
-        f"({pair.first + 1} and {pair.second + 1}): that is surely a finding"
+        f"({pair.first + 1} and {pair.second + 1})"
         for formation in sketch.formations.values()
-        if (pair := closest(formation.points, wanted, show.separation)) is not None
+        if (pair := closest(formation.points, kept + taken, show.separation))
     ]
+    # Show mode takes its share wherever drones pass; rounding matters where they stand.
+    if not near and not flown:
+        return
     asked = sketch.settings.section("separation").number("distance")
-    planned = number_text(show.separation.distance)
-    less = floor(100.0 * (show.separation.distance - FLOWN_APART) + 1e-6) / 100.0
+    room = ceil(50.0 * taken - 1e-6) / 100.0 + 0.01 * flown
+    less = floor(100.0 * (planned - taken) + 1e-6) / 100.0
     help_text = (
-        f"write `separation: {{distance: {number_text(asked)}, tracking: 8 cm}}`"
+        f"write `separation: {{distance: {number_text(asked)}, tracking: {room:g}}}`"
     )
     if less > 0.0:
         other = f"{{to: {wish.to}, separation: {number_text(less)}}}"
         help_text += f", or `{other}` to leave less"
     yield _warning(
         "SHW310",
-        f"`{wish.to}` wants {number_text(wanted)} m between paths, they keep {planned} "
-        f"m: show mode takes up to {FLOWN_APART} m, and {number_text(kept)} m must be "
-        "left; an export in which drones pass nearer is not proved",
+        f"`{wish.to}` wants {number_text(kept + taken)} m between paths, they keep "
+        f"{number_text(planned)} m: {'show mode' if flown else 'writing it'} takes up "
+        f"to {taken:g} m, and {number_text(kept)} m must be left; an export in which "
+        "drones pass nearer is not proved",
         mark,
         help_text,
-        notes=tuple(notes),
+        notes=tuple(near),
     )
 
 

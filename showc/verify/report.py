@@ -264,7 +264,7 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
     bad = [check for check in checks if check.verdict in {"fail", "unproved"}]
     if bad:
         count = f"{len(bad)} of {len(checks)} checks"
-        return f"NOT PROVED ({count}; {bad[0].code}: {bad[0].name}{_figure(bad[0])})"
+        return f"NOT PROVED ({count}; {bad[0].code}: {bad[0].name}{figure(bad[0])})"
     if standing == "accepted":
         open_ = next(check for check in checks if check.verdict == "accepted")
         why = "; ".join(open_.notes)
@@ -273,14 +273,14 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
     near = [c for c in checks if c.code in _NEAREST and c.limit is not None]
     if near:
         worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
-        parts.append(f"nearest{_figure(worst)}")
+        parts.append(f"nearest{figure(worst)}")
     free = [c.name for c in checks if c.verdict == "skipped" and c.value is not None]
     if free:
         parts.append(f"no limit known for {', '.join(free)}")
     return f"proved ({'; '.join(parts)})" if parts else "proved"
 
 
-def _figure(check: Check) -> str:
+def figure(check: Check) -> str:
     """Return the worst figure with its limit; what a check has noted if it has none."""
     value, limit = check.figures()
     if not value:
