@@ -15,7 +15,7 @@ from showc.fleet.execution.remembering import Remembering
 from showc.fleet.lanes import put_together
 from showc.fleet.leg import place, solve_leg
 from showc.fleet.proof import flaw
-from showc.fleet.timetable import timetable
+from showc.fleet.timetable import settled, timetable
 from showc.flight import Flight, LegFlight
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def solve_itinerary(
         found: dict[str, LegFlight] = {}
         if any(leg.timed for leg in itinerary.legs):
             # When a cue's move may begin is known once those before it are solved.
+            itinerary = settled(itinerary)
             free = replace(
                 itinerary, legs=tuple(leg for leg in itinerary.legs if leg.open)
             )
@@ -77,6 +78,11 @@ def solve_itinerary(
             itinerary,
             legs=tuple(part for leg in itinerary.legs for part in leg.parts or (leg,)),
         )
+        motions = tuple(leg for leg in moves.legs if leg.motion)
+        if motions:
+            # Quick to refuse, where a move that is to meet one would search for long.
+            alone = replace(itinerary, legs=motions)
+            _, found = _solved(alone, options, crew, progress, found)
         solved, _ = _solved(moves, options, crew, progress, found)
         given = iter(solved)
 

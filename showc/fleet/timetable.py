@@ -68,7 +68,8 @@ def timetable(itinerary: Itinerary, known: Mapping[int, LegFlight]) -> Itinerary
     itinerary
         Legs as planned.
     known
-        Flights of the legs whose time is only known when they are solved, by index.
+        Flights of the :func:`settled` legs whose time is only known when they are
+        solved, by index.
 
     Raises
     ------
@@ -85,11 +86,56 @@ def scheduled(
 ) -> Itinerary:
     """Do the same from the ``times`` [s] of those legs, by index, or estimates.
 
-    An estimate that is longer than there is time for is taken to be too long.
+    An estimate that is longer than there is time for is taken to be too long. What
+    moves prefer depends on how fast they leave or join a motion, and that on how long
+    it is held: times are worked out from a guess of these at first.
+    """
+    legs, show, met = _scheduled(itinerary, times, estimated=estimated)
+    if met:
+        guessed = tuple(
+            replace(leg, start_state=met[leg.index][0], goal_state=met[leg.index][1])
+            if leg.index in met
+            else leg
+            for leg in itinerary.legs
+        )
+        better = replace(itinerary, legs=guessed)
+        legs, show, _ = _scheduled(better, times, estimated=estimated)
+    return replace(itinerary, show=show, legs=legs)
+
+
+def settled(itinerary: Itinerary) -> Itinerary:
+    """Give moves into a motion the time that they prefer where nothing else says it.
+
+    Where the motion is held until a given time, how fast it is depends on its arrival.
+    """
+    legs = list(itinerary.legs)
+    for before, motion, after in zip(legs, legs[1:], legs[2:], strict=False):
+        met = any(one.paced for one in motion.motion)
+        if met and after.timed and before.open and not isinstance(before.prefer, str):
+            show, held = itinerary.show, max(motion.duration or 0.0, _HELD)
+            state = state_at(show, motion.motion, held, 0, before.goal)
+            time = _preferred(replace(before, goal_state=state), show, math.inf)
+            legs[before.index] = replace(before, duration=whole_milliseconds(time))
+    return replace(itinerary, legs=tuple(legs))
+
+
+_HELD = 20.0
+"""Time for which a motion is taken to be held where that is not known yet [s]."""
+
+
+def _scheduled(
+    itinerary: Itinerary, times: Mapping[int, float], *, estimated: bool
+) -> tuple[tuple[Leg, ...], Show, dict[int, tuple[Any, Any]]]:
+    """Return legs and show with the times that are asked for.
+
+    Also the states at the ends of moves, by index, where motions beside them are held
+    for longer than they were planned.
     """
     show, clock = itinerary.show, 0.0
     legs: list[Leg] = []
     shifts: Shifts = {}
+    planned_as: dict[int, int] = {}
+    met: dict[int, tuple[Any, Any]] = {}
     for planned in itinerary.legs:
         leg, show = _shifted(planned, shifts, show)
         leg = _lanes(leg, show, clock, legs) if leg.parts else leg
@@ -105,14 +151,17 @@ def scheduled(
             shifts |= {row: one for row, one in both if not np.array_equal(*one)}
             leg, show = _shifted(leg, shifts, show)
             duration = leg.duration or duration
+            moves = (planned_as[len(legs) - 2], legs[-2]), (planned.index, leg)
+            met |= {at: (one.start_state, one.goal_state) for at, one in moves}
         elif wait > 0.0:
             _lengthen(legs, wait, show)
         index = len(legs)
+        planned_as[index] = planned.index
         fixed = None if leg.open else round(duration, 3)
         after = (index - 1,) if index else ()
         legs.append(replace(leg, index=index, duration=fixed, after=after))
         clock = round(start + duration, 3)
-    return replace(itinerary, show=show, legs=tuple(legs))
+    return tuple(legs), show, met
 
 
 def _shifted(leg: Leg, shifts: Shifts, show: Show) -> tuple[Leg, Show]:
@@ -345,7 +394,7 @@ def _lengthen_motion(
     """
     last, before = legs[-1], legs[-2]
     duration = round((last.duration or 0.0) + wait, 3)
-    met = any(one.tied and one.under_way[0] for one in last.motion)
+    met = any(one.paced for one in last.motion)
     if leg.open and not isinstance(leg.prefer, str):
         # Solved already, from where it does not start: it takes what it prefers.
         leg = replace(leg, duration=whole_milliseconds(_preferred(leg, show, math.inf)))

@@ -50,9 +50,9 @@ class LegOutlook:
 def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     """Look at every leg of a show: bounds on its time, and whether it is cached."""
     from showc.fleet.execution.cache import Cache, leg_key  # noqa: PLC0415
-    from showc.fleet.timetable import scheduled, straight_time  # noqa: PLC0415
+    from showc.fleet.timetable import scheduled, settled, straight_time  # noqa: PLC0415
 
-    cache, show = Cache.of(options), itinerary.show
+    cache, show, itinerary = Cache.of(options), itinerary.show, settled(itinerary)
 
     def cached(leg: Leg) -> LegFlight | None:
         return cache.find(leg_key(leg, show, options), leg)

@@ -19,7 +19,7 @@ from showc.fleet.leg import aircraft_of
 from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
 from showc.fleet.single_drone.vertical import quickest_ascent
-from showc.fleet.timetable import scheduled
+from showc.fleet.timetable import scheduled, settled
 from showc.flight import Flight
 from showc.light.program import LightProgram
 from showc.log.sampling import FleetSampler
@@ -168,7 +168,7 @@ def lay_out(
         )
         return found
 
-    planned = build_itinerary(show, optimal=optimal)
+    planned = settled(build_itinerary(show, optimal=optimal))
     known = {} if find is None else {leg.index: find(leg) for leg in planned.legs}
     times = {}
     for leg in planned.legs:

@@ -248,6 +248,7 @@ def _build(
     from showc.script.rules import geometry_findings  # noqa: PLC0415
     from showc.script.timing import (  # noqa: PLC0415
         limit_findings,
+        loose_findings,
         time_findings,
         timing_findings,
     )
@@ -257,6 +258,7 @@ def _build(
     found += geometry_findings(sketch)
     found += timing_findings(sketch)
     found += time_findings(sketch)
+    found += loose_findings(sketch)
     found += motion_findings(sketch)
     found += limit_findings(sketch)
     found += operation_findings(sketch)

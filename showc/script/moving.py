@@ -86,9 +86,13 @@ class MovingPlaces:
     @property
     def tied(self) -> bool:
         """Whether the state at an end depends on how long the formation is held."""
-        begins, ends = self.under_way
-        paced = any(isinstance(one, Rotate | Follow) for one in self.motions)
-        return ends or (begins and paced)
+        return self.under_way[1] or self.paced
+
+    @property
+    def paced(self) -> bool:
+        """Whether the state in which it is met does."""
+        turning = any(isinstance(one, Rotate | Follow) for one in self.motions)
+        return self.under_way[0] and turning
 
     @property
     def moves_on(self) -> bool:

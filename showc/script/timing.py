@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import inf, remainder, sin, sqrt, tau
 from typing import TYPE_CHECKING
 
@@ -207,6 +208,51 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             f"`{name}` stands at {_time(show, arrived, up=True)} at the soonest and is "
             f"held for {number_text(hold)} s"
         )
+
+
+def loose_findings(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Yield moves that cannot know how fast a motion is that they join (SHW213).
+
+    Where what follows has a time, the motion is held until then, and how fast it is
+    depends on when it is met: of a move that is as fast as can be nothing says when.
+    """
+    show = sketch.show
+    if show is None:
+        return
+    settings = sketch.settings.sound("transitions")
+    for members, following in pairwise(chapters(show)):
+        before, after = (
+            [show.transitions[row] for row in rows] for rows in (members, following)
+        )
+        timed = any(one.timed for one in after)
+        if not timed or own_times(before) or own_times(after):
+            continue
+        # What saves energy may leave a motion as soon as it can.
+        waits = common(after) is not None or all(
+            one.prefer != "energy" or one.at is None for one in after
+        )
+        met = waits and any(
+            one.under_way[0] and isinstance(motion, Rotate | Follow)
+            for one in before
+            for motion in one.motion
+        )
+        left = met or any(one.under_way[1] for one in before)
+        for rows, flown, joins in ((members, before, met), (following, after, left)):
+            wishes = {one.prefer for one in flown}
+            quick = wishes == {"time"} or (
+                "energy" in wishes and all(one.at is None for one in flown)
+            )
+            if quick and joins and common(flown) is None:
+                one = show.transitions[rows[0]]
+                yield Diagnostic(
+                    "SHW213",
+                    f"how long `{one.name}` takes is not known, and the motion that it "
+                    f"{'leaves' if flown is after else 'meets'} is held for what is "
+                    "left of a given time",
+                    settings[rows[0]].mark_of("prefer"),
+                    help="give it `duration`, or leave `prefer` out",
+                )
+                return
 
 
 _ON_TIME = 1e-6

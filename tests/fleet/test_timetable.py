@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from showc.errors import SolveError
-from showc.fleet.timetable import scheduled, straight_time
+from showc.fleet.timetable import scheduled, settled, straight_time
 from showc.plan import build_itinerary
 from showc.script import read_show
 
@@ -133,18 +133,30 @@ transitions:
 
 
 def joined(script=JOINED):
-    itinerary = build_itinerary(read_show(script.encode(), path="s.yaml").show)
+    itinerary = settled(
+        build_itinerary(read_show(script.encode(), path="s.yaml").draft)
+    )
     times = {leg.index: 5.0 for leg in itinerary.legs if leg.open}
     return scheduled(itinerary, times)
 
 
-def test_a_hold_is_not_lengthened_whose_motion_is_joined_as_soon_as_can_be():
+@pytest.mark.parametrize(
+    ("joins", "message"),
+    [
+        ("prefer: time, arrive: moving", "say when they meet it, by `at`"),
+        ("leave: moving", "leave `prefer` out of what follows"),
+    ],
+)
+def test_how_a_motion_is_joined_as_soon_as_can_be_is_not_known(joins, message):
     """How fast a rotation turns, and so how it is met, depends on the hold."""
-    with pytest.raises(SolveError, match="say when they meet it, by `at`"):
-        joined()
-    late = JOINED.replace("arrive: moving", "leave: moving")
-    with pytest.raises(SolveError, match="leave `prefer` out of what follows"):
-        joined(late.replace("at: 60", "at: 60, prefer: time"))
+    script = JOINED.replace("arrive: moving", joins)
+    if joins == "leave: moving":
+        script = script.replace("at: 60", "at: 60, prefer: time")
+    with pytest.raises(SolveError, match=message):
+        joined(script)
+    (found,) = read_show(f"{script}mission: {{wanted: false}}\n".encode()).errors
+    assert found.code == "SHW213"
+    assert "is not known, and the motion that it" in found.message
     # At rest at both ends it may last as long as it likes.
     assert joined(JOINED.replace(", arrive: moving", ""))
 
@@ -153,6 +165,8 @@ def test_a_hold_is_not_lengthened_whose_motion_is_joined_as_soon_as_can_be():
     ("joins", "after"),
     [
         ("at: 30, arrive: moving", "at: 60"),
+        # It takes the time that it prefers, for the hold after it varies.
+        ("arrive: moving", "at: 60"),
         ("duration: 8, arrive: moving, leave: moving", "at: 60"),
         ("leave: moving", "at: 60, duration: 7"),
         ("at: 30, arrive: moving, leave: moving", "start: 50"),
