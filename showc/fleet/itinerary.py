@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.script.show import Show
 
-SMALL = 128
-"""Drones up to which a leg is one task: little could be shared out within it."""
+SMALL, LARGE = 128, 2000
+"""Drones up to which a leg of several is one task, on a cluster and on one machine. Two
+legs side by side keep two cores busier than the drones of one do, for most of a leg's
+work is on all of them; beyond, several legs at once would take too much memory."""
 LONE = 8
 """Drones up to which a leg that is missing alone is solved here: starting processes
 takes longer than they would save."""
@@ -42,8 +44,8 @@ def solve_itinerary(
     """Solve all legs of ``itinerary`` and lay them on one timeline.
 
     Legs solved before, by this or another compile, come from the cache, and so does
-    what an interrupted one had found of a leg. Legs of a few drones are solved side by
-    side, those of many one after the other, their drones side by side. The result
+    what an interrupted one had found of a leg. Legs are solved side by side, those of
+    very many drones one after the other, their drones side by side. The result
     depends on the itinerary and on how to solve it, never on where the work is done.
 
     Returns
@@ -115,7 +117,8 @@ def _solved(
         key: _Task(leg, show, options, key, cache.parts(key))
         for key, leg in missing.items()
     }
-    few = [key for key, leg in missing.items() if leg.drones.size <= SMALL]
+    most = LARGE if options.cluster is None else SMALL
+    few = [key for key, leg in missing.items() if leg.drones.size <= most]
     if len(few) > 1:
         together = [tasks.pop(key) for key in few]
         if options.cluster is not None:
@@ -228,7 +231,7 @@ def _alone(task: _Task, journal: Path | None) -> LegFlight | SolveError:
 def _side_by_side(
     tasks: Sequence[_Task], cache: Cache, crew: Workers, progress: Progress
 ) -> dict[str, LegFlight]:
-    """Solve legs of a few drones, a process for each.
+    """Solve legs, a process for each.
 
     Raises
     ------
