@@ -21,6 +21,7 @@ from showc.vehicle_link.setpoints import authority_of
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from showc.arrays import FloatArray
     from showc.progress import Progress
     from showc.vehicle_link.flown import FlownLog
     from showc.vehicle_link.network import Network
@@ -52,6 +53,10 @@ GAINS = {
     if not name.startswith("WPNAV_")
 }
 """Gains with which ArduCopter was measured to follow; its limits depend on the show."""
+
+STANDSTILL = 1.0
+"""Time without setpoints after which the fleet is not where its clock has it [s]: it
+has flown on straight. Such a gap ends the show, each vehicle braking where it is."""
 
 HOLDING_TIME = 10.0
 """Time in which they must have taken over the hold, or their parameters back [s]."""
@@ -144,7 +149,7 @@ class Conductor:
                 plan.frame,
                 start=joins[index],
                 pad=pads[index],
-                corridor=options.corridor,
+                reach=min(options.corridor, _half_way(pads, index)),
                 wishes=wishes,
             )
             for index, drone in enumerate(plan.drones)
@@ -159,6 +164,7 @@ class Conductor:
         self._history = History()
         self._record: FlownLog | None = None
         self._shift: Feedforward | None = None
+        self._stood_still = ""
         self._told = np.full(len(self.pilots), -np.inf)
         self._ticked = self._advanced = 0.0
 
@@ -229,10 +235,9 @@ class Conductor:
             claim = self.network.claim(pilot.vehicle.system)
             if claim and not arm:
                 pilot.fail(claim)
-            if pilot.tells.fault and pilot.phase not in {Phase.UNHEARD, Phase.UNPLACED}:
-                pilot.fail(pilot.tells.fault)
-            if pilot.phase is Phase.READY and pilot.off_mode():
-                pilot.fail("left its mode or disarmed")
+            unfit = pilot.unfit()
+            if unfit:
+                pilot.fail(unfit)
             if pilot.phase is Phase.FAILED:
                 return f"drone {pilot.drone + 1} {pilot.reason}"
         return ""
@@ -274,7 +279,7 @@ class Conductor:
         told = 0
         while show.time < self.plan.duration:
             now = self._tick(begin)
-            reason = self.stop_wish.reason or self._watch(now)
+            reason = self.stop_wish.reason or self._stood_still or self._watch(now)
             if reason:
                 return reason
             seconds = int(min(show.time, self.plan.duration) - self.join)
@@ -311,6 +316,9 @@ class Conductor:
             self._listen(due - self.clock.now())
         now = self._listen(0.0)
         span = now - self._advanced
+        if span > STANDSTILL and self.show.rate:
+            self._stood_still = f"this program stood still for {span:.1f} s"
+            return now
         if begin is not None and self._advanced < begin <= now:
             self.show.run()
             span = now - begin
@@ -411,10 +419,8 @@ class Conductor:
         self.progress = Silent()
         try:
             if self.show is None:
-                self._brought_down(
-                    [pilot for pilot in self.pilots if pilot.tells.armed]
-                )
-            elif any(not pilot.off_mode() for pilot in self.pilots):
+                self._brought_down(self._ours())
+            elif self._ours():
                 self._rest()
                 self._after_rest()
         finally:
@@ -426,25 +432,31 @@ class Conductor:
         """Bring the common clock to rest, and hold there for a moment."""
         assert self.show is not None  # noqa: S101 - the show has begun
         self.show.stop()
-        while not self.show.resting:
+        while not (self.show.resting or self._stood_still):
             self._tick()
         until = self.clock.now() + SETTLING
-        while self.clock.now() < until:
+        while self.clock.now() < until and not self._stood_still:
             self._tick()
 
     def _after_rest(self) -> None:
         """Hold, land or return."""
         assert self.show is not None  # noqa: S101 - the show has begun
         wish = self.options.after_stop
-        ours = [pilot for pilot in self.pilots if not pilot.off_mode()]
+        ours = self._ours()
         if wish == "land" and not self._may_land():
             wish = "return"
+        if self._stood_still:
+            wish = "hold"
         if wish == "return" and self.show.time < self.plan.landing_start:
             wish = "land" if self._returned() else "hold"
         if wish == "hold":
             self._handed_over(ours)
         else:
             self._brought_down(ours)
+
+    def _ours(self) -> list[Pilot]:
+        """Return the vehicles in the air that nobody else has in hand."""
+        return [pilot for pilot in self.pilots if not pilot.off_mode()]
 
     def _may_land(self) -> bool:
         """Whether no drone stands above another: only then may all go straight down."""
@@ -461,6 +473,8 @@ class Conductor:
         show.turn_back(self.plan.return_rate)
         while show.time > self.plan.launch_end:
             self._tick()
+            if self._stood_still:
+                return False
             if self.stop_wish.count > wishes:
                 self._rest()
                 return False
@@ -526,6 +540,13 @@ class Conductor:
     def _send(self, pilot: Pilot, messages: list[Any]) -> None:
         for message in messages:
             self.network.send(message, pilot.vehicle.system)
+
+
+def _half_way(pads: FloatArray, index: int) -> float:
+    """Half the distance of a pad to the nearest other one [m]."""
+    gaps = np.linalg.norm((pads - pads[index])[:, :2], axis=1)
+    gaps[index] = np.inf
+    return 0.5 * float(gaps.min())
 
 
 def _raised(pilot: Pilot) -> dict[str, float]:

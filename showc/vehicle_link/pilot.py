@@ -43,6 +43,9 @@ RETRY = 1.5
 ATTEMPTS = 10
 """How often an order is given without an answer."""
 
+STALE = 10.0
+"""How late an answer may come that was given before a parameter was written [s]."""
+
 AT_HEIGHT = 0.5
 """A vehicle has taken off when it is this near its height [m]."""
 
@@ -88,6 +91,10 @@ class Phase(Enum):
     FAILED = "failed"
 
 
+DOWN = frozenset({Phase.LANDING, Phase.LANDED, Phase.HOLDING, Phase.FAILED})
+"""Phases of a show that is over for a vehicle."""
+
+
 @dataclass(slots=True)
 class _Order:
     """A command, and what has become of it."""
@@ -125,8 +132,8 @@ class Pilot:
         Where the drone joins the show, shape (3,), show frame [m].
     pad
         Where it stands before, likewise.
-    corridor
-        How far from its pad it may stand [m].
+    reach
+        How far beside its pad it may stand, and rise [m].
     wishes
         What its parameters must be.
     """
@@ -139,13 +146,13 @@ class Pilot:
         *,
         start: FloatArray,
         pad: FloatArray,
-        corridor: float,
+        reach: float,
         wishes: ParameterWishes,
     ) -> None:
         self.drone = drone
         self.vehicle = vehicle
         self.frame = frame
-        self.start, self.pad, self.corridor = start, pad, corridor
+        self.start, self.pad, self.reach = start, pad, reach
         self.needs, self.writes = dict(wishes.needs), wishes.writes
         self.gains = {
             name: max(value, self.needs.get(name, value))
@@ -159,6 +166,9 @@ class Pilot:
         """What it says of the parameters that matter."""
         self.raised: dict[str, float] = {}
         """Former values of parameters that were changed."""
+        self._settled = 0.0
+        self.changed = ""
+        """Which parameter was changed that the show is flown with."""
         self._orders: dict[int, _Order] = {}
         self._asked_for = list(POSITION_INTERVALS)
         self._questions: Questions | None = None
@@ -171,17 +181,33 @@ class Pilot:
         if kind == "HEARTBEAT" and self.phase is Phase.UNHEARD:
             self.phase = Phase.UNPLACED
         elif kind == "PARAM_VALUE":
-            self._parameter(str(message.param_id), float(message.param_value))
+            self._parameter(str(message.param_id), float(message.param_value), now)
         elif kind == "COMMAND_ACK":
             self._acknowledged(int(message.command), int(message.result), now)
 
-    def _parameter(self, name: str, value: float) -> None:
+    def _parameter(self, name: str, value: float, now: float) -> None:
         questions = self._questions
         if questions is None or name not in questions.open:
+            self._overheard(name, value, now)
             return
         self.parameters[name] = value
         if self.phase is Phase.CHECKING or value == self._wanted(name):
             questions.answered(name)
+            self._settled = now
+
+    def _overheard(self, name: str, value: float, now: float) -> None:
+        """Heed a parameter that another ground station has set.
+
+        A late answer, from before it was written, says nothing.
+        """
+        if self.phase in {Phase.CHECKING, Phase.WRITING, *DOWN}:
+            return
+        late = value == self.raised.get(name) and now - self._settled < STALE
+        short = name in self.needs and not value >= single(self.needs[name])
+        other = name in self.gains and value != self.flown(name)
+        if (short or other) and not late:
+            self.changed = f"was given {name} {value:g} by another; it flies with "
+            self.changed += f"{self.flown(name):g}"
 
     def _wanted(self, name: str) -> float:
         """Value that is being written."""
@@ -237,8 +263,11 @@ class Pilot:
         if self._asked_for or not tells.locatable or tells.ground is None:
             return
         off = float(np.linalg.norm((tells.ground - self.pad)[:2]))
-        if off > self.corridor:
-            self.fail(f"stands {off:.1f} m from its pad")
+        if off > self.reach:
+            self.fail(
+                f"stands {off:.1f} m from its pad; wanted at most {self.reach:.1f} m: "
+                "the corridor, and half the way to the next pad"
+            )
             return
         if tells.armed:
             self.fail("is armed; a show begins with vehicles that are disarmed")
@@ -268,7 +297,7 @@ class Pilot:
         short = {
             name: value
             for name, value in self.parameters.items()
-            if name in self.needs and value < single(self.needs[name])
+            if name in self.needs and not value >= single(self.needs[name])
         }
         other = {
             name: value
@@ -387,15 +416,34 @@ class Pilot:
         """Return whether the vehicle has left the mode or disarmed by itself."""
         return self.tells.mode != self._guided() or not self.tells.armed
 
+    def unfit(self) -> str:
+        """Say what is wrong with a vehicle on its way to the show; empty: nothing."""
+        if self.phase in {Phase.UNHEARD, Phase.UNPLACED}:
+            return ""
+        ordered = {Phase.ARMING, Phase.CLIMBING, Phase.READY}
+        left = self.phase in ordered and self.tells.mode != self._guided()
+        if left or (self.phase is Phase.READY and not self.tells.armed):
+            return "left its mode or disarmed"
+        place = self.tells.place
+        if place is not None:
+            off = float(np.linalg.norm((place.position - self.pad)[:2]))
+            if off > 2.0 * self.reach:
+                return f"has moved {off:.1f} m from its pad"
+        return self.tells.fault or self.changed
+
     def trouble(self, now: float, link_timeout: float) -> str:
         """Say what is wrong with a vehicle in flight; empty: nothing."""
         if self.off_mode() and not self.tells.fault:
             return "left its mode or disarmed"
+        if self.changed:
+            return self.changed
         return self.tells.trouble(now, link_timeout)
 
     def hold(self, now: float) -> list[Any]:
         """Return the order to stop and hover on the spot, if it is due."""
         self.phase = Phase.HOLDING
+        if self.tells.mode != self._guided():
+            return []
         if self.tells.ardupilot:
             return self._set_mode(now, BRAKE, 0)
         return self._set_mode(now, *PX4_HOLD)
@@ -411,6 +459,9 @@ class Pilot:
     def land(self, now: float) -> list[Any]:
         """Return the order to land on the spot, if it is due."""
         self.phase = Phase.LANDING
+        if self.tells.mode != self._guided():
+            # It obeys already, or is in other hands.
+            return []
         return self._order(dialect.MAV_CMD_NAV_LAND, now)
 
     def fail(self, reason: str) -> None:
@@ -461,6 +512,10 @@ class Pilot:
         order = self._orders.get(command)
         if order is None or order.over:
             return
+        if self.phase in {Phase.LANDING, Phase.HOLDING}:
+            # Whatever it says: asked again until it leaves the mode of setpoints.
+            order.due = now + RETRY
+            return
         if result == dialect.MAV_RESULT_IN_PROGRESS:
             order.due = np.inf
             return
@@ -475,11 +530,8 @@ class Pilot:
             return
         elif command == dialect.MAV_CMD_NAV_TAKEOFF:
             self._takeoff_refused = now
-        elif self.phase not in {Phase.FLYING, Phase.LANDING, Phase.HOLDING}:
+        elif self.phase is not Phase.FLYING:
             self.fail(
                 f"answers {result_name('MAV_CMD', command)} with "
                 f"{result_name('MAV_RESULT', result)}{self._words()}"
             )
-        else:
-            # A vehicle in the air is asked again.
-            order.over, order.due = False, now + RETRY

@@ -41,6 +41,9 @@ GIVES_UP = 9.0
 RUNS = 3
 """How often a transfer is begun before it has failed."""
 
+ASKED_TOO_OFTEN = 40
+"""How often a vehicle may ask for one item in a run: ArduPilot asks 8 times at most."""
+
 PAUSE = 2.0
 """Time before it is begun again [s]."""
 
@@ -107,6 +110,7 @@ class Transfer:
         self._questions = Questions([], lambda key: key, 1)
         self._told: dict[str, float] = {}
         self._refusal = ""
+        self._requests: list[int] = []
 
     @property
     def over(self) -> bool:
@@ -145,6 +149,7 @@ class Transfer:
         """Begin, or begin again."""
         self.runs += 1
         self._sent, self._told, self._refusal = 0, {}, ""
+        self._requests = [0] * len(self.items)
         self._heard = now
         if self.parameters:
             self.state = State.WRITING
@@ -266,6 +271,10 @@ class Transfer:
             return
         self.state, self._heard = State.SENDING, now
         self._sent = max(self._sent, sequence + 1)
+        self._requests[sequence] += 1
+        if self._requests[sequence] > ASKED_TOO_OFTEN:
+            self._again(f"asks for item {sequence} over and over", now)
+            return
         item = self.items[sequence]
         self._outbox.append(
             dialect.MAVLink_mission_item_int_message(

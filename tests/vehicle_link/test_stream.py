@@ -309,10 +309,157 @@ def test_a_vehicle_taken_over_stops_the_others_and_is_left_alone(
 def test_a_vehicle_beside_its_pad_is_not_armed(world, flight, log, port):
     vehicles, report = flown_with(world, flight, log, port, moved={2: 8.0})
     assert not report.complete
-    assert report.reason == "drone 2 stands 8.0 m from its pad"
+    assert report.reason.startswith("drone 2 stands 8.0 m from its pad; wanted")
     for vehicle in vehicles:
         assert ARM not in vehicle.flown.commands
         assert vehicle.flown.setpoints == []
+
+
+def test_vehicles_that_changed_places_are_not_armed(flight, log):
+    # Well within the corridor, and nearer the next pad than their own.
+    pads = flight.itinerary.show.formations["pads"].points
+    frame = SiteFrame.of(flight.itinerary.show.site)
+    with World() as world:
+        port = free_port()
+        vehicles = fleet(flight, port)
+        for index, other in ((0, 1), (1, 0)):
+            east, north, up = frame.to_enu(pads[other])
+            vehicles[index].stands = np.array([north, east, -up])
+        for vehicle in vehicles:
+            world.add(vehicle)
+        report = stream(world, log, port, options={"corridor": 5.0})
+    assert "from its pad; wanted at most" in report.reason
+    assert not any(ARM in vehicle.flown.commands for vehicle in vehicles)
+
+
+class At:
+    """Does something once, at a time of the world."""
+
+    def __init__(self, when, act):
+        self.when, self.act = when, act
+
+    def advance(self, now):
+        if self.act is not None and now >= self.when:
+            act, self.act = self.act, None
+            act()
+
+    def close(self):
+        pass
+
+
+def test_a_vehicle_taken_over_on_its_way_up_is_left_alone(world, flight, log, port):
+    vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+    climbing = vehicles[1]
+
+    def take_over():
+        climbing.mode, climbing.climb = LOITER, None
+
+    obey = climbing.obey
+
+    def note(message, now):
+        if message.command == TAKEOFF:
+            world.add(At(now + 3.0, take_over))
+        return obey(message, now)
+
+    climbing.obey = note
+    report = stream(world, log, port)
+    assert report.reason == "drone 2 left its mode or disarmed"
+    assert LAND not in climbing.flown.commands
+    assert climbing.mode == LOITER
+    assert not any(vehicle.armed for vehicle in (vehicles[0], vehicles[2]))
+
+
+def test_a_vehicle_in_another_mode_is_not_armed(world, flight, log, port):
+    vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+    obey = vehicles[1].obey
+
+    def note(message, now):
+        result = obey(message, now)
+        if message.command == MODE:
+            # A pilot's switch moves as soon as it is in the mode.
+            world.add(At(now + 0.3, lambda: setattr(vehicles[1], "mode", LOITER)))
+        if message.command == ARM:
+            vehicles[1].armed = False
+            return 5
+        return result
+
+    vehicles[1].obey = note
+    report = stream(world, log, port)
+    assert report.reason == "drone 2 left its mode or disarmed"
+    assert not any(vehicle.armed for vehicle in vehicles)
+
+
+def test_a_vehicle_whose_estimate_jumps_on_its_pad_does_not_rise(
+    world, flight, log, port
+):
+    vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+
+    def jump():
+        vehicles[2].position = np.array([9.0, 0.0, 0.0])
+
+    world.add(At(1.2, jump))
+    report = stream(world, log, port)
+    assert "drone 3" in report.reason
+    assert "from its pad" in report.reason
+    assert not any(vehicle.armed for vehicle in vehicles)
+
+
+def test_a_parameter_that_another_station_changes_stops_everybody(
+    world, flight, log, port
+):
+    vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+
+    def change():
+        vehicles[0].parameters["WPNAV_ACCEL"] = 100.0
+        vehicles[0].tell_parameter("WPNAV_ACCEL")
+
+    world.add(At(BEGUN, change))
+    report = stream(world, log, port)
+    assert report.reason.startswith("drone 1 was given WPNAV_ACCEL 100 by another")
+    assert all(vehicle.mode == BRAKE for vehicle in vehicles)
+
+
+def test_a_parameter_that_is_not_a_number_does_not_suffice(flight, log):
+    for name in ("WPNAV_SPEED", "PSC_JERK_Z"):
+        with World() as world:
+            given = {"parameters": ABLE | {name: np.nan}}
+            vehicles, report = flown_with(world, flight, log, free_port(), **given)
+        assert f"cannot follow the show: {name} nan" in report.reason
+        assert not any(ARM in vehicle.flown.commands for vehicle in vehicles)
+
+
+@pytest.mark.parametrize("after", ["hold", "land", "return"])
+def test_a_program_that_stood_still_leaves_each_vehicle_where_it_is(flight, log, after):
+    with World() as world:
+        port = free_port()
+        vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+        world.add(At(BEGUN, lambda: setattr(world, "time", world.time + 5.0)))
+        options = {"after_stop": after}
+        report = stream(world, log, port, options=options)
+    assert "this program stood still for 5" in report.reason
+    for vehicle in vehicles:
+        assert vehicle.mode == BRAKE
+        # No setpoint was sent for a place it had not been near.
+        assert vehicle.flown.setpoints[-1][0] < BEGUN + 0.2
+
+
+def test_a_landing_that_is_promised_and_not_begun_is_ordered_again(
+    world, flight, log, port
+):
+    vehicles = [world.add(vehicle) for vehicle in fleet(flight, port)]
+    obey, orders = vehicles[1].obey, []
+
+    def lie(message, now):
+        if message.command == LAND and len(orders) < 2:
+            orders.append(now)
+            return 0
+        return obey(message, now)
+
+    vehicles[1].obey = lie
+    report = stream(world, log, port)
+    assert report.complete, report.reason
+    assert len(orders) == 2
+    assert not any(vehicle.armed for vehicle in vehicles)
 
 
 def test_a_vehicle_that_is_armed_already_ends_it(world, flight, log, port):

@@ -252,6 +252,41 @@ def test_an_item_that_reads_back_differently_is_reported(world, folder, port):
     assert "item 1 reads back with place" in reason(report)
 
 
+def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up(world, folder, port):
+    vehicle = world.add(Vehicle(port))
+    vehicle.on_mission_item_int = lambda _, now: vehicle.ask(now)
+    words = reason(upload(world, folder, port, drones=[1]))
+    assert words == "asks for item 0 over and over"
+
+
+def test_a_vehicle_that_starts_again_in_the_middle_is_loaded(world, folder, port):
+    vehicle = world.add(Vehicle(port))
+    store, starts = vehicle.on_mission_item_int, []
+
+    def break_off(message, now):
+        if message.seq == 4 and not starts:
+            starts.append(now)
+            vehicle.receiving, vehicle.incoming, vehicle.items = False, [], []
+            vehicle.on_mission_count = lambda *_: vehicle.acknowledge(4)
+        elif (starts and now - starts[0] > 15.0) or not starts:
+            store(message, now)
+
+    begin = vehicle.on_mission_count
+    vehicle.on_mission_item_int = break_off
+    step = vehicle.step
+
+    def wake(dt, now):
+        if starts and now - starts[0] > 6.0:
+            vehicle.on_mission_count = begin
+            vehicle.on_mission_item_int = store
+        step(dt, now)
+
+    vehicle.step = wake
+    report = upload(world, folder, port, drones=[1])
+    assert report.complete, report.vehicles[0].reason
+    assert starts
+
+
 def test_a_silent_vehicle_fails_alone(world, folder, port):
     world.add(Vehicle(port, 1))
     world.add(Vehicle(port, 3))
