@@ -6,7 +6,7 @@ them. On the trajectory nothing is missed, and so nothing pushes against drag bu
 what a falling vehicle lacks in lift. At 7 m/s level and 4.4 m/s down both together cost
 0.41 m: 7.5 of the 2 m/s² that are missing come for a metre.
 
-The loops of :mod:`showc.autopilot.controller`, solved for what they are to be told,
+The loops of :mod:`showc.autopilot.controller`, solved for what they are to be sent,
 give the shift: with v, a of the trajectory, k(v) the drag, d the shift and e = d' + p d
 the speed missed,
 
@@ -15,7 +15,7 @@ the speed missed,
 - upright: d'' = m - P_z e, with m the acceleration that must be missed for a lift of
   a_z + k v_z: (that lift - its sum) / gain.
 
-Told are place + d, velocity + d', acceleration + d'': a motion like any other, so that
+Sent are place + d, velocity + d', acceleration + d'': a motion like any other, so that
 nothing in the autopilot smooths it away. Gains and drag are those of ArduCopter 4.6's
 own simulated quadrotor; flown within 0.2 m of the trajectories of all shows.
 """

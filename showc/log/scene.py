@@ -42,7 +42,7 @@ FENCE_COLOUR = (1.0, 0.45, 0.1, 0.9)
 GROUND_COLOUR = (0.35, 0.4, 0.5, 0.35)
 PAD_COLOUR = (0.6, 0.65, 0.75, 0.6)
 NORTH_COLOUR = (0.9, 0.2, 0.2, 0.9)
-"""Red, green, blue and opacity, 0 to 1: to be told apart on dark and light ground."""
+"""Red, green, blue and opacity, 0 to 1: distinct on dark and light ground."""
 
 
 def stamp(ns: int) -> Timestamp:

@@ -139,7 +139,7 @@ class Moments:
 
 
 class _Writer:
-    """Collects the items of one drone and remembers what it has been told."""
+    """Collects the items of one drone and remembers what it has been given."""
 
     def __init__(
         self, encoder: Encoder, drone: int, home: GlobalPoints, yaw: float

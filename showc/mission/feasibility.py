@@ -1,4 +1,4 @@
-"""What the missions of a show cannot carry, told before anything is solved.
+"""What the missions of a show cannot carry, known before anything is solved.
 
 Of all that missions are made from, only bends follow the solved flight. So whether
 their straight legs, staggered, layered or above the others, keep apart is known from

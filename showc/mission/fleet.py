@@ -90,7 +90,7 @@ def mission_files(
         Whose dialect the files speak. PX4 cannot wait for a clock time, and its leg
         law is not known, so that nothing is predicted for it.
     progress
-        Told of every leg.
+        Hears of every leg.
     jobs
         Processes to look at the legs of many drones in; None: one for each core.
 

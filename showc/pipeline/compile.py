@@ -160,7 +160,7 @@ def compile_script(
     """Compile ``script`` to the log at ``log`` and the folder beside it.
 
     All or nothing: on any error the former log and folder are whole. ``accepted`` is
-    told what the script says, and its warnings, before anything long begins.
+    hears what the script says, and its warnings, before anything long begins.
 
     Raises
     ------

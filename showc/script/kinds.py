@@ -140,7 +140,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Either:
-    """One of several kinds, told apart by their form."""
+    """One of several kinds, each known by its form."""
 
     options: tuple[Kind, ...]
 

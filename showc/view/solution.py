@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 MOST_MARGINS = 4
-"""Margins drawn in one plot; more would not be told apart."""
+"""Margins drawn in one plot: more would not be distinct."""
 PLACES = 16
 """Instants drawn on each mesh interval."""
 

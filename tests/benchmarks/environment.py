@@ -46,7 +46,7 @@ PEERS = (
             ("pockit-optimal-control==0.1.1", "casadi==3.7.2", "setuptools", "wheel"),
             ("cyipopt==1.7.0",),
         ),
-        "Radau, refined to 1e-6 from 10 x 6 in a loop of the user's; told which "
+        "Radau, refined to 1e-6 from 10 x 6 in a loop of the user's; knows which "
         "controls are bang-bang; compiles each problem",
         ipopt_from_casadi=True,
     ),

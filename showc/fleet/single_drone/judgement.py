@@ -114,7 +114,7 @@ class Flights(Strategy[Verdict]):
     Parameters
     ----------
     programs
-        Told what flying has shown.
+        Keeps what flying has shown.
     solutions
         On the meshes to try, the most promising first.
     judged

@@ -64,7 +64,7 @@ def margins(
         What was solved, and the answer.
     overrides
         What the solve was given besides the problem; bounds that hold interval by
-        interval are not told apart, the widest counts.
+        interval count as one, the widest.
     places
         Instants on each mesh interval, both borders included.
 

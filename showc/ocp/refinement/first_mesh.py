@@ -61,7 +61,7 @@ class FirstMesh:
     auditors
         Of the phases.
     history
-        Told of every failure.
+        Hears of every failure.
     """
 
     def __init__(

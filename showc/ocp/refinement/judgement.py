@@ -28,7 +28,7 @@ DISTRUST = 3e-5
 """Least share of the estimated loss that counts whatever the objective moved: what
 refinement does not move may still be missed (seen on a control with a jump)."""
 HUGE = 1e200
-"""Errors beyond this are not told apart."""
+"""Errors beyond this count as one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

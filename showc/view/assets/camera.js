@@ -78,7 +78,7 @@ function lookAt(view, width, height) {
   camera.distance = (1.3 * Math.max(half[2], across / wide)) / fit + 0.7 * deep;
   camera.target[2] -= 0.14 * camera.distance * fit;
   if (view === "front") {
-    // Eyes of someone who stands on the ground.
+    // Eyes of a spectator on the ground.
     camera.elevation = -Math.asin(Math.min((camera.target[2] - low[2] - 1.7) / camera.distance, 0.4));
   } else {
     camera.azimuth = -0.45;

@@ -286,7 +286,7 @@ class Builder:
         parameters: Triplets | None = None,
         objective: FloatArray | None = None,
     ) -> None:
-        """Add a block; its columns see the problem's parameters if not told else."""
+        """Add a block; by default its columns see the problem's parameters."""
         outputs = count * int(kernel.value.size1_out(0))
         self.pending.append(
             _Pending(
