@@ -17,7 +17,7 @@ from foxglove_schemas_protobuf import (
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
-from showc.log.schema import ABORT_NAME, descriptor_set
+from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
     LARGEST,
@@ -54,8 +54,6 @@ _TYPES: dict[str, type[Message]] = {
 
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
-
-RULES, SEGMENTS = "/show/rules", "/show/segments"
 
 MOST_SAMPLES = 2_000_000
 """Steps from which a log is refused: a day at the usual rate."""

@@ -3,8 +3,7 @@
 Reads the file from the first byte to the last and believes nothing that it has not
 worked out anew: magics, lengths, CRCs, message indexes, sequence numbers, order in
 time. The summary is written again from the data, and compared byte by byte. What cannot
-be confirmed is damage (:class:`DamagedLogError`); only a CRC that the writer left out
-is no more than a warning.
+be confirmed is damage (:class:`DamagedLogError`), and so is a CRC that was left out.
 """
 
 from __future__ import annotations
@@ -129,8 +128,6 @@ class LogFile:
     attachments: list[Attachment] = field(default_factory=list)
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     """All metadata records: name and content."""
-    warnings: list[tuple[int, str]] = field(default_factory=list)
-    """Byte offset and text of every CRC that the writer left out."""
 
     def attachment(self, name: str) -> bytes | None:
         """Content of the attachment of that name; None if there is none."""
@@ -306,9 +303,7 @@ class _Walk:
         self, crc: int, covered: memoryview | bytes, position: int, what: str
     ) -> None:
         """Check the CRC of what a record covers."""
-        if not crc:
-            self.log.warnings.append((position, f"no CRC covers {what}"))
-        elif zlib.crc32(covered) != crc:
+        if zlib.crc32(covered) != crc:
             text = f"the CRC of {what} does not fit: it was altered, or what it covers"
             raise Damage(position, text)
 

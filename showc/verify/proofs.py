@@ -93,16 +93,16 @@ def _proved(
     """Prove what a log says, every byte of which is accounted for."""
     metadata = _metadata(log)
     anchor = read_anchor(log, metadata, script)
-    show, asked, lights = read_show(log), anchor.show, None
-    checks = list(anchor.checks)
-    if asked is not None:
-        demands = hold_against(asked, show)
+    show, asked = read_show(log), anchor.show
+    checks, lights = list(anchor.checks), None
+    demands = None if asked is None else hold_against(asked, show)
+    if asked is not None and demands is not None:
         lights = None if demands.rules else demands.lights
         checks += demands.checks()
         checks += check_cover(log, metadata, show, asked)
-    checks += [*_integrity(log), check_schemas(log)]
-    if asked is not None and lights is not None:
-        beside = Missions(log, show, asked, lights) if missions else None
+    checks += [_integrity(log), check_schemas(log)]
+    if asked is not None and demands is not None and lights is not None:
+        beside = Missions(log, show, asked, demands) if missions else None
         added = [one for one in ADDITIONS if log.attachment(one) is not None]
         checks += [bound_to(log, added)] if added else []
         aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
@@ -170,25 +170,14 @@ def _metadata(log: LogFile) -> dict[str, str]:
     return found[0]
 
 
-def _integrity(log: LogFile) -> list[Check]:
+def _integrity(log: LogFile) -> Check:
     messages = sum(chunk.time.size for chunk in log.chunks)
     whole = (
         f"{messages:,} messages on {len(log.channels):,} channels in "
         f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
     )
     size = float(len(log.view))
-    return [
-        checked("VRF101", "pass", size, unit="bytes", notes=(whole,)),
-        *(
-            checked(
-                "VRF102",
-                "warning",
-                where=Place(offset=offset),
-                notes=(f"{text}: what it would cover is protected less",),
-            )
-            for offset, text in log.warnings
-        ),
-    ]
+    return checked("VRF101", "pass", size, unit="bytes", notes=(whole,))
 
 
 def _flight_checks(show: LoggedShow, found: dict[str, list[Any]]) -> list[Check]:

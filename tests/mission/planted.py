@@ -81,11 +81,11 @@ class Case:
         return {check.code for check in found if check.verdict == "fail"}
 
     def _found(self, script, *, drawn):
-        lights = hold_against(self.script, self.show).lights
-        missions = Missions(self.log, self.show, script, lights)
+        asked = hold_against(self.script, self.show)
+        missions = Missions(self.log, self.show, script, asked)
         found = [check for part in missions.parts() for check in part()]
         if drawn and missions.tubes is not None:
-            samples = Samples(self.log, self.show, lights, script, missions.tubes)
+            samples = Samples(self.log, self.show, asked.lights, script, missions.tubes)
             seen = join(part() for part in samples.parts())
             found += [check for check in seen if check.code == "VRF421"]
         return found

@@ -214,16 +214,14 @@ def test_mending_changes_nothing_by_itself(whole):
     ("opcode", "offset"),
     [(0x0F, lambda d: find(d, 0x0F)[0] + HEAD.size), (0x02, lambda d: len(d) - 12)],
 )
-def test_a_crc_left_out_is_a_warning(opcode, offset, log_path, tmp_path):
+def test_a_crc_left_out_is_damage(opcode, offset, log_path, tmp_path):
     data = log_path.read_bytes()
     position = offset(data)
     path = tmp_path / "output.mcap"
     path.write_bytes(data[:position] + bytes(4) + data[position + 4 :])
-    verification = verify_log(path, missions=False)
-    assert verification.exit_code == 0
-    warned = [check for check in verification.checks if check.verdict == "warning"]
-    assert len(warned) == 1
-    assert warned[0].where.offset == find(data, opcode)[0]
+    with pytest.raises(DamagedLogError) as damage:
+        verify_log(path, missions=False)
+    assert damage.value.offset == find(data, opcode)[0]
 
 
 def test_bytes_behind_the_fields_of_a_record_are_damage(whole, tmp_path):

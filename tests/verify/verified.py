@@ -74,7 +74,7 @@ def proved_flight(drones=4, script=None):
 
 def manifest_of(flight, missions=None, files=None):
     """The manifest that a compile of the flight writes."""
-    nothing = {"autopilot": None, "start": None, "warnings": [], "prediction": None}
+    nothing = {"autopilot": None, "start": None, "warnings": [], "prediction": {}}
     return build_manifest(
         flight, token="0" * 64, missions=missions or nothing, files=files or {}
     )

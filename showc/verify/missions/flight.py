@@ -7,7 +7,6 @@ for it, concave fences included.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,6 @@ from showc.verify.kernel.show import xyz
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import CLOCK_LAG, FIRMWARE, SETTLING, SPREAD
 from showc.verify.missions.legs import DAY, HOUR, Clock
-from showc.verify.missions.moves import moves
 from showc.verify.missions.separation import (
     RESOLUTION,
     Nearest,
@@ -32,15 +30,15 @@ from showc.verify.report import Place, agreement, checked
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
-    from showc.verify.missions.moves import Move
     from showc.verify.report import Check, Verdict
+    from showc.verify.specification.demands import Move
 
 
 ROUNDING = 0.02
@@ -103,7 +101,11 @@ def mission_clock(described: Mapping[str, Any]) -> Clock:
 
 
 def check_flight(
-    fleet: FleetLegs, show: LoggedShow, described: Mapping[str, Any], script: Show
+    fleet: FleetLegs,
+    show: LoggedShow,
+    described: Mapping[str, Any],
+    script: Show,
+    logged: list[Move],
 ) -> list[Check]:
     """Prove what ArduCopter will make of a fleet's missions.
 
@@ -116,18 +118,17 @@ def check_flight(
     described
         What the manifest says of the missions.
     script
-        What it asks for: slack after the latest end of a leg, holds, times.
+        What it asks for: slack after the latest end of a leg.
+    logged
+        The moves that they are to fly.
     """
-    rules, logged = show.rules, moves(show, script)
+    rules = show.rules
     ends, reached = _check_ends(fleet, show, logged)
     checks = [
         ends,
         _check_slots(fleet, reached, logged, script),
-        _boundary("VRF415", fleet, inside_volume(fleet, rules.site)),
+        *_boundaries(fleet, rules.site),
     ]
-    fenced = inside_fence(fleet, rules.site)
-    if fenced is not None:
-        checks.append(_boundary("VRF416", fleet, fenced))
     if fleet.drones < 2:
         note = "one drone flies alone"
         alone = checked("VRF411", "pass", notes=(note,))
@@ -157,48 +158,57 @@ def _check_ends(
     Also returns which leg each move of each drone ends, (drones, moves); -1 where that
     was not found, and for the moves of others.
     """
-    pads = show.segments[0].ends()[0][:, :3]
-    first, last = fleet.first[:-1], fleet.first[1:] - 1
     found = np.full((fleet.drones, len(logged)), -1)
-    stops = np.full((fleet.drones, len(logged), 3), np.nan)
-    for number, move in enumerate(logged):
+    stops = np.full((fleet.drones, 1 + len(logged), 3), np.nan)
+    stops[:, 0] = show.segments[0].ends()[0][:, :3]
+    for number, move in enumerate(logged, 1):
         stops[move.drones, number] = move.goals
-    start = np.abs(fleet.begin[first] - pads) / PLACE_RESOLUTION
-    worst, drone = float(start.max()), int(start.max(axis=1).argmax())
-    note = "" if worst <= 1.0 else "no item flies to the pad in its turn"
-    for one in range(fleet.drones) if not note else ():
-        begun = first[one]
-        for number, stop in enumerate(stops[one]):
-            if np.isnan(stop).any():
-                continue
-            off = np.abs(fleet.end[begun : last[one] + 1] - stop)
-            ratio = (off / PLACE_RESOLUTION).max(axis=1)
-            fits = np.flatnonzero(ratio <= 1.0)
-            if not fits.size:
-                worst, drone = float(ratio.min(initial=np.inf)), one
-                name = logged[number].name
-                note = f"no item flies to the end of “{name}” in its turn"
-                break
-            found[one, number] = begun = begun + fits[0]
-            if ratio[fits[0]] > worst:
-                worst, drone = float(ratio[fits[0]]), one
-        if not note and found[one, -1] != last[one]:
-            worst, drone = np.inf, one
+    worst, where, note = 0.0, 0, ""
+    for drone, (first, end) in enumerate(pairwise(fleet.first.tolist())):
+        own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
+        places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
+        visited, off = _visits(places, stops[drone, own])
+        found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
+        if visited[:1] != [0]:
+            note = "no item flies to the pad in its turn"
+        elif len(visited) < own.size:
+            name = logged[own[len(visited)] - 1].name
+            note = f"no item flies to the end of “{name}” in its turn"
+        elif visited[-1] != end - first:
             note = "flies on after its landing in the log"
+        if note or off > worst:
+            worst, where = off, drone
         if note:
             break
-    visited = np.count_nonzero(found >= 0)
-    places = f"{visited:,} places, to 1e-7 degrees and 1.2 cm of height"
+    visits = np.count_nonzero(found >= 0)
+    seen = f"{visits:,} places, to 1e-7 degrees and 1.2 cm of height"
     check = checked(
         "VRF404",
         "fail" if note else "pass",
         worst,
         1.0,
         "of the resolution",
-        where=Place(drone + 1),
-        notes=(note or places,),
+        where=Place(where + 1),
+        notes=(note or seen,),
     )
     return check, found
+
+
+def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
+    """Which of ``places`` (n, 3) [m] are stops (m, 3), in order, up to one that is not.
+
+    Also returns how far off the worst is, over what the format stores.
+    """
+    found, worst = [0], 0.0
+    for stop in stops:
+        off = np.abs(places[found[-1] :] - stop) / PLACE_RESOLUTION
+        ratio = off.max(axis=1)
+        fits = np.flatnonzero(ratio <= 1.0)
+        if not fits.size:
+            return found[1:], float(ratio.min(initial=np.inf))
+        found.append(found[-1] + int(fits[0]))
+        worst = max(worst, float(ratio[fits[0]]))
+    return found[1:], worst
 
 
 def _climbs(fleet: FleetLegs) -> FloatArray:
@@ -253,71 +263,48 @@ def _check_slots(
     return checked("VRF408", verdict, value, 0.0, "s", where=where, notes=(note,))
 
 
-@dataclass(frozen=True, slots=True)
-class Inside:
-    """How far inside a boundary the missions stay, less what is asked for."""
+def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
+    """Hold all lines against walls and fence, with what is flown beyond their ends.
 
-    spare: float
-    """Negative outside [m]."""
-    leg: int
-    """On which leg of the fleet."""
-
-
-def inside_volume(fleet: FleetLegs, site: Site) -> Inside:
-    """Return how far inside the volume's walls all places are, overshoot included.
-
-    Where the walls are the fence, lines keep its margin; what is flown beyond their
-    ends may use it up.
+    Lines keep the fence's margin, from the walls where these are the fence; what is
+    flown beyond their ends may use it up.
     """
-    low, high = xyz(site.volume_min), xyz(site.volume_max)
-    margin = 0.0 if len(site.fence) else site.fence_margin
-    inset = np.array([margin, margin, 0.0])
-    spare = np.full(fleet.lines.size, np.inf)
-    for places, less in ((fleet.begin, inset), (fleet.end, inset), (_beyond(fleet), 0)):
-        walls = np.minimum(places - low, high - places) - less
-        spare = np.minimum(spare, walls.min(axis=1))
-    leg = int(np.argmin(spare))
-    return Inside(float(spare[leg]), leg)
-
-
-def inside_fence(fleet: FleetLegs, site: Site) -> Inside | None:
-    """Return how far inside the fence all lines are, its margin taken off.
-
-    None where the site has no fence but the volume's walls; minus infinity where a line
-    leaves the fence, or touches it.
-    """
+    excess = fleet.profiles.excess.copy()
+    # A landing ends on the ground.
+    excess[fleet.first[1:] - 1] = 1.0
+    beyond = fleet.begin + excess[:, None] * (fleet.end - fleet.begin)
+    low, high, margin = xyz(site.volume_min), xyz(site.volume_max), site.fence_margin
+    inset = np.array([0.0 if len(site.fence) else margin] * 2 + [0.0])
+    spare = [
+        (np.minimum(places - low, high - places) - less).min(axis=1)
+        for places, less in ((fleet.begin, inset), (fleet.end, inset), (beyond, 0.0))
+    ]
+    nearest = np.min(spare, axis=0)
+    leg = int(np.argmin(nearest))
+    yield _boundary("VRF415", fleet, float(nearest[leg]), leg)
     if not len(site.fence):
-        return None
-    fence = np.array(site.fence).reshape(-1, 2)
-    found = []
-    for begin, end, margin in (
-        (fleet.begin, fleet.end, site.fence_margin),
-        (fleet.end, _beyond(fleet), 0.0),
+        return
+    fence, found = np.array(site.fence).reshape(-1, 2), []
+    for begin, end, less in (
+        (fleet.begin, fleet.end, margin),
+        (fleet.end, beyond, 0.0),
     ):
         lines = np.stack([begin[:, :2], end[:, :2]], axis=1)
         lower, leg = enclosed(lines, fence)
-        found.append(Inside(lower - margin if lower >= TOUCHES else -np.inf, leg))
-    return min(found, key=lambda one: one.spare)
+        found.append((lower - less if lower >= TOUCHES else -np.inf, leg))
+    yield _boundary("VRF416", fleet, *min(found))
 
 
-def _beyond(fleet: FleetLegs) -> FloatArray:
-    """Foremost places (n, 3) of all legs; a landing ends on the ground."""
-    excess = fleet.profiles.excess.copy()
-    excess[fleet.first[1:] - 1] = 1.0
-    return fleet.begin + excess[:, None] * (fleet.end - fleet.begin)
-
-
-def _boundary(code: str, fleet: FleetLegs, found: Inside) -> Check:
+def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
     note = f"with what is flown beyond the ends of legs, to {ROUNDING:g} m of rounding"
-    line = fleet.lines[found.leg]
     return checked(
         code,
-        "pass" if found.spare >= -ROUNDING else "fail",
-        found.spare,
+        "pass" if spare >= -ROUNDING else "fail",
+        spare,
         0.0,
         "m to spare",
-        where=Place(int(fleet.owner[found.leg]) + 1),
-        notes=(f"tightest on the way to the place of line {line}", note),
+        where=Place(int(fleet.owner[leg]) + 1),
+        notes=(f"tightest on the way to the place of line {fleet.lines[leg]}", note),
     )
 
 
@@ -388,6 +375,6 @@ def _as_claimed(
                 found is not None and not abs(near - found) <= AGREEMENT
             ):
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         wrong = ["the prediction is nothing that can be read"]
     return agreement("VRF414", wrong)

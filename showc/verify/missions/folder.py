@@ -9,7 +9,7 @@ language; whatever else lies there is a finding.
 from __future__ import annotations
 
 import hashlib
-from itertools import groupby, zip_longest
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,19 +23,17 @@ from showc.verify.missions.language import (
     MissionFormatError,
     read_mission,
 )
-from showc.verify.missions.law import PARAMETERS, parameter_file
+from showc.verify.missions.law import PARAMETERS, fastest_level, parameter_file
 from showc.verify.missions.legs import fleet_legs, to_show_frame
-from showc.verify.missions.moves import moves
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
 from showc.verify.specification.compare import read_json, unlike
-from showc.verify.specification.cover import read_manifest
+from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from showc.arrays import FloatArray
-    from showc.light.program import LightProgram
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
@@ -43,14 +41,12 @@ if TYPE_CHECKING:
     from showc.verify.missions.language import Item
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Check, Verdict
+    from showc.verify.specification.demands import Demands
 
 MANIFEST = "manifest.json"
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT values."""
-
-CRUISE, WINDY = 8.0, 4.2
-"""Fastest leg of any mission [m/s], in calm air and where the script states wind."""
 
 CORNER = 0.008
 """How far a corner may be off: half of 1e-7 degrees, north and east [m]."""
@@ -62,12 +58,6 @@ LARGEST_FOLDER = 1 << 29
 """Missions of 10,000 drones have less in sum [bytes]."""
 
 
-def _object(value: dict[str, Any], key: str) -> dict[str, Any]:
-    """Return what stands under a key of a JSON object, if that is an object itself."""
-    found = value.get(key)
-    return found if isinstance(found, dict) else {}
-
-
 class Missions:
     """The files of one compile, read once.
 
@@ -77,18 +67,21 @@ class Missions:
         The log, and what it says.
     script
         What the script asks for.
-    lights
-        Light of the fleet by the script.
+    asked
+        What follows from it: the light and the moves of the fleet.
     """
 
     def __init__(
-        self, log: LogFile, show: LoggedShow, script: Show, lights: LightProgram
+        self, log: LogFile, show: LoggedShow, script: Show, asked: Demands
     ) -> None:
-        self.log, self.show, self.script, self.lights = log, show, script, lights
+        self.log, self.show, self.script, self.asked = log, show, script, asked
         self.folder = log.path.with_suffix("")
         self.manifest = read_manifest(log)
+        self.described = object_in(self.manifest, "missions")
+        said = self.described.get("autopilot", "")
+        self.none = said is None and self.described.get("files") == {}
+        """Whether this is a compile without missions."""
         # A dialect that the script does not name is read as such, and stays unproved.
-        said = self.described.get("autopilot")
         self.spoken = "px4" if said == "px4" else script.mission.autopilot
         self.contents: dict[str, bytes] = {}
         self.bad: list[str] = []
@@ -99,21 +92,10 @@ class Missions:
         self.fleet: FleetLegs | None = None
         """What the drones fly; None if that cannot be said: see ``grounded``."""
         self.grounded = "how they are flown is not known"
-        if not self.none and self.folder.is_dir():
+        if self.folder.is_dir():
             self._read()
-            if self.spoken == "ardupilot":
+            if self.spoken == "ardupilot" and not self.none:
                 self._fly()
-
-    @property
-    def described(self) -> dict[str, Any]:
-        """What the manifest says of them."""
-        return _object(self.manifest, "missions")
-
-    @property
-    def none(self) -> bool:
-        """Whether this is a compile without missions."""
-        said = self.described
-        return said.get("autopilot", "") is None and said.get("files") == {}
 
     @property
     def tubes(self) -> Tubes | None:
@@ -122,55 +104,38 @@ class Missions:
 
     def parts(self) -> list[Callable[[], list[Check]]]:
         """Return the checks of the folder, in parts for side by side."""
-        if self.none:
-            return [self.without]
-        if self.spoken != "ardupilot":
-            return [lambda: [*self.files(), self.unknown()]]
-        return [lambda: [*self.files(), self.parameters()], self.flight]
+        flown = self.spoken == "ardupilot" and not self.none
+        return [self.files, *[self.flight] * flown]
 
     def names(self) -> list[str]:
-        """All files that must be there, and no others."""
-        drones = range(1, self.show.drones + 1)
+        """All files that must be there beside the manifest, and no others."""
+        drones = range(1, self.show.drones + 1) if not self.none else ()
         stems = [f"missions/drone_{drone:04d}" for drone in drones]
         found = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
-        return [*found, *([PARAMETERS] if self.spoken != "px4" else [])]
-
-    def present(self) -> set[str]:
-        """Names of everything but the manifest; of folders, links alone."""
-        every = (
-            path.relative_to(self.folder).as_posix()
-            for path in self.folder.rglob("*")
-            if path.is_symlink() or not path.is_dir()
-        )
-        return set(every) - {MANIFEST}
-
-    def without(self) -> list[Check]:
-        """Check a compile without missions: nothing to be flown may lie there."""
-        note = "compiled without missions"
-        skipped = checked("VRF400", "skipped", notes=(note,))
-        if not self.folder.is_dir():
-            return [skipped]
-        strangers = [f"{name}: not in the manifest" for name in sorted(self.present())]
-        return [self._same_manifest(), agreement("VRF401", strangers), skipped]
+        return [*found, *[PARAMETERS] * (self.spoken != "px4" and not self.none)]
 
     def files(self) -> list[Check]:
         """Check names, hashes and every line of the files."""
+        skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
         if not self.folder.is_dir():
             note = (
                 f"there is no folder {self.folder.name!r} beside the log; copy it "
                 "there, or leave missions out of the verification"
             )
-            return [agreement("VRF401", [note])]
-        listed = _object(self.described, "files")
+            return [skipped if self.none else agreement("VRF401", [note])]
+        checks = [self._same_manifest(), agreement("VRF401", self.bad)]
+        if self.none:
+            return [*checks, skipped]
+        listed = object_in(self.described, "files")
         odd = [
             f"{name}: {'only' if name in listed else 'not'} in the manifest"
             for name in sorted(set(listed) ^ set(self.names()))
         ]
         return [
-            self._same_manifest(),
-            agreement("VRF401", self.bad),
+            *checks,
             agreement("VRF403", odd),
             *self._lines(),
+            self._autopilot(),
         ]
 
     def _same_manifest(self) -> Check:
@@ -185,8 +150,14 @@ class Missions:
 
     def _read(self) -> None:
         """Read all files, and the missions in them."""
-        names, listed = self.names(), _object(self.described, "files")
-        strangers = sorted(self.present() - set(names))
+        names, listed = self.names(), object_in(self.described, "files")
+        # Folders are no files, but for links to some.
+        present = {
+            path.relative_to(self.folder).as_posix()
+            for path in self.folder.rglob("*")
+            if path.is_symlink() or not path.is_dir()
+        }
+        strangers = sorted(present - {MANIFEST, *names})
         self.bad += [f"{name}: is no file of a compile" for name in strangers]
         total = 0
         for name in names:
@@ -232,16 +203,14 @@ class Missions:
         script, site = self.script, self.show.rules.site
         rows, plans = list(self.unread), list[str]()
         token = fleet_token(self.contents)
-        if token != str(self.manifest.get("fleet")):
+        if token != self.manifest.get("fleet"):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
             rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, self.show)]
-            plan, written = name.replace(".waypoints", ".plan"), self.log.library
-            try:
-                content = self.contents.get(plan, b"")
-                check_plan(content, mission, site, script, station=written, token=token)
-            except MissionFormatError as error:
-                plans.append(f"{plan}: {error}")
+            plan, whose = name.replace(".waypoints", ".plan"), (self.log.library, token)
+            content = self.contents.get(plan, b"")
+            wrong = next(check_plan(content, mission, site, script, whose), None)
+            plans += [f"{plan}: {wrong}"] * (wrong is not None)
         return [
             agreement("VRF405", rows),
             agreement("VRF406", plans),
@@ -254,10 +223,9 @@ class Missions:
         dark, full = options.light_pwm
         servos = options.light_servos or ()
         lit = [[[dark] * len(servos)] for _ in range(self.show.drones)]
-        begun = {
-            (round(one.start, 6), one.drones[0]): one.end for one in self.lights.spans
-        }
-        for move in moves(self.show, self.script):
+        spans = () if self.asked.lights is None else self.asked.lights.spans
+        begun = {(round(one.start, 6), one.drones[0]): one.end for one in spans}
+        for move in self.asked.moves:
             end = begun.get((round(move.start, 6), *move.drones[:1]), np.zeros((0, 3)))
             pulses = np.rint(dark + np.clip(end, 0.0, 1.0) * (full - dark)).astype(int)
             for drone, own in zip(move.drones, pulses.tolist(), strict=False):
@@ -272,32 +240,27 @@ class Missions:
                 if shown != wanted:
                     yield f"{name}: shows {shown}, the moves end in {wanted} us"
 
-    def unknown(self) -> Check:
-        """Say of missions whose flight is not known whether the script accepts them."""
-        spoken, accepted = self.spoken, self.script.mission.autopilot
-        if self.described.get("autopilot") != spoken:
-            return self._other_autopilot()
-        note = f"mission.autopilot of the script is {accepted}"
-        verdict: Verdict = "accepted" if accepted == spoken else "unproved"
+    def _autopilot(self) -> Check:
+        """Hold the autopilot against the script's, and the parameters of a known one.
+
+        Of one whose flight is not known say whether the script accepts it.
+        """
+        said, asked = self.described.get("autopilot"), self.script.mission.autopilot
+        for wrong in unlike(said, self.spoken, "missions.autopilot"):
+            return checked("VRF410", "fail", notes=(wrong,))
+        if said == "ardupilot":
+            found = self.contents.get(PARAMETERS, b"")
+            return check_parameters(found, parameter_file(self.script))
+        note = f"mission.autopilot of the script is {asked}"
+        verdict: Verdict = "accepted" if said == asked else "unproved"
         return checked("VRF410", verdict, notes=(note,))
-
-    def _other_autopilot(self) -> Check:
-        said = str(self.described.get("autopilot"))[:20]
-        note = f"the manifest says {said!r}, the script {self.spoken!r}"
-        return checked("VRF410", "fail", notes=(note,))
-
-    def parameters(self) -> Check:
-        """Hold the parameter file against the one that the script asks for."""
-        if self.described.get("autopilot") != self.spoken:
-            return self._other_autopilot()
-        found = self.contents.get(PARAMETERS, b"")
-        return check_parameters(found, parameter_file(self.script))
 
     def flight(self) -> list[Check]:
         """Check what the missions fly."""
         if self.fleet is None:
             return [checked("VRF410", "fail", notes=(self.grounded,))]
-        return check_flight(self.fleet, self.show, self.described, self.script)
+        show, script, moves = self.show, self.script, self.asked.moves
+        return check_flight(self.fleet, show, self.described, script, moves)
 
 
 def check_parameters(found: bytes, wanted: bytes) -> Check:
@@ -305,14 +268,7 @@ def check_parameters(found: bytes, wanted: bytes) -> Check:
     lines, right = (
         text.decode("ascii", "replace").split("\n") for text in (found, wanted)
     )
-    return agreement(
-        "VRF407",
-        (
-            f"line {number} is {(one or '')[:40]!r}, by the script {other!r}"
-            for number, (one, other) in enumerate(zip_longest(lines, right), start=1)
-            if one != other
-        ),
-    )
+    return agreement("VRF407", unlike(lines, right, "line"))
 
 
 def fleet_token(contents: dict[str, bytes]) -> str:
@@ -357,11 +313,9 @@ def check_plan(
     mission: Mission,
     site: Site,
     script: Show,
-    *,
-    station: str,
-    token: str,
-) -> None:
-    """Hold a plan against its mission.
+    whose: tuple[str, str],
+) -> Iterator[str]:
+    """Yield where a plan differs from its mission.
 
     Parameters
     ----------
@@ -373,34 +327,27 @@ def check_plan(
         Whose fence it carries.
     script
         What is asked for.
-    station, token
-        The release that wrote the log, and the compile it belongs to.
-
-    Raises
-    ------
-    MissionFormatError
-        If a key is missing, is one too many, or has another value; names it.
+    whose
+        The release that wrote the log, and the token of the compile.
     """
     try:
         plan = read_json(content)
-    except ValueError as error:
-        raise MissionFormatError(f"is not JSON ({str(error)[:80]})") from None
-    try:
         fence = plan["geoFence"]["polygons"][0]["polygon"]
         height = plan["mission"]["plannedHomePosition"][2]
-    except (KeyError, IndexError, TypeError):
-        raise MissionFormatError("has no fence or home") from None
+    except (ValueError, LookupError, TypeError) as error:
+        yield f"is no plan with a fence and a home ({str(error)[:80]})"
+        return
     pad = mission.home or mission.items[0]
     # PX4's missions do not say how high the pad is.
     known = mission.home is not None or type(height) not in {int, float}
     home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height if known else height]
-    _check_fence(fence, site)
-    cruise = WINDY if script.site.wind else CRUISE
+    polygon = fence if _is_fence(fence, site) else "the fence of the script"
+    cruise = fastest_level(script)
     wanted = {
         "fileType": "Plan",
         "version": 1,
-        "groundStation": station,
-        "fleetToken": token,
+        "groundStation": whose[0],
+        "fleetToken": whose[1],
         "mission": {
             "version": 2,
             "firmwareType": PX4 if mission.home is None else ARDUPILOT,
@@ -414,15 +361,14 @@ def check_plan(
         "geoFence": {
             "version": 2,
             "circles": [],
-            "polygons": [{"version": 1, "inclusion": True, "polygon": fence}],
+            "polygons": [{"version": 1, "inclusion": True, "polygon": polygon}],
         },
         "rallyPoints": {
             "version": 2,
             "points": [[home[0], home[1], round(script.landing.altitude, 2)]],
         },
     }
-    for different in unlike(plan, wanted, "plan", rounding=0.0):
-        raise MissionFormatError(different)
+    yield from unlike(plan, wanted, "plan", rounding=0.0)
 
 
 def _entry(number: int, item: Item) -> dict[str, Any]:
@@ -450,27 +396,19 @@ def _entry(number: int, item: Item) -> dict[str, Any]:
     return entry
 
 
-def _check_fence(found: Any, site: Site) -> None:  # noqa: ANN401 - any JSON
-    """Hold the corners of a fence against the site's, clockwise from above."""
+def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
+    """Whether corners [deg] are those of the site's fence, clockwise from above."""
     wanted = fence_corners(site)
     try:
         kinds = {type(value) for corner in found for value in corner}
         corners = np.array(found, dtype=np.float64)
-    except (TypeError, ValueError):
-        kinds, corners = {str}, wanted
+    except (TypeError, ValueError, OverflowError):
+        return False
     if not kinds <= {int, float} or corners.shape != wanted.shape:
-        raise MissionFormatError(
-            f"geoFence: the script's fence has {len(wanted)} corners, this another"
-        )
-    altitude = np.full(len(corners), site.altitude)
-    level = to_show_frame(site, corners[:, 0], corners[:, 1], altitude)[:, :2]
+        return False
     # A tangent plane has no corner off by its curve within any fence of a show.
-    off = np.linalg.norm(level - wanted, axis=1)
-    if not off.max() <= CORNER:
-        number = int(off.argmax())
-        raise MissionFormatError(
-            f"geoFence: corner {number + 1} is {off[number]:.2f} m off the script's"
-        )
+    level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)
+    return bool(np.linalg.norm(level[:, :2] - wanted, axis=1).max() <= CORNER)
 
 
 def fence_corners(site: Site) -> FloatArray:

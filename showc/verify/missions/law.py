@@ -39,6 +39,10 @@ TUBES = (
 """Wind [m/s]; for legs up to a speed [m/s] how far off the predicted flight drones were
 flown [m]; how late they arrived, on legs up to 5.2 m/s and on faster ones [s]."""
 
+CRUISE, WINDY = 8.0, 4.2
+"""Greatest level speed of any leg [m/s], in calm air and where the script states wind:
+how faster ones are flown was not measured."""
+
 BRISK = 5.2
 """Fastest of the legs that were late by the first of these [m/s]."""
 
@@ -141,6 +145,13 @@ class Profiles:
         t = np.asarray(since, dtype=np.float64)
         gap = 0.44 * np.exp(np.minimum(-t, 0.0) / 1.33)
         return np.asarray(t - 0.16 + self.level[leg] ** 2 * (gap - 0.28))
+
+    def delayed(
+        self, leg: IntArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Law's times (m,) of the latest drone at low and the earliest at high [s]."""
+        spread = self.spread[leg]
+        return self.law_time(leg, low) - spread, self.law_time(leg, high) + spread
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
@@ -362,6 +373,11 @@ def parameters(show: Show) -> dict[str, str]:
 def _heeded(measured: float, allowed: float) -> int:
     """Speed [cm/s]: the measured one, or what is allowed; none below 10 is heeded."""
     return max(10, floor(100.0 * min(measured, allowed) + 1e-7))
+
+
+def fastest_level(show: Show) -> float:
+    """Greatest level speed of the legs of a show's missions [m/s]."""
+    return WINDY if show.site.wind else CRUISE
 
 
 def parameter_file(show: Show) -> bytes:

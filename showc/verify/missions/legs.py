@@ -12,6 +12,7 @@ from showc.verify.missions.law import (
     METRES_PER_DEGREE,
     Law,
     Profiles,
+    fastest_level,
     parameters,
     profiles,
 )
@@ -162,7 +163,8 @@ def fleet_legs(
     Raises
     ------
     MissionFormatError
-        If slots do not follow each other; names the drone.
+        If slots do not follow each other, naming the drone; or if legs are faster than
+        any that were measured.
     """
     values = {name: float(text) for name, text in parameters(script).items()}
     read = []
@@ -173,12 +175,19 @@ def fleet_legs(
             raise MissionFormatError(f"drone {drone + 1}: {error}") from None
     step = np.concatenate([one.steps for one in read])
     limits = np.concatenate([one.limits for one in read])
+    law, wind = Law.of(values), script.site.wind
+    flown = profiles(step, limits[:, 0], limits[:, 1], law, wind)
+    speed, known = float((flown.speed * flown.level).max()), fastest_level(script)
+    if not speed <= known * (1.0 + 1e-9):
+        raise MissionFormatError(
+            f"how legs of {speed:g} m/s are flown was not measured; {known:g} is known"
+        )
     return FleetLegs(
         np.cumsum([0, *(len(one.steps) for one in read)]),
         np.concatenate([one.places[:-1] for one in read]),
         np.concatenate([one.places[1:] for one in read]),
         np.concatenate([one.release for one in read]),
-        profiles(step, limits[:, 0], limits[:, 1], Law.of(values), script.site.wind),
+        flown,
         np.concatenate([one.lines for one in read]),
     )
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
-from showc.verify.kernel.slices import Slice, measures
+from showc.verify.kernel.slices import Measure, Slice, measures
 from showc.verify.missions.law import CLOCK_LAG, SETTLING, Covered
 from showc.verify.missions.legs import UNTIMED
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
-    from showc.verify.kernel.slices import Measure
     from showc.verify.missions.law import Profiles
     from showc.verify.missions.legs import FleetLegs
 
@@ -115,11 +114,8 @@ class Stretch:
     def _law_times(
         self, drone: IntArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Law's times (m,) [s] of the latest drone at low, and the earliest at high."""
         leg, release = self.leg[drone], self.release[drone]
-        spread = self.flights.spread[leg]
-        late = self.flights.law_time(leg, low - release) - spread
-        return late, self.flights.law_time(leg, high - release) + spread
+        return self.flights.delayed(leg, low - release, high - release)
 
 
 def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
@@ -370,6 +366,8 @@ def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nk,nk->n", one, other))
 
 
+_LENGTH = Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=False)
+
 BESIDE, BESIDE_FAST = 0.3, 0.06
 """How far beside its part of a line a drone may be drawn [m], and by how much more for
 each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
@@ -385,26 +383,10 @@ class Tubes:
     """
 
     def __init__(self, fleet: FleetLegs) -> None:
-        self._table = fleet.profiles
-        release = fleet.filled(fleet.release, np.inf)
-        self._release = np.column_stack([release, np.full(fleet.drones, np.inf)])
-        self._timed = np.diff(fleet.first) - UNTIMED
-        # Where there is no timed leg, the landing stands for it.
-        first, last = fleet.first[:-1], fleet.first[1:] - 1
-        rank = first[:, None] + 2 + np.arange(release.shape[1])
-        self._leg = np.minimum(rank, last[:, None])
-        self._begin, self._end = (
-            some[self._leg].transpose(2, 0, 1) for some in (fleet.begin, fleet.end)
-        )
-        # A drone is on its climb before its first timed leg, on its descent after the
-        # last one: each a line that it may be on at any time.
-        self._climb = np.stack([fleet.begin[first], fleet.begin[first + 2]], axis=1)
-        self._descent = np.stack([fleet.begin[last], fleet.end[last]], axis=1)
-        followed = self._table.followed(0.0)
-        self._over = np.where(
-            np.isfinite(self._release[:, :-1]), followed[self._leg], 0.0
-        )
-        ends = self._release[:, :-1] + self._over
+        self._fleet = fleet
+        self._released = fleet.filled(fleet.release, np.inf)
+        self._followed = fleet.profiles.followed(0.0)
+        ends = fleet.release + self._followed
         self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
         """When the last timed leg has been flown [s]."""
 
@@ -413,46 +395,34 @@ class Tubes:
 
         ``times`` (m,) [s]; the result (m, n), infinite where undefined.
         """
-        shape = times.size, self._timed.size
-        leg = (self._release[:, :-1] <= times[:, None, None]).sum(axis=2) - 1
-        drone = np.broadcast_to(np.arange(self._timed.size), shape)
-        leg, drone, place = leg.ravel(), drone.ravel(), drawn.reshape(3, -1)
-        row = np.maximum(leg, 0)
-        own = self._leg[drone, row]
-        since = np.repeat(times, shape[1]) - self._release[drone, row]
-        late = self._table.law_time(own, since - CLOCK_LAG) - self._table.spread[own]
-        early = self._table.law_time(own, since) + self._table.spread[own]
-        covered = self._table.covered(own, late, early)
-        speed = covered.fast * self._table.length[own]
+        fleet, table = self._fleet, self._fleet.profiles
+        place = drawn.reshape(3, -1).T
+        drone = np.tile(np.arange(fleet.drones), times.size)
+        first, last = fleet.first[drone], fleet.first[drone + 1] - 1
+        count = (self._released <= times[:, None, None]).sum(axis=2).ravel()
+        rank = np.maximum(count, 1)
+        # Where there is no timed leg, the landing stands for it.
+        leg = first + UNTIMED - 2 + rank
+        since = np.repeat(times, fleet.drones) - self._released[drone, rank - 1]
+        late, early = table.delayed(leg, since - CLOCK_LAG, since)
+        covered = table.covered(leg, late, early)
         # Beyond its end a drone swings for longer than it counts for the separation.
-        front = covered.front * self._table.excess[own]
-        begin, end = self._begin[:, drone, row], self._end[:, drone, row]
-        along = end - begin
-        off = _distance(place, begin + covered.rear * along, begin + front * along)
-        # On the ground, on its climb or its descent a drone may be at any time.
-        for some, lines in (
-            (leg < 0, self._climb),
-            (
-                (leg == self._timed[drone] - 1) & (since > self._over[drone, row]),
-                self._descent,
-            ),
-        ):
-            rows = np.flatnonzero(some)
-            one, other = lines[drone[rows]].transpose(1, 2, 0)
-            there = _distance(place[:, rows], one, other)
-            swings = there - self._table.overshoot[own[rows]]
-            landing = np.minimum(swings, off[rows])
-            off[rows] = np.where(leg[rows] < 0, there, landing)
+        front = covered.front * table.excess[leg]
+        begin, along = fleet.begin[leg], (fleet.end - fleet.begin)[leg]
+        rear, front = covered.rear[:, None] * along, front[:, None] * along
+
+        def away(one: FloatArray, other: FloatArray) -> FloatArray:
+            return _LENGTH.of_chords(one - place, other - place)
+
+        off = away(begin + rear, begin + front)
+        # At any time on its climb before timed legs, on its descent after them.
+        climbs = away(fleet.begin[first], fleet.begin[first + 2])
+        lands = away(fleet.begin[last], fleet.end[last]) - table.overshoot[leg]
+        lands = np.minimum(lands, off)
+        over = (count > last - first - UNTIMED) & (since > self._followed[leg])
+        off = np.where(count == 0, climbs, np.where(over, lands, off))
+        speed = covered.fast * table.length[leg]
         share = off / (BESIDE + BESIDE_FAST * speed)
         # Whatever is no number on the drawn side must not pass for a small gap.
         share = np.where(np.isnan(share), np.inf, share)
-        return np.asarray(share.reshape(shape))
-
-
-def _distance(point: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Distances (n,) of points from lines between two places, all (3, n) [m]."""
-    along, way = other - one, point - one
-    size = np.einsum("an,an->n", along, along)
-    share = np.einsum("an,an->n", along, way) / np.where(size > 0.0, size, 1.0)
-    gap = way - np.clip(share, 0.0, 1.0) * along
-    return np.asarray(np.sqrt(np.einsum("an,an->n", gap, gap)))
+        return np.asarray(share.reshape(times.size, fleet.drones))

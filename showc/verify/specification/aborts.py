@@ -7,14 +7,17 @@ of the show it proves of them, with the limits that the script gives moves and l
 from __future__ import annotations
 
 import hashlib
+import re
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from google.protobuf.message import DecodeError
 
 from showc.log import showc_pb2 as pb
-from showc.log.schema import WIND_NAME
+from showc.log.schema import ABORT_NAME, WIND_NAME
 from showc.script.fence import inside_polygon
 from showc.verify.decode import read_aborts
 from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
@@ -24,6 +27,7 @@ from showc.verify.kernel.separation import closest_of, encounter_parts, separate
 from showc.verify.kernel.show import LoggedShow, Statement
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import agreement
+from showc.verify.specification.compare import differences, read_json
 from showc.verify.specification.demands import limits_message, upright
 
 if TYPE_CHECKING:
@@ -45,11 +49,21 @@ _LEGS = {
 def bound_to(log: LogFile, added: list[str]) -> Check:
     """Hold each thing that was ``added`` against the log that it names."""
     begin = min(one.position for one in log.attachments if one.name in added)
-    wanted = hashlib.sha256(log.view[:begin]).hexdigest().encode()
-    other = [name for name in added if wanted not in (log.attachment(name) or b"")]
+    wanted = hashlib.sha256(log.view[:begin]).hexdigest()
+    other = [name for name in added if _named(log, name) != wanted]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
     note = "simulated flights are an estimate: nothing of them is proved"
     return replace(found, notes=(*found.notes, *[note] * (WIND_NAME in added)))
+
+
+def _named(log: LogFile, name: str) -> object:
+    """Return the hash of the log that an addition names; None if it names none."""
+    content = log.attachment(name) or b""
+    with suppress(DecodeError, ValueError, LookupError, TypeError):
+        if name == ABORT_NAME:
+            return pb.AbortTable.FromString(content).data_sha256
+        return read_json(content)["data_sha256"]
+    return None
 
 
 class Aborts:
@@ -104,6 +118,22 @@ class Aborts:
 
     def _rows(self) -> Iterator[str]:
         """Say what is wrong with rows: every moment, from where drones stand, down."""
+        for number, leg in enumerate(self.table.legs):
+            words = f"abort [0-9]+: {pb.Segment.Kind.Name(leg.kind).lower()}"
+            wanted = pb.Segment(
+                index=number,
+                name=leg.name if re.fullmatch(words, leg.name) else words,
+                places=leg.drones,
+            )
+            met = leg.certificate.closest
+            if leg.certificate.HasField("closest"):
+                wanted.certificate.closest.distance = met.distance
+            # The theorems are about these.
+            for key in ("kind", "start", "duration", "limits"):
+                setattr(wanted, key, getattr(leg, key))
+            wanted.drones.extend(leg.drones)
+            wanted.goals.extend(leg.goals)
+            yield from differences(leg, wanted)
         times = np.arange(0.0, self.logged.duration, self.table.every)
         if len(self.table.rows) != times.size:
             yield f"there are {len(self.table.rows)} rows, not {times.size}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from contextlib import suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -46,16 +48,6 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
         raise ValueError("it is nested too deeply") from None
 
 
-def same(
-    found: float, wanted: float, rounding: float = TOLERANCE, least: float = 0.0
-) -> bool:
-    """Whether two numbers are one but for rounding; a whole one may be huge."""
-    try:
-        return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
-    except OverflowError:
-        return False
-
-
 def differences(found: Message, wanted: Message) -> tuple[str, ...]:
     """Return what differs between two messages, at most a few lines."""
     one, other = (
@@ -76,7 +68,13 @@ def unlike(
     rounding: float = TOLERANCE,
     least: float = 0.0,
 ) -> Iterator[str]:
-    """Yield where two JSON values differ, but for the rounding of numbers."""
+    """Yield where two JSON values differ, but for the rounding of numbers.
+
+    Where only its form is known, a pattern stands for a text that is wanted. What is
+    free is wanted as it was found: however deep it is, it is not gone into.
+    """
+    if found is wanted:
+        return
     if isinstance(wanted, dict) and isinstance(found, dict):
         for key in sorted(wanted.keys() | found.keys()):
             if key not in found or key not in wanted:
@@ -88,10 +86,17 @@ def unlike(
             yield f"{path} has {len(found)} entries, not {len(wanted)}"
         for at, pair in enumerate(zip(found, wanted, strict=False)):
             yield from unlike(*pair, f"{path}[{at}]", rounding, 1.0)
-    else:
-        # True is no 1 here; 1 and 1.0 are one number.
-        numbers = {type(found), type(wanted)} <= {int, float}
-        near = numbers and same(found, wanted, rounding, least)
-        if not near and (type(found) is not type(wanted) or found != wanted):
-            said = str(found)[:40]
-            yield f"{path} is {said if numbers else repr(said)}, not {wanted!r}"
+    elif not _agree(found, wanted, rounding, least):
+        said = "a container" if isinstance(found, list | dict) else f"{found!r:.60}"
+        yield f"{path} is {said}, not {getattr(wanted, 'pattern', wanted)!r}"
+
+
+def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # noqa: ANN401
+    """Whether two values, not both containers, are one but for rounding."""
+    if isinstance(wanted, re.Pattern):
+        return isinstance(found, str) and wanted.fullmatch(found) is not None
+    # True is no 1 here; 1 and 1.0 are one number, and whole ones may be huge.
+    if {type(found), type(wanted)} <= {int, float}:
+        with suppress(OverflowError):
+            return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
+    return type(found) is type(wanted) and bool(found == wanted)

@@ -32,15 +32,17 @@ if TYPE_CHECKING:
 LARGEST_SCRIPT = 16_000_000
 """Size from which a script is refused [bytes]."""
 
-FREE = {"fleet", "versions", "missions"}
-"""Parts of the manifest that the flight does not fix; missions are checked by
-themselves."""
+NO_MISSIONS: dict[str, Any] = {
+    "autopilot": None,
+    "files": {},
+    "prediction": {},
+    "start": None,
+}
+"""What a manifest says where there are none; else they are checked by themselves."""
 
-MISSIONS = {"autopilot", "files", "prediction", "start", "warnings"}
-"""What a manifest says of its missions."""
-
+_TEXT = re.compile(".*", re.DOTALL)
 _TOKEN = re.compile("[0-9a-f]{64}")
-_RELEASE = re.compile(r"showc \d[\w.+-]{0,40}")
+_RELEASE = re.compile(r"\d[\w.+-]{0,40}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,6 +155,12 @@ def read_manifest(log: LogFile) -> dict[str, Any]:
     return manifest if isinstance(manifest, dict) else {}
 
 
+def object_in(whole: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Return what stands under a key of a JSON object, if that is an object itself."""
+    found = whole.get(key)
+    return found if isinstance(found, dict) else {}
+
+
 def _metadata(
     log: LogFile, found: Mapping[str, str], show: LoggedShow, script: Show
 ) -> Iterator[str]:
@@ -196,47 +204,25 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
         for segment in show.segments
         for table in segment.tables
     )
-    # How the places were given out is said in words, and fixed by nothing.
-    words = [""] * len(show.segments)
-    legs = found.get("segments")
-    for at, leg in enumerate(legs[: len(words)] if isinstance(legs, list) else ()):
-        said = leg.get("assignment") if isinstance(leg, dict) else None
-        words[at] = said if isinstance(said, str) else ""
     messages = [one.message for one in show.segments]
-    yield from _releases(found, log)
-    facts = manifest_of(script, messages, height, words)
-    fixed = {key: one for key, one in found.items() if key not in FREE}
-    yield from unlike(fixed, {"format_version": 1, **facts}, "manifest")
-
-
-def _releases(found: Mapping[str, Any], log: LogFile) -> Iterator[str]:
-    """Hold what no flight fixes to its form."""
-    missions = found.get("missions")
-    if not isinstance(missions, dict) or missions.keys() != MISSIONS:
-        yield f"missions says other things than {', '.join(sorted(MISSIONS))}"
-    elif missions["autopilot"] is None and (
-        missions["files"] or missions["prediction"] or missions["start"] is not None
-    ):
-        yield "there are no missions, and something is said of them"
-    elif missions["autopilot"] is None and PREDICTED in {
-        channel.topic for channel in log.channels.values()
-    }:
-        yield f"there are no missions, and {PREDICTED} draws them"
-    elif not _texts(missions["warnings"]):
-        yield "warnings on missions are no texts"
-    if not _TOKEN.fullmatch(str(found.get("fleet"))):
-        yield "fleet is no hash"
-    if not _RELEASE.fullmatch(log.library):
+    wanted = manifest_of(script, messages, height, [""] * len(messages))
+    # How places were given out, and who planned, is said in words: nothing fixes them.
+    for leg in wanted["segments"]:
+        leg["assignment"] = _TEXT
+    release, topics = log.library.removeprefix("showc "), log.channels.values()
+    if not log.library.startswith("showc ") or not _RELEASE.fullmatch(release):
         yield f"{log.library!r} is no release of showc's"
-    versions = found.get("versions")
-    if (
-        not isinstance(versions, dict)
-        or f"showc {versions.get('showc')}" != log.library
-    ):
-        yield "it is of another version of showc than the log"
-    elif not all(_RELEASE.fullmatch(f"showc {one}") for one in versions.values()):
-        yield "versions holds what is no version"
-
-
-def _texts(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+    versions, missions = (object_in(found, key) for key in ("versions", "missions"))
+    said = {key: missions.get(key) for key in NO_MISSIONS}
+    none = said["autopilot"] is None
+    if none and any(one.topic == PREDICTED for one in topics):
+        yield f"there are no missions, and {PREDICTED} draws them"
+    warnings = missions.get("warnings")
+    texts = [_TEXT] * (len(warnings) if isinstance(warnings, list) else 0)
+    wanted |= {
+        "format_version": 1,
+        "fleet": _TOKEN,
+        "versions": dict.fromkeys(versions, _RELEASE) | {"showc": release},
+        "missions": {**(NO_MISSIONS if none else said), "warnings": texts},
+    }
+    yield from unlike(found, wanted, "manifest")

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from google.protobuf.message import Message
 
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.arrays import FloatArray, IntArray
     from showc.script.show import Effect, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
@@ -69,6 +69,25 @@ class _Flown(NamedTuple):
     """When what its formation does while it is held is over; 0: it does nothing."""
 
 
+@dataclass(slots=True, eq=False)
+class Move:
+    """One move of the log, of the whole fleet or of a group at a time of its own."""
+
+    segment: int
+    """Index of its segment."""
+    name: str
+    start: float
+    """Show time [s]."""
+    duration: float
+    """[s]"""
+    drones: IntArray
+    """Which drones fly it, increasing, shape (n,)."""
+    goals: FloatArray
+    """Where they are when it has ended, shape (n, 3) [m]."""
+    held: float = 0.0
+    """For how long they are held there before they fly on, at least [s]."""
+
+
 @dataclass(slots=True)
 class Demands:
     """What was found: differences in words, and what a viewer must show."""
@@ -85,6 +104,8 @@ class Demands:
     """Formations that do not move as they should while they are held."""
     lights: LightProgram | None = None
     """Light of the fleet; None if the legs are not those of the script."""
+    moves: list[Move] = field(default_factory=list)
+    """Moves in order, of groups side by side by their starts: what missions fly."""
 
     def checks(self) -> list[Check]:
         """Return what was found as checks."""
@@ -139,9 +160,11 @@ class _Walk:
         self.next = 0
         self.end = 0.0
         self.at = show.pads
-        self.fleet = np.arange(show.drones)
+        self.fleet = self.places = np.arange(show.drones)
         self.pads = np.array(show.formations[show.pads].points[: show.drones])
-        self.position = self.pads
+        self.position = self.before = self.pads
+        """Goals of the last leg, and of the one before it."""
+        self.dark = np.zeros((show.drones, 3))
         self.colours = np.zeros((show.drones, 3))
         self.lit = np.zeros((show.drones, 3))
         self.parking = np.full(show.drones, PARKED)
@@ -161,13 +184,13 @@ class _Walk:
 
     def run(self) -> None:
         """Go from the pads to the pads."""
-        show, dark = self.show, np.zeros((self.show.drones, 3))
+        show = self.show
         launch, landing = show.launch, show.landing
         up = self._raised(f"above {show.pads}", launch.altitude)
         climb = upright(show.limits, launch.climb_speed)
         segment = self._leg("launch", "launch", up, limits=climb)
-        self._own(segment, self.formations[up])
-        self._arrive(segment, dark)
+        self._expect(segment, self.formations[up], self.fleet)
+        self._shine(segment, self.dark)
         parts = [[show.transitions[k] for k in chapter] for chapter in chapters(show)]
         waits = [*(any(one.timed for one in part) for part in parts), False, False]
         self.grows = iter(waits)
@@ -179,11 +202,9 @@ class _Walk:
         sink = upright(show.limits, landing.descent_speed)
         segment = self._leg("land", "land", show.pads, limits=sink)
         # Straight down: the pad below.
-        self._reach(segment, self.position - np.array([0.0, 0.0, landing.altitude]))
-        own = _one_to_one(segment.goals, self.pads)
-        if own is None or not np.array_equal(segment.message.places, own):
-            self._wrong(segment, "the places claimed are not the pads of the goals")
-        self._arrive(segment, dark)
+        below = self.before - np.array([0.0, 0.0, landing.altitude])
+        self._expect(segment, below, _one_to_one(segment.goals, self.pads))
+        self._shine(segment, self.dark)
         if self.next != len(self.logged.segments):
             self.demands.legs.append("legs follow the landing")
 
@@ -209,14 +230,9 @@ class _Walk:
         if there and not self.leaving:
             return
         segment = self._leg("approach", "approach to the pads", over)
-        places = np.array(segment.message.places)
-        if fixed:
-            self._own(segment, points)
-        elif sorted(places.tolist()) != self.fleet.tolist():
-            self._wrong(segment, "two drones share a pad, or one has none")
-        else:
-            self._reach(segment, points[places])
-        self._arrive(segment, np.zeros((self.show.drones, 3)))
+        own = self.fleet if fixed else _one_to_one(segment.goals, points)
+        self._expect(segment, points if own is None else points[own], own)
+        self._shine(segment, self.dark)
 
     def _chapter(self, transitions: Sequence[Transition]) -> None:
         """One transition of the fleet, or several of groups at once, and the hold."""
@@ -240,11 +256,10 @@ class _Walk:
         self._place(segment, transitions, flights)
         if first.group is not None:
             self.formations[to] = segment.goals
-            self._own(segment, segment.goals)
-        elif not np.array_equal(self.placed[0][2], segment.message.places):
-            self._wrong(segment, "the places claimed are not those of the goals")
+        places = self.placed[0][2] if first.group is None else self.fleet
+        self._expect(segment, segment.goals, places)
         if not own:
-            self._arrive(segment, self.colours, first.fade)
+            self._shine(segment, self.colours, first.fade)
             hold = max(one.hold for one in transitions)
             moving = [self._moving(*one) for one in self.placed if one[0].motion]
             after = self._hold(name, hold, moving)
@@ -253,7 +268,6 @@ class _Walk:
             effect = first.effect or show.formations[first.to].effect
             self._shine(after, self.lit, "linear", effect, lit)
             return
-        self.at, self.position = to, segment.goals
         after = self._hold(name, rest(transitions)) or segment
         both = zip(self.placed, flights, strict=True)
         moves = [LaneMove(*one, at.begin, at.end) for one, at in both]
@@ -313,7 +327,9 @@ class _Walk:
         least = witness.time + MOMENT if proved else 0.0
         single = said.single_drone_minimum or claim.duration
         # What comes near it is a matter of the whole leg: a move claims no encounter.
-        return not said.HasField("closest") and (
+        if said.HasField("closest") or (said.HasField("witness") and not proved):
+            return False
+        return (
             0.0 <= said.dual_bound <= min(least, single)
             and single <= claim.duration + MOMENT
         )
@@ -339,7 +355,7 @@ class _Walk:
         """
         others = np.ones(self.show.drones, dtype=bool)
         colours = self.colours.copy()
-        self.placed = []
+        self.placed, moved = [], []
         final = {one.group: at for at, one in enumerate(transitions)}
         for at, transition in enumerate(transitions):
             group = transition.group
@@ -353,11 +369,17 @@ class _Walk:
                 goals, error = reached(segment, members, flown.end)[:, :3], REACHED
             places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
+            times = flown.begin, flown.end - flown.begin
+            own = segment.message.index, transition.name, *times, members, goals
+            moved.append(Move(*own, transition.hold))
             if flown.until:
                 self._moved(segment, flown, last=last)
             colours[members] = shown(transition, formation, places)
-        self._reach(segment, self.position, others)
+        if not _near(segment.goals[others], self.before[others]):
+            self._wrong(segment, "drones of no group do not stay where they are")
         self.colours = colours
+        if segment.message.moves:
+            self.demands.moves += sorted(moved, key=lambda move: move.start)
 
     def _moved(self, segment: Segment, flown: _Flown, *, last: bool) -> None:
         """Look at what a group does while it holds the formation placed last."""
@@ -401,36 +423,29 @@ class _Walk:
         error: float,
     ) -> IntArray:
         """Find the place of each member by its goal; those parked have none."""
-        points = self._met(transition)
-        spots = np.empty((0, 3))
-        free = np.empty(0, dtype=np.int64)
-        if members.size > len(points) and self.show.parking is not None:
-            spots = self.show.formations[self.show.parking].points
+        points, parking = self._met(transition), self.show.parking
+        allowed, free = points, np.empty(0, dtype=np.int64)
+        if members.size > len(points) and parking is not None:
+            spots = self.show.formations[parking].points
             free = np.setdiff1d(np.arange(len(spots)), self.parking)
-            spots = spots[free]
-        places = np.arange(members.size)
-        allowed = np.concatenate([points, spots])
+            allowed = np.concatenate([points, spots[free]])
+        places: IntArray | None = np.arange(members.size)
+        wrong = "drones are not at the places of their numbers"
         if transition.assignment == "keep":
             places = self.numbers[members]
-            whole = np.array_equal(np.sort(places), np.arange(len(points)))
-            if not whole or not _near(goals, points[places], error):
-                self._wrong(segment, "drones do not keep the numbers of their places")
-        elif transition.assignment == "fixed":
-            wanted = allowed[: members.size]
-            if len(wanted) != members.size or not _near(goals, wanted, error):
-                self._wrong(segment, "drones are not at the places of their numbers")
-        else:
-            found = _one_to_one(goals, allowed, error)
-            if found is None:
-                self._wrong(segment, "a goal is no place, or one place is taken twice")
-            else:
-                places = found
-                if np.count_nonzero(found < len(points)) != len(points):
-                    self._wrong(segment, "a place of the formation is left empty")
+        elif transition.assignment != "fixed":
+            places = _one_to_one(goals, allowed, error)
+            wrong = "a goal is no place, or a place is taken twice, or left empty"
+        if (
+            places is None
+            or places.max() >= len(allowed)
+            or not _near(goals, allowed[places], error)
+            or sorted(places[places < len(points)]) != list(range(len(points)))
+        ):
+            self._wrong(segment, wrong)
+            places = np.minimum(np.arange(members.size), len(allowed) - 1)
         outside = places >= len(points)
-        if outside.any() and free.size:
-            rank = np.minimum(places[outside] - len(points), free.size - 1)
-            self.parking[members[outside]] = free[rank]
+        self.parking[members[outside]] = free[places[outside] - len(points)]
         given = np.where(outside, PARKED, places)
         self.numbers[members] = given
         return given
@@ -478,8 +493,12 @@ class _Walk:
             )
         for key, found, wanted in facts:
             self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
+        if not (moves or kind in {"hold", "motion"}):
+            own = message.index, name, segment.start, segment.duration
+            self.demands.moves.append(Move(*own, self.fleet, segment.goals))
         self.next += 1
         self.end, self.leaving = segment.end, False
+        self.before, self.position, self.at = self.position, segment.goals, to
         return segment
 
     def _hold(
@@ -493,65 +512,47 @@ class _Walk:
         grows = next(self.grows)
         following = self.logged.segments[self.next : self.next + 1]
         there = any(one.message.name == title and one.holds for one in following)
+        moves, last = self.demands.moves, self.demands.moves[-1]
+        # A hold before a given time is as long as is left: missions keep the least.
+        last.held = min(last.held, least) if grows else last.held
         if not moving and least <= 0.0 and not (grows and there):
             return None
-        to, goals = self.at, self.position.copy()
+        at = to = self.at
+        goals = self.position.copy()
         moves_on = any(one.moves_on for one in moving)
         if moves_on:
             self.carried += 1
             to = f"{self.at} after motion {self.carried}"
         asked = None if grows else least
         segment = self._leg(kind, title, to, duration=asked, least=least)
+        if [one.segment for one in moves].count(last.segment) == 1:
+            last.held = least if grows else segment.duration
         if moves_on:
-            if self.at not in self.formations:
-                raise _StrayError(f"the script asks for no formation “{self.at}”")
-            points = np.array(self.formations[self.at])
-            before = np.array(self.logged.segments[self.next - 2].message.places)
+            points = np.array(self.formations[at])
             for one in moving:
                 goals[one.rows] = one.ends(segment.duration)[1][0]
-                points[before[one.rows]] = goals[one.rows]
+                points[self.places[one.rows]] = goals[one.rows]
             self.formations[to] = points
-        self._stay(segment, goals)
+        self._expect(segment, goals, self.places)
         if moving:
             rest = np.setdiff1d(
                 self.fleet, np.concatenate([one.rows for one in moving])
             )
-            still = MovingPlaces(rest, self.position[rest], (), np.zeros(3), ())
+            still = MovingPlaces(rest, self.before[rest], (), np.zeros(3), ())
             found = astray(segment, [*moving, still])
             self.demands.motions += [f"“{title}”: {text}" for text in found]
             self.leaving = any(one.under_way[1] for one in moving)
-        self.at, self.position = to, segment.goals
         return segment
 
-    def _own(self, segment: Segment, points: FloatArray) -> None:
-        """Drone i takes place i."""
-        if not np.array_equal(segment.message.places, self.fleet):
-            self._wrong(segment, "drones are not at the places of their numbers")
-        self._reach(segment, points)
-
-    def _stay(self, segment: Segment, points: FloatArray) -> None:
-        """Drones keep the places of the leg before, wherever these are by now."""
-        before = self.logged.segments[self.next - 2].message.places
-        if not np.array_equal(segment.message.places, before):
-            self._wrong(segment, "drones change places without a move")
-        self._reach(segment, points)
-
-    def _reach(
-        self, segment: Segment, wanted: FloatArray, who: BoolArray | None = None
+    def _expect(
+        self, segment: Segment, goals: FloatArray, places: IntArray | None
     ) -> None:
-        """Goals of drones (all, or those marked) are the places wanted."""
-        chosen = slice(None) if who is None else who
-        if not _near(segment.goals[chosen], wanted[chosen]):
+        """Hold goals and places of a leg against those wanted; None: there are none."""
+        if places is None or not np.array_equal(segment.message.places, places):
+            self._wrong(segment, "drones are not at the places that are theirs")
+        if not _near(segment.goals, goals):
             self._wrong(segment, "goals are not where the script puts them")
-
-    def _arrive(
-        self, segment: Segment, colours: FloatArray, fade: str = "linear"
-    ) -> None:
-        """Put the fleet where the leg ends, in its colours."""
-        self.at = segment.message.to_formation
-        self.position = segment.goals
-        self.colours = colours
-        self._shine(segment, colours, fade)
+        self.places = self.fleet if places is None else places
 
     def _shine(
         self,
