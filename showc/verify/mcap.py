@@ -69,16 +69,6 @@ _MESSAGE = struct.Struct("<HIQQ")
 _ENTRY = struct.Struct("<QQ")
 """Entry of a message index: time, and offset in the uncompressed chunk."""
 
-_IN_SUMMARY = {
-    Opcode.SCHEMA: "schemas",
-    Opcode.CHANNEL: "channels",
-    Opcode.STATISTICS: "statistics",
-    Opcode.CHUNK_INDEX: "index of the chunks",
-    Opcode.ATTACHMENT_INDEX: "index of the attachments",
-    Opcode.METADATA_INDEX: "index of the metadata",
-}
-"""Groups of the summary, in their order."""
-
 
 class Message(NamedTuple):
     """One message of a log."""
@@ -289,7 +279,7 @@ class _Walk:
             record = self._take(record)
         (crc,), data = fields(view, record), view[: record.position]
         self._crc(crc, data, record.position, "the data as a whole")
-        self._summary(record.stop)
+        self._tail(record.stop)
         log.release()
         return log
 
@@ -377,9 +367,8 @@ class _Walk:
         at, positions = record.stop, []
         for channel, some in entries.items():
             index = encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
-            self._same(at, index, "a message index, by where messages lie,")
             positions.append((channel, at))
-            at += len(index)
+            at = self._same(at, index, Opcode.MESSAGE_INDEX)
         self.index[Opcode.CHUNK_INDEX].append(
             (
                 *(start, end, position, record.stop - position, positions),
@@ -432,37 +421,38 @@ class _Walk:
             raise Damage(0, f"the log has more than {MOST_MESSAGES:,} messages")
         return channel, time
 
-    def _summary(self, begin: int) -> None:
-        """Hold the rest of the file against what the data come to."""
-        view = self.view
-        footer = self._next(begin)
-        while footer.opcode != Opcode.FOOTER:
-            footer = self._next(footer.stop)
-        *starts, crc = fields(view, footer)
-        if bytes(view[footer.stop : footer.stop + len(MAGIC)]) != MAGIC:
-            text = "the last eight bytes of an MCAP file are missing or others"
-            raise Damage(footer.stop, text)
-        end = footer.stop + len(MAGIC)
-        if len(view) > end:
-            raise Damage(end, f"{len(view) - end:,} bytes follow the end of the file")
-        covered = view[begin : footer.stop - 4]
-        self._crc(crc, covered, footer.position, "the summary")
+    def _tail(self, begin: int) -> None:
+        """Hold all that follows the data against what they come to."""
         position, offsets = begin, []
         for kind, rows in self._groups().items():
             group = b"".join(encoded(kind, *row) for row in rows)
-            self._same(position, group, f"the {_IN_SUMMARY[kind]} in the summary")
             offsets.append((kind, position, len(group)))
-            position += len(group)
-        last = b"".join(encoded(Opcode.SUMMARY_OFFSET, *row) for row in offsets)
-        if bytes(view[position : footer.position]) != last:
-            raise Damage(position, "the offsets in the summary do not fit")
-        if starts != [begin, position]:
-            raise Damage(footer.position, "the footer names other places than these")
+            position = self._same(position, group, kind)
+        group = b"".join(encoded(Opcode.SUMMARY_OFFSET, *row) for row in offsets)
+        starts = begin, position
+        position = self._same(position, group, Opcode.SUMMARY_OFFSET)
+        # The CRC, the footer's last field, is of everything before it.
+        footer = encoded(Opcode.FOOTER, *starts, 0)[:-4]
+        crc = zlib.crc32(footer, zlib.crc32(self.view[begin:position]))
+        footer += crc.to_bytes(4, "little") + MAGIC
+        position = self._same(position, footer, Opcode.FOOTER)
+        left = len(self.view) - position
+        if left:
+            raise Damage(position, f"{left:,} bytes follow the end of the file")
 
-    def _same(self, position: int, wanted: bytes, what: str) -> None:
-        """Hold what stands at a place against what the data come to."""
-        if bytes(self.view[position : position + len(wanted)]) != wanted:
-            raise Damage(position, f"{what} is not what the data come to")
+    def _same(self, position: int, wanted: bytes, kind: Opcode) -> int:
+        """Hold records at a place against those that the data come to; return the end.
+
+        All of them are of one kind, or end the file.
+        """
+        found = bytes(self.view[position : position + len(wanted)])
+        if found != wanted:
+            pairs = enumerate(zip(found, wanted, strict=False))
+            at = next((k for k, (one, other) in pairs if one != other), len(found))
+            what = kind.name.lower().replace("_", " ")
+            text = f"the {what} is not what the data come to: it was altered or cut"
+            raise Damage(position + at, text)
+        return position + len(wanted)
 
     def _groups(self) -> dict[Opcode, list[tuple[Any, ...]]]:
         """Return what the summary must hold, in its order."""

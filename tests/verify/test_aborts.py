@@ -130,6 +130,65 @@ LIES = {
 }
 
 
+def placed(table):
+    leg = table.legs[0]
+    leg.places[0], leg.places[1] = leg.places[1], leg.places[0]
+
+
+WORDS = {
+    "a leg has the name of an escape": lambda t: setattr(t.legs[0], "name", "\x1b[2J"),
+    "a leg has no name": lambda t: setattr(t.legs[0], "name", ""),
+    "a landing is called an approach": lambda t: setattr(
+        t.legs[0], "name", t.legs[0].name.replace("land", "approach")
+    ),
+    "a leg comes from a formation": lambda t: setattr(t.legs[0], "from_formation", "x"),
+    "a leg flies to a formation": lambda t: setattr(t.legs[1], "to_formation", "x"),
+    "a leg has another index": lambda t: setattr(t.legs[0], "index", 7),
+    "drones have each other's places": placed,
+    "groups move in a leg": lambda t: t.legs[0].moves.add(name="x"),
+    "a leg claims a bound": lambda t: setattr(
+        t.legs[0].certificate, "dual_bound", 0.001
+    ),
+    "a leg claims a minimum": lambda t: setattr(
+        t.legs[0].certificate, "single_drone_minimum", 0.001
+    ),
+    "a leg has a witness": lambda t: t.legs[0].certificate.witness.knots.append(0.5),
+    "a leg was solved by a method": lambda t: setattr(
+        t.legs[0].certificate, "method", "certified"
+    ),
+    "a leg has a count of its own": lambda t: t.legs[0].certificate.statistics.update(
+        {"proved": 1.0}
+    ),
+    "an encounter has a pair": lambda t: setattr(
+        t.legs[0].certificate.closest, "drone_b", 5
+    ),
+}
+
+
+def test_words_that_no_table_has_are_found(aborted):
+    file = open_log(aborted)
+    with file.reported():
+        script = read_anchor(file, dict(file.metadata)["showc"]).show
+        proof = Aborts(file, read_show(file), script)
+    assert list(proof.strange()) == []
+    true = pb.AbortTable.FromString(proof.table.SerializeToString())
+    for name, change in WORDS.items():
+        proof.table = pb.AbortTable.FromString(true.SerializeToString())
+        change(proof.table)
+        assert list(proof.strange()), name
+
+
+def test_a_table_of_another_log_is_found_whatever_it_says(aborted, tmp_path):
+    """The hash of this log may stand in any word of the table but in its place."""
+    log = tmp_path / aborted.name
+    shutil.copyfile(aborted, log)
+    digest, table = digest_of(log), pb.AbortTable()
+    table.CopyFrom(read_log(log).aborts)
+    table.data_sha256, table.legs[0].name = "0" * 64, digest
+    add(log, ABORT_NAME, table.SerializeToString(), digest)
+    assert "VRF108" in verify_log(log, missions=False).failures()
+
+
 @pytest.mark.parametrize("lie", LIES)
 def test_a_lie_in_the_table_is_found(aborted, tmp_path, lie):
     code, change = LIES[lie]

@@ -309,10 +309,28 @@ def test_a_goal_that_is_not_where_the_motion_ends_is_found(dance):
     assert "goals are not where a motion ends" in judged(dance, lie).places[0]
 
 
-def test_a_motion_that_claims_a_bound_is_found(dance):
+@pytest.mark.parametrize(
+    "claim",
+    [
+        {"dual_bound": 9.0},
+        {"witness": pb.Witness(drone=0, time=1.0)},
+        {"witness": pb.Witness(drone=2**31, knots=[0.0, 1.0])},
+        {"closest": pb.Encounter(drone_b=1)},
+    ],
+)
+def test_a_motion_that_claims_a_bound_is_found(dance, claim):
     def lie(leg):
-        leg.message.moves[1].certificate.dual_bound = 9.0
+        leg.message.moves[1].certificate.MergeFrom(pb.Certificate(**claim))
         return leg
 
     found = judged(dance, lie)
     assert found.legs == ["“hold after launch -> up”: its bound is not proved"]
+
+
+@pytest.mark.parametrize("place", [-2, -1, 7, 2**31 - 1])
+def test_a_place_that_is_none_before_a_motion_is_found(dance, place):
+    def lie(leg):
+        leg.message.places[0] = place
+        return leg
+
+    assert any("places that are theirs" in text for text in judged(dance, lie).places)

@@ -91,7 +91,7 @@ class Aborts:
         """Return what the parts came to."""
         show, many = self.show, len(self.show.segments)
         radii, limits, near = (found[k * many :][:many] for k in range(3))
-        wrong = list(self._rows())
+        wrong = [*self.strange(), *self._rows()]
         for one, met in zip(show.segments, near, strict=True):
             said = one.message.certificate.closest.distance
             if abs(said - (0.0 if met is None else met.upper)) > REACHED:
@@ -116,8 +116,8 @@ class Aborts:
         ]
         return replace(rows, notes=(note, *rows.notes)), stated if joined else []
 
-    def _rows(self) -> Iterator[str]:
-        """Say what is wrong with rows: every moment, from where drones stand, down."""
+    def strange(self) -> Iterator[str]:
+        """Say what legs claim beside what the theorems are about: of that, nothing."""
         for number, leg in enumerate(self.table.legs):
             words = f"abort [0-9]+: {pb.Segment.Kind.Name(leg.kind).lower()}"
             wanted = pb.Segment(
@@ -134,6 +134,9 @@ class Aborts:
             wanted.drones.extend(leg.drones)
             wanted.goals.extend(leg.goals)
             yield from differences(leg, wanted)
+
+    def _rows(self) -> Iterator[str]:
+        """Say what is wrong with rows: every moment, from where drones stand, down."""
         times = np.arange(0.0, self.logged.duration, self.table.every)
         if len(self.table.rows) != times.size:
             yield f"there are {len(self.table.rows)} rows, not {times.size}"
