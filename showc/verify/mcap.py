@@ -152,12 +152,8 @@ class LogFile:
     ) -> Iterator[Message]:
         """Go through the messages of some channels again, in the file's order.
 
-        Parameters
-        ----------
-        channels
-            Numbers of the channels.
-        share, shares
-            Which of the equal shares of the chunks that hold any, in the file's order.
+        ``channels`` are their numbers; ``share`` is which of the equal ``shares`` of
+        the chunks that hold any.
         """
         wanted = np.isin(np.arange(1 << 16), list(channels))
         kept = [

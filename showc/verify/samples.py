@@ -206,20 +206,10 @@ def join(found: Iterable[Found]) -> list[Check]:
 
 
 class Samples:
-    """Everything of a log that a viewer shows.
+    """Everything of a log that a viewer shows, by its polynomials and its script.
 
-    Parameters
-    ----------
-    log
-        The file.
-    show
-        Its polynomials.
-    lights
-        Light that the script asks for.
-    script
-        The script.
-    tubes
-        Where missions fly; None if that is not looked at, or cannot be said.
+    ``lights`` are those that the script asks for; ``tubes`` is where missions fly, None
+    if that is not looked at, or cannot be said.
     """
 
     def __init__(

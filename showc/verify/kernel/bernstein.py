@@ -73,12 +73,7 @@ def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
 def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """Coefficients of the same polynomials between two fractions of the interval.
 
-    Parameters
-    ----------
-    coefficients
-        Shape (pieces, degree + 1, components).
-    lower, upper
-        The two fractions, 0 <= lower <= upper <= 1, shape (pieces,).
+    These are 0 <= lower <= upper <= 1, shape (pieces,).
     """
     degree = coefficients.shape[1] - 1
     # Pieces last: each step then runs along memory, three times as fast.

@@ -200,16 +200,8 @@ def _within_cylinder(
 ) -> FloatArray:
     """Greatest ``direction . u`` over the cone within the cylinder; see above.
 
-    Parameters
-    ----------
-    direction
-        x and y, at least 0, and up, each (...).
-    slopes
-        p and q, each (...).
-    radius
-        r [m/s²].
-    ends
-        Least and greatest u_z, each (...) [m/s²].
+    Of the direction x and y are at least 0; slopes are p and q, ``radius`` is r, ends
+    are the least and the greatest u_z [m/s²], each (...).
     """
     (x, y, up), (p, q), size = direction, slopes, np.hypot(*direction[:2])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -170,10 +170,8 @@ def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
 def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     """Enclose what the controls of all drones of a segment fly in each window.
 
-    Returns
-    -------
-    ndarray, shape (drones, 12)
-        Greatest |flown - logged| of each state (SI); infinite where nothing is proved.
+    It is the greatest |flown - logged| of each state (drones, 12) (SI), infinite where
+    nothing is proved.
     """
     found = np.full((segment.goals.shape[0], 12), np.inf)
     # What overflows is infinite or undefined, and then nothing is proved.
@@ -308,16 +306,9 @@ def _sides(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Right sides of velocity and rates along the ``logged`` states (SI).
 
-    ``pushed`` are the coefficients of the control.
-
-    Returns
-    -------
-    ndarray, shape (N + 1, 6, rows)
-        Values at the nodes.
-    ndarray, shape (6, rows)
-        What interpolation and clipping leave out at every instant.
-    ndarray, shape (6, rows)
-        Sum of absolute values of what was added up.
+    ``pushed`` are the coefficients of the control. Returned are values at the nodes
+    (N + 1, 6, rows), what interpolation and clipping leave out at every instant, and
+    the sum of absolute values of what was added up, each (6, rows).
     """
     state = np.tensordot(scheme.state, logged[:, 6:], axes=1)
     control = np.tensordot(scheme.control, pushed, axes=1)
@@ -407,10 +398,7 @@ def _marched(
 ) -> list[FloatArray]:
     """Follow each drone over its intervals.
 
-    Returns
-    -------
-    list of ndarray
-        y1 and y2 at the start of each interval, and how far each may be off, (6, rows).
+    Returned are y1 and y2 at the start of each, and how far they may be off, (6, rows).
     """
     drone = np.arange(table.drones.size)
     counts = np.diff(table.first)

@@ -267,10 +267,7 @@ def kept(
 ) -> list[Statement]:
     """State of each family of limits which one is kept most narrowly.
 
-    Parameters
-    ----------
-    radii, found
-        One for each segment of the show.
+    There is one of ``radii``, and one of ``found``, for each segment of the show.
     """
     tightest: dict[str, tuple[Extreme, Segment, FloatArray]] = {}
     for segment, radius, some in zip(show.segments, radii, found, strict=True):

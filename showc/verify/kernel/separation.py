@@ -122,12 +122,7 @@ def separated(
 ) -> Statement:
     """State whether the separation is kept, and by how much.
 
-    Parameters
-    ----------
-    radii
-        One for each segment of the show.
-    encounter
-        The closest one of the whole show.
+    There is one of ``radii`` for each segment; ``encounter`` is the show's closest one.
     """
     if encounter is None:
         return Statement("VRF321", None, notes=("there is only one drone",))

@@ -269,17 +269,8 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
 def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
     """Cut a stretch at common mesh points, and in between where drones fly far.
 
-    Parameters
-    ----------
-    positions
-        What flies.
-    distance
-        No drone flies further in a slice [m].
-
-    Yields
-    ------
-    float, float
-        Show times between which a slice lies [s]; one for all if nothing moves.
+    No drone flies further than ``distance`` [m] in a slice. Show times between which
+    slices lie are yielded [s]; it is one for all if nothing moves.
     """
     speed = positions.speed
     if speed == 0.0:

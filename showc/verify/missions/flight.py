@@ -109,18 +109,8 @@ def check_flight(
 ) -> list[Check]:
     """Prove what ArduCopter will make of a fleet's missions.
 
-    Parameters
-    ----------
-    fleet
-        What the missions fly.
-    show
-        The log's rules and segments.
-    described
-        What the manifest says of the missions.
-    script
-        What it asks for: slack after the latest end of a leg.
-    logged
-        The moves that they are to fly.
+    ``described`` is what the manifest says of them; they are to fly the moves
+    ``logged``, with the slack that the script asks for after the latest end of a leg.
     """
     rules = show.rules
     ends, reached = _check_ends(fleet, show, logged)

@@ -61,14 +61,7 @@ LARGEST_FOLDER = 1 << 29
 class Missions:
     """The files of one compile, read once.
 
-    Parameters
-    ----------
-    log, show
-        The log, and what it says.
-    script
-        What the script asks for.
-    asked
-        What follows from it: the light and the moves of the fleet.
+    ``asked`` is what follows from the script: the light and the moves of the fleet.
     """
 
     def __init__(
@@ -315,20 +308,9 @@ def check_plan(
     script: Show,
     whose: tuple[str, str],
 ) -> Iterator[str]:
-    """Yield where a plan differs from its mission.
+    """Yield where a plan differs from its mission, the script and its site's fence.
 
-    Parameters
-    ----------
-    content
-        The file's bytes.
-    mission
-        The drone's ``.waypoints``.
-    site
-        Whose fence it carries.
-    script
-        What is asked for.
-    whose
-        The release that wrote the log, and the token of the compile.
+    ``whose`` are the release that wrote the log, and the token of the compile.
     """
     try:
         plan = read_json(content)

@@ -119,14 +119,9 @@ class Mission:
 
 
 def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
-    """Return the mission that a ``.waypoints`` file holds.
+    """Return the mission that the bytes of a ``.waypoints`` file hold.
 
-    Parameters
-    ----------
-    content
-        The file's bytes.
-    autopilot
-        ``ardupilot`` or ``px4``: whose grammar holds.
+    The grammar is that of ``autopilot``: ``ardupilot`` or ``px4``.
 
     Raises
     ------

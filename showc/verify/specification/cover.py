@@ -74,14 +74,7 @@ def read_anchor(
 ) -> Anchor:
     """Read the script with all files that it names.
 
-    Parameters
-    ----------
-    log
-        The log, whose attachments hold a script and its input files.
-    metadata
-        Of the log: ``script`` names the attachment.
-    script
-        The script to trust; None: the one attached.
+    It is ``script``, or the attachment that the log's metadata name.
 
     Raises
     ------
@@ -126,19 +119,7 @@ def read_anchor(
 def check_cover(
     log: LogFile, metadata: Mapping[str, str], show: LoggedShow, script: Show
 ) -> list[Check]:
-    """Work metadata, attachments and manifest out from script and flight, and compare.
-
-    Parameters
-    ----------
-    log
-        The file.
-    metadata
-        Its metadata record.
-    show
-        The flight.
-    script
-        What is trusted.
-    """
+    """Work metadata, attachments and manifest out of script and flight; compare."""
     return [
         agreement("VRF105", _metadata(log, metadata, show, script)),
         agreement("VRF106", _attachments(log, show, script)),

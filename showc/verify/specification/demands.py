@@ -29,8 +29,9 @@ from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.certificates import refuted
 from showc.verify.kernel.choreography import MOMENT, REACHED
 from showc.verify.report import agreement
+from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.motion import astray, during, reached, unlike_claims
+from showc.verify.specification.motion import astray, during, unlike_claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -119,15 +120,7 @@ class Demands:
 
 
 def hold_against(show: Show, logged: LoggedShow) -> Demands:
-    """Compare rules and legs of a log with the script.
-
-    Parameters
-    ----------
-    show
-        What the script asks for.
-    logged
-        What the log claims.
-    """
+    """Compare the rules and legs that a log claims with what its script asks for."""
     demands = Demands()
     if logged.drones != show.drones:
         demands.rules.append(
@@ -251,8 +244,8 @@ class _Walk:
         flights = [_Flown(begin, end) for _ in transitions]
         if own:
             flights = self._lanes(segment, transitions)
-        for one, flown in zip(transitions, flights, strict=True):
-            self._on_time(one, flown.begin, flown.end)
+        for one, flight in zip(transitions, flights, strict=True):
+            self._on_time(one, flight.begin, flight.end)
         self._place(segment, transitions, flights)
         if first.group is not None:
             self.formations[to] = segment.goals
@@ -300,7 +293,7 @@ class _Walk:
                     raise _StrayError(f"“{one.name}” is flown while its group is held")
                 free = end + one.hold
                 for claim in both[at]:
-                    if not self._bounded(segment, members, claim):
+                    if not self._bounded(members, claim):
                         text = f"“{claim.name}”: its bound is not proved"
                         self.demands.legs.append(text)
                 # What is held in motion moves until its group leaves, if it does.
@@ -314,12 +307,12 @@ class _Walk:
             self.demands.times += unlike_claims(segment, members, mine, held_so)
         return found
 
-    def _bounded(self, segment: Segment, drones: IntArray, claim: pb.Move) -> bool:
+    def _bounded(self, drones: IntArray, claim: pb.Move) -> bool:
         """Tell whether a lower bound on the time of a group's move has its proof."""
         said, witness = claim.certificate, claim.certificate.witness
         leg = pb.Segment(certificate=said)
         times = claim.start, claim.start + claim.duration
-        states = np.stack([reached(segment, drones, time) for time in times])
+        states = np.stack([self._at(drones, time) for time in times])
         ends = states[:, drones == witness.drone].sum(axis=1)
         rules = _rules(self.show, {}, [self.show.limits], 0.0)
         way = ends[1, :3] - ends[0, :3]
@@ -334,15 +327,19 @@ class _Walk:
             and single <= claim.duration + MOMENT
         )
 
+    def _at(self, drones: IntArray, time: float) -> FloatArray:
+        """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
+        return flown(self.logged, np.array([time]))[:12, 0, drones].T
+
     def _on_time(self, one: Transition, start: float, end: float) -> None:
         """Hold the times of a move against those that the script asks for."""
-        for asked, flown, what in (
+        for asked, taken, what in (
             (departure(one), start, "starts"),
             (arrival(one), end, "arrives"),
         ):
-            if asked is not None and not abs(flown - asked) <= ON_TIME:
+            if asked is not None and not abs(taken - asked) <= ON_TIME:
                 self.demands.times.append(
-                    f"“{one.name}” {what} at {flown:.3f} s, the script asks for "
+                    f"“{one.name}” {what} at {taken:.3f} s, the script asks for "
                     f"{asked:.3f} s"
                 )
 
@@ -364,16 +361,16 @@ class _Walk:
             formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
             goals, error = segment.goals[members], PLACE_ERROR
-            flown, last = flights[at], at == final[group]
-            if flown.until or not last:
-                goals, error = reached(segment, members, flown.end)[:, :3], REACHED
+            flight, last = flights[at], at == final[group]
+            if flight.until or not last:
+                goals, error = self._at(members, flight.end)[:, :3], REACHED
             places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
-            times = flown.begin, flown.end - flown.begin
+            times = flight.begin, flight.end - flight.begin
             own = segment.message.index, transition.name, *times, members, goals
             moved.append(Move(*own, transition.hold))
-            if flown.until:
-                self._moved(segment, flown, last=last)
+            if flight.until:
+                self._moved(segment, flight, last=last)
             colours[members] = shown(transition, formation, places)
         if not _near(segment.goals[others], self.before[others]):
             self._wrong(segment, "drones of no group do not stay where they are")
@@ -381,18 +378,18 @@ class _Walk:
         if segment.message.moves:
             self.demands.moves += sorted(moved, key=lambda move: move.start)
 
-    def _moved(self, segment: Segment, flown: _Flown, *, last: bool) -> None:
+    def _moved(self, segment: Segment, flight: _Flown, *, last: bool) -> None:
         """Look at what a group does while it holds the formation placed last."""
         transition, members, places = self.placed[-1]
         moving, parked = self._moving(*self.placed[-1]), members[places < 0]
-        there = reached(segment, parked, flown.end)[:, :3]
-        part = during(segment, members, flown.end, flown.until)
+        there = self._at(parked, flight.end)[:, :3]
+        part = during(segment, members, flight.end, flight.until)
         still = MovingPlaces(parked, there, (), np.zeros(3), ())
         found = ["a polynomial runs across an end of its motion"]
         if part is not None:
             found = list(astray(part, [moving, still]))
         self.demands.motions += [f"“{transition.name}”: {text}" for text in found]
-        goal, goals = moving.ends(flown.until - flown.end)[1][0], segment.goals
+        goal, goals = moving.ends(flight.until - flight.end)[1][0], segment.goals
         near = _near(goals[moving.rows], goal) and _near(goals[parked], there, REACHED)
         if last and not near:
             self._wrong(segment, "goals are not where a motion ends")
@@ -566,8 +563,8 @@ class _Walk:
             return
         start, goals = segment.start, segment.goals
         keys = keyframes_of(self.lit, start, lit)
-        flown = start, segment.duration, self.fleet
-        span = LightSpan(*flown, self.lit, end, fade, effect, goals, keys)
+        times = start, segment.duration, self.fleet
+        span = LightSpan(*times, self.lit, end, fade, effect, goals, keys)
         self.spans.append(span)
         self.lit = span.linear(np.array([span.duration]))[0]
 

@@ -172,16 +172,6 @@ def _bend(table: PieceTable) -> float:
     return float(np.sqrt(((second / width**2) ** 2).sum(axis=2)).max())
 
 
-def reached(segment: Segment, drones: IntArray, time: float) -> FloatArray:
-    """States of drones (n,), increasing, at a show time [s], shape (n, 12) (SI)."""
-    found = np.empty((drones.size, 12))
-    for table in segment.tables:
-        mine = np.isin(table.drones, drones)
-        there = evaluate(table, np.array([time - segment.start]))[:12, 0]
-        found[np.searchsorted(drones, table.drones[mine])] = there[:, mine].T
-    return found
-
-
 def during(
     segment: Segment, drones: IntArray, begin: float, end: float
 ) -> Segment | None:
