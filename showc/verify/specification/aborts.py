@@ -25,8 +25,8 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.kernel.show import LoggedShow, Statement
-from showc.verify.kernel.slices import Tracks
 from showc.verify.report import agreement
+from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
 from showc.verify.specification.demands import limits_message, upright
 
@@ -164,12 +164,10 @@ class Aborts:
 
     def _ends(self, row: pb.AbortRow, legs: list[Segment]) -> Iterator[str]:
         """Say what is wrong with where a row begins, and where it ends."""
-        script, site, fleet = self.script, self.script.site, np.arange(self.show.drones)
+        script, site = self.script, self.script.site
         now = min(max(row.rest, 0.0), self.logged.duration)
-        one = next(s for s in self.logged.segments if now <= s.end + MOMENT)
-        tracks, moment = Tracks.of(one), np.full(fleet.size, now)
-        places = tracks.between(tracks.at(fleet, moment), moment, moment)[:, 0]
-        pads = script.formations[script.pads].points[: fleet.size]
+        places = flown(self.logged, np.array([now]))[:3, 0].T
+        pads = script.formations[script.pads].points[: len(places)]
         goals = places * (1.0, 1.0, 0.0) + (0.0, 0.0, pads[:, 2].min())
         taken = [people.points for people in site.audience if people.area]
         taken += [building.corners for building in site.buildings]
