@@ -125,3 +125,18 @@ class Case:
             row[0] = str(number)
         lines = [head, *("\t".join(row) for row in changed)]
         return {name: ("\n".join(lines) + "\n").encode()}
+
+    def alike(self, drone, change):
+        """Mission and plan of a drone with rows changed in one way, none inserted."""
+        changed = self.with_row(drone, change)
+        (text,) = changed.values()
+        plan = f"missions/drone_{drone:04d}.plan"
+        document = json.loads(self.files[plan])
+        rows = [line.split("\t") for line in text.decode().splitlines()[1:]]
+        items = document["mission"]["items"]
+        for item, row in zip(items, rows[len(rows) - len(items) :], strict=True):
+            item["params"] = [float(number) for number in row[4:11]]
+            if "Altitude" in item:
+                item["Altitude"] = float(row[10])
+        document["fleetToken"] = fleet_token({**self.files, **changed})
+        return {**changed, plan: json.dumps(document).encode()}

@@ -152,7 +152,6 @@ CHANGES = {
     "infinite": moved(178, 5, lambda _: "inf"),
     "written otherwise": moved(178, 5, lambda t: f"+{t}"),
     "far too fast": moved(178, 5, lambda _: "30"),
-    "faster than was measured": lambda rows: [one for one in rows if one[3] != "178"],
 }
 
 
@@ -569,6 +568,35 @@ def test_a_corner_of_the_fence_off_by_one_unit_of_its_rounding_is_caught(case):
     corner = document["geoFence"]["polygons"][0]["polygon"][0]
     corner[0] += 1.3e-7
     assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+
+
+@pytest.mark.parametrize("command", [16, 21, 22])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_yaw_in_mission_and_plan_alike_is_caught(tmp_path, autopilot, command):
+    case = Case(tmp_path, shift_flight(2), autopilot=autopilot)
+
+    def turned(rows):
+        for one in rows[autopilot == "ardupilot" :]:
+            if one[3] == str(command):
+                one[7] = "90"
+        return rows
+
+    assert case.caught(case.alike(2, turned)) == {"VRF405"}
+
+
+@pytest.mark.parametrize("kind", ["1", "2"])
+def test_legs_faster_than_any_that_were_measured_are_caught(tmp_path, kind):
+    """Level at 8 m/s, upright at the speeds of the script: of more nothing is known."""
+    case = Case(tmp_path, shift_flight(2, shift=(70.0, 10.0, 40.0)))
+    assert case.caught() == set()
+
+    def faster(rows):
+        for one in rows:
+            if one[3] == "178":
+                one[5] = "20" if one[4] == kind else "8"
+        return rows
+
+    assert "VRF410" in case.caught(case.alike(2, faster))
 
 
 @pytest.mark.parametrize("change", [lambda legs: legs[1:], lambda legs: legs * 2])

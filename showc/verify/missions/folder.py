@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from itertools import groupby
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -199,7 +200,7 @@ class Missions:
         if token != self.manifest.get("fleet"):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
-            rows += [f"{name}: {wrong}" for wrong in _wrong_pause(mission, self.show)]
+            rows += [f"{name}: {wrong}" for wrong in _wrong_rows(mission, self.show)]
             plan, whose = name.replace(".waypoints", ".plan"), (self.log.library, token)
             content = self.contents.get(plan, b"")
             wrong = next(check_plan(content, mission, site, script, whose), None)
@@ -292,8 +293,14 @@ def _shown(mission: Mission, servos: Sequence[int], dark: int) -> list[list[int]
     return found
 
 
-def _wrong_pause(mission: Mission, show: LoggedShow) -> Iterator[str]:
-    """Say if a drone hovers longer or shorter before its landing than in the log."""
+def _wrong_rows(mission: Mission, show: LoggedShow) -> Iterator[str]:
+    """Say if a drone turns to another yaw, or hovers otherwise before its landing."""
+    # Only PX4 turns to a yaw: the bearing of the show's heading.
+    bearing = show.rules.site.heading + 90.0 - degrees(show.rules.heading)
+    yaw = 0.0 if mission.home is not None else round(bearing % 360.0, 4) % 360.0
+    turned = [one for one in mission.items if one.frame != MISSION]
+    if any(one.parameters[3] != yaw for one in turned):
+        yield f"turns to another yaw than {yaw:g} degrees"
     (pause,) = (item.parameters[0] for item in mission.items if item.word == "P")
     last = max(one.end for one in show.segments[:-1] if not one.holds)
     wanted = round(max(show.segments[-1].start - last, 1.0), 2)

@@ -177,10 +177,16 @@ def fleet_legs(
     limits = np.concatenate([one.limits for one in read])
     law, wind = Law.of(values), script.site.wind
     flown = profiles(step, limits[:, 0], limits[:, 1], law, wind)
-    speed, known = float((flown.speed * flown.level).max()), fastest_level(script)
-    if not speed <= known * (1.0 + 1e-9):
+    vertical = np.where(step[:, 2] > 0.0, "WPNAV_SPEED_UP", "WPNAV_SPEED_DN")
+    rise = np.array([values[name] / 100.0 for name in vertical.tolist()])
+    speed = np.where(flown.length > 0.0, flown.speed, 0.0)
+    upright = speed * np.sqrt(1.0 - np.minimum(flown.level, 1.0) ** 2)
+    share = np.maximum(speed * flown.level / fastest_level(script), upright / rise)
+    if not share.max() <= 1.001:
+        leg = int(share.argmax())
         raise MissionFormatError(
-            f"how legs of {speed:g} m/s are flown was not measured; {known:g} is known"
+            f"how a leg of {speed[leg]:g} m/s is flown was not measured: that is "
+            f"{share[leg]:.3g} times the greatest level or vertical speed of a mission"
         )
     return FleetLegs(
         np.cumsum([0, *(len(one.steps) for one in read)]),
