@@ -187,7 +187,7 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     )
     messages = [one.message for one in show.segments]
     wanted = manifest_of(script, messages, height, [""] * len(messages))
-    # How places were given out, and who planned, is said in words: nothing fixes them.
+    # How places were given out is said in words, and fixed by nothing.
     for leg in wanted["segments"]:
         leg["assignment"] = _TEXT
     release, topics = log.library.removeprefix("showc "), log.channels.values()
