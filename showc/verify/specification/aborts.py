@@ -176,7 +176,7 @@ class Aborts:
         ends = [one.ends() for one in legs] or [(places, places)]
         if np.abs(ends[0][0][:, :3] - places).max() > REACHED:
             yield "it does not begin where the fleet stands"
-        away = np.linalg.norm(ends[-1][1][:, None, :3] - goals, axis=2).min(axis=0)
+        away = np.linalg.norm(ends[-1][1][:, None, :3] - goals, axis=2).min(axis=1)
         if away.max() > (REACHED if legs else GROUNDED):
             yield "it does not end on the ground"
         if legs and any(inside_polygon(goals, area).any() for area in taken):
