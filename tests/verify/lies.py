@@ -1076,6 +1076,14 @@ def _odd_claims(duration):
     )
 
 
+def _nested(depth: int) -> list:
+    """A list in a list in a list, and so on."""
+    found: list = []
+    for _ in range(depth):
+        found = [found]
+    return found
+
+
 def words(_: Log) -> Iterator[Lie]:
     """Words that nothing fixes, in forms that no compile writes."""
     for name, change in (
@@ -1083,6 +1091,16 @@ def words(_: Log) -> Iterator[Lie]:
         ("an assignment of its own", lambda m: m["segments"][2].update(assignment={})),
         ("a version of escapes", lambda m: m["versions"].update(numpy="\x1b[2J")),
         ("a version of many", lambda m: m["versions"].update(numpy={"a": [1]})),
+        ("a version of lists", lambda m: m["versions"].update(numpy=_nested(800))),
+        ("a release of a number", lambda m: m["versions"].update(python=3.11)),
+        ("drones of 400 digits", lambda m: m.update(drones=10**400)),
+        ("drones beyond floats", lambda m: m.update(drones=-(10**4000))),
+        ("drones in 800 lists", lambda m: m.update(drones=_nested(800))),
+        ("a leg in 800 lists", lambda m: m.update(segments=_nested(800))),
+        ("missions in 800 lists", lambda m: m.update(missions=_nested(800))),
+        ("a start in 800 lists", lambda m: m["missions"].update(start=_nested(800))),
+        ("an autopilot of a number", lambda m: m["missions"].update(autopilot=12)),
+        ("a fleet in 800 lists", lambda m: m.update(fleet=_nested(800))),
         ("a fleet of a number", lambda m: m.update(fleet=5)),
         ("a fleet of a word", lambda m: m.update(fleet="PROVED")),
         ("warnings by name", lambda m: m["missions"].update(warnings={"a": 1})),

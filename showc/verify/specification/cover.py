@@ -42,6 +42,7 @@ NO_MISSIONS: dict[str, Any] = {
 
 _TEXT = re.compile(".*", re.DOTALL)
 _TOKEN = re.compile("[0-9a-f]{64}")
+_DIALECT = re.compile("ardupilot|px4")
 _RELEASE = re.compile(r"\d[\w.+-]{0,40}")
 
 
@@ -194,8 +195,8 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     if not log.library.startswith("showc ") or not _RELEASE.fullmatch(release):
         yield f"{log.library!r} is no release of showc's"
     versions, missions = (object_in(found, key) for key in ("versions", "missions"))
-    said = {key: missions.get(key) for key in NO_MISSIONS}
-    none = said["autopilot"] is None
+    none = missions.get("autopilot") is None
+    said = {key: missions.get(key) for key in NO_MISSIONS} | {"autopilot": _DIALECT}
     if none and any(one.topic == PREDICTED for one in topics):
         yield f"there are no missions, and {PREDICTED} draws them"
     warnings = missions.get("warnings")
