@@ -31,6 +31,14 @@ coarsest letters of dots that people read are 3 wide and 5 high, which is four t
 places along strokes lie on no grid, so that a little less does."""
 
 
+_SURE = 1.05
+"""How many more places along strokes are advised than seem enough: more of them also
+fill corners and crossings."""
+_ROOM = 2.0
+"""Distance of neighbours in a text that is advised, as a multiple of the separation:
+where strokes meet, places are half as far apart as elsewhere, or a little less."""
+
+
 EYES = 1.7
 """Height of eyes above the ground [m]."""
 _EDGE = sin(radians(10.0))
@@ -83,9 +91,14 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
         # Along strokes the number grows with the length, over areas with its square.
         power = 2.0 if own.text("draw") == "inside" else 1.0
         # Places in a level row have letters without height.
-        share = (STEM * apart / max(stem, 1e-6)) ** power
+        share = (_SURE * STEM * apart / max(stem, 1e-6)) ** power
         needed = int(np.ceil(len(points) * share))
         enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
+        wanted = STEM * _ROOM * (sketch.separation.distance if sketch.separation else 0)
+        if wanted > stem > 0.0:
+            # So many places keep apart only in letters that are larger.
+            larger = np.ceil(own.number("height") * wanted / stem)
+            enough += f" and `height: {number_text(float(larger))}`"
         yield Diagnostic(
             "SHW216",
             f"the text of `{name}` cannot be read: its letters are "

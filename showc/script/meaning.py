@@ -129,6 +129,45 @@ def mixed_colour(node: Sequence) -> Node:
     )
 
 
+def whole_colours(node: Node) -> Node:
+    """Return a collection in which ``rgb(255, 128, 0)`` is one value again.
+
+    In braces and brackets YAML parts it at its commas.
+    """
+    if isinstance(node, Sequence):
+        items: list[Node] = []
+        for item in node.items:
+            joined = _continued(items[-1], item) if items else None
+            items[-1 if joined else len(items) :] = [joined or item]
+        return replace(node, items=tuple(items))
+    if not isinstance(node, Mapping):
+        return node
+    entries: list[Entry] = []
+    for entry in node:
+        joined = None
+        if entries and isinstance(entry.value, Scalar) and not entry.value.text:
+            rest = Scalar(entry.key, plain=True, mark=entry.mark)
+            joined = _continued(entries[-1].value, rest)
+        if joined is not None:
+            entries[-1] = replace(entries[-1], value=joined)
+        else:
+            entries.append(entry)
+    return replace(node, entries={one.key: one for one in entries})
+
+
+def _continued(first: Node, rest: Node) -> Scalar | None:
+    """Return a colour that goes on behind a comma; None if it does not."""
+    if not (isinstance(first, Scalar) and isinstance(rest, Scalar) and first.plain):
+        return None
+    if not re.fullmatch(r"rgba?\([ \d,]+", first.text) or not rest.plain:
+        return None
+    if not re.fullmatch(r"\d+\)?", rest.text):
+        return None
+    end = rest.mark
+    mark = replace(first.mark, end_line=end.end_line, end_column=end.end_column)
+    return replace(first, text=f"{first.text}, {rest.text}", mark=mark)
+
+
 def _numbers_in(node: Node) -> tuple[list[str], int]:
     """Return the numbers that a value's words are, and of how many values; or none."""
     items = node.items if isinstance(node, Sequence) else (node,)

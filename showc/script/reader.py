@@ -42,6 +42,7 @@ from showc.script.meaning import (
     meant,
     mixed_colour,
     spaced,
+    whole_colours,
     with_commas,
 )
 from showc.script.scalars import certain, no_word, read_scalar, suggestion
@@ -143,7 +144,7 @@ class Reader:
             Where to point when something is missing: its key.
         """
         settings = Settings(section.name, span)
-        name = ""
+        node, name = whole_colours(node), ""
         if not isinstance(node, Mapping):
             if section.short:
                 name = section.name
@@ -432,6 +433,7 @@ class Reader:
         return settings
 
     def _items(self, kind: Items, node: Node, span: Mark, key: str) -> list[Setting]:
+        node = whole_colours(node)
         commas = with_commas(kind, node) if node.mark.on_one_line else ""
         advice = about_commas(kind, node)
         if not isinstance(node, Sequence):

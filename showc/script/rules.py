@@ -6,7 +6,7 @@ yields what it finds.
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import ceil, floor, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,7 +88,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 help="`all-axes` asks for another x, y and z of every place, on the "
                 "ground too: write them as `points`, or measure in another shape"
                 if separation.shape == "all-axes"
-                else "make the formation larger, or add `spread: true` to it",
+                else f"{_larger(distance, pair.distance)}, or add `spread: true` to it",
                 spot=Spot(formation.name, (pair.first, pair.second)),
             )
         elif separation.shape == "sphere":
@@ -125,6 +125,14 @@ def _tracked(section: Settings, apart: float) -> str:
         f"{note}; unwritten, `tracking` is the {SHOW_MODE_TRACKING:g} m that show mode "
         f"takes: `exports` with `separation: {left:g}` or less leave it out"
     )
+
+
+def _larger(wanted: float, found: float) -> str:
+    """Say by how much a formation must grow so that two places are far enough apart."""
+    if found < _SLACK:
+        return "move one of two places that are the same"
+    times = number_text(ceil(100.0 * (wanted / found)) / 100.0)
+    return f"make it {times} times as large (`transform: [{{scale: {times}}}]`)"
 
 
 def _measure(shape: str) -> str:

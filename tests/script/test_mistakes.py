@@ -230,7 +230,15 @@ def test_every_golden_section_has_a_case():
 
 
 @pytest.mark.parametrize(
-    "written", ["[255, 128, 0]", '"rgb(255, 128, 0)"', '"rgb(255 128 0)"', '"#ff8000"']
+    "written",
+    [
+        "[255, 128, 0]",
+        '"rgb(255, 128, 0)"',
+        "rgb(255, 128, 0)",
+        "{each: [rgb(255, 128, 0), rgb(255,128,0)]}",
+        '"rgb(255 128 0)"',
+        '"#ff8000"',
+    ],
 )
 def test_a_colour_may_be_written_in_several_ways(show, written):
     made = show(circle(f"colour: {written}").removeprefix("showc: 1\n"))
