@@ -54,6 +54,10 @@ class Keys:
     """Number of the accessor of the values."""
 
 
+_WAYS = ("LINEAR", "STEP", "CUBICSPLINE")
+"""How a sampler goes from key to key."""
+
+
 class Document:
     """A file, and what it refers to.
 
@@ -204,15 +208,17 @@ class Document:
             )
         content = self.buffer(view.get("buffer"))
         (count, width), size = shape, np.dtype(kind).itemsize
-        begin, stride = 0, size * width
-        for part in (view, described):
-            begin += int(number(part.get("byteOffset") or 0, what))
-        stride = int(number(view.get("byteStride") or stride, what))
-        if begin < 0 or stride < size * width:
+        first, within = (
+            int(number(part.get("byteOffset") or 0, what)) for part in (view, described)
+        )
+        stride = int(number(view.get("byteStride") or size * width, what))
+        length = int(number(view.get("byteLength") or 0, what))
+        if min(first, within) < 0 or stride < size * width:
             raise self.damage(f"the bufferView of {what} makes no sense")
-        if begin + stride * (count - 1) + size * width > len(content):
-            raise self.damage(f"{what} reaches beyond its buffer")
-        return np.ndarray(shape, kind, content, begin, (stride, size))
+        end = within + stride * (count - 1) + size * width
+        if end > length or first + end > len(content):
+            raise self.damage(f"{what} reaches beyond its bufferView, or its buffer")
+        return np.ndarray(shape, kind, content, first + within, (stride, size))
 
     def channels(self) -> Iterator[tuple[dict[str, Any], Any, str, Any]]:
         """Yield what is animated: animation, sampler, path and node of each channel.
@@ -247,6 +253,8 @@ class Document:
         times = rising(self.numbers(sampler.get("input"), "SCALAR")[:, 0], name)
         values = self.numbers(sampler.get("output"), kind)
         way = sampler.get("interpolation", "LINEAR")
+        if way not in _WAYS:
+            raise self.damage(f"{what} goes from key to key by {str(way)[:40]!r}")
         wanted = times.size * (3 if way == "CUBICSPLINE" else 1)
         if values.shape[0] != wanted:
             raise self.damage(

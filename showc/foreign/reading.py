@@ -80,7 +80,9 @@ def _folder(path: Path) -> ForeignShow:
     files = sorted(
         file
         for file in path.iterdir()
-        if file.is_file() and file.suffix.lower() in SUFFIXES
+        if file.suffix.lower() in SUFFIXES
+        and not file.name.startswith(".")
+        and file.is_file()
     )
     kinds = {file.suffix.lower() for file in files}
     if len(files) > MOST_FILES:

@@ -111,6 +111,8 @@ def _numbers(cells: str, name: str) -> FloatArray:
         if values.size == cells.count(",") + 1:
             return values
     try:
+        if "_" in cells:
+            raise ValueError("'_'")  # noqa: TRY301 - digits that only Python reads
         return np.array(cells.split(","), dtype=np.float64)
     except ValueError as error:
         raise DamagedFileError(f"{name}: holds what is no number ({error})") from None
@@ -350,7 +352,12 @@ def read_csv_zip(path: Path) -> ForeignShow:
     DamagedFileError
         If it is not that.
     """
-    members = [name for name in Archive(path).names if name.lower().endswith(".csv")]
+    # What macOS packs beside each file is no table.
+    members = [
+        name
+        for name in Archive(path).names
+        if name.lower().endswith(".csv") and not name.rsplit("/", 1)[-1].startswith(".")
+    ]
     if not 1 <= len(members) <= MOST_DRONES:
         raise DamagedFileError(
             f"{path}: has {len(members):,} .csv files; wanted 1 to {MOST_DRONES:,}"

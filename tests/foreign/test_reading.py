@@ -453,6 +453,38 @@ def scene(count=3, **changes):
     return top | changes
 
 
+def test_what_lies_beside_tables_of_a_mac_is_no_drone(tmp_path):
+    path = tmp_path / "show.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("show/a.csv", "0,0,0,0\n9000,0,0,5\n")
+        archive.writestr("__MACOSX/show/._a.csv", bytes(range(256)))
+    assert read_show(path).names == ("a",)
+
+
+def test_numbers_that_python_alone_reads_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("0,0,0,0\n9_000,0,0,5\n")
+    with pytest.raises(DamagedFileError, match="no number"):
+        read_show(path)
+
+
+@pytest.mark.parametrize("offset", [-4, 4])
+def test_an_accessor_stays_within_its_view(offset, tmp_path):
+    path, top = tmp_path / "a.gltf", scene()
+    top["accessors"][1]["byteOffset"] = offset
+    path.write_text(json.dumps(top))
+    with pytest.raises(DamagedFileError, match="bufferView"):
+        read_show(path)
+
+
+def test_a_way_between_keys_that_is_not_known_is_refused(tmp_path):
+    path, top = tmp_path / "a.gltf", scene()
+    top["animations"][0]["samplers"][0]["interpolation"] = "CATMULLROM"
+    path.write_text(json.dumps(top))
+    with pytest.raises(DamagedFileError, match="'CATMULLROM'"):
+        read_show(path)
+
+
 def test_scenes_are_turned_into_the_show_frame(tmp_path):
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(scene()))
@@ -512,6 +544,7 @@ def test_tangents_are_turned_and_not_shifted(tmp_path):
                                           "rotation": [0, 0, 1, 0]}])  # fmt: skip
     top["buffers"] = [{"uri": "data:;base64," + base64.b64encode(data).decode()}]
     top["accessors"][1]["count"] = 6
+    top["bufferViews"][1]["byteLength"] = 72
     top["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(top))
@@ -678,7 +711,10 @@ def test_replaced_entries_of_a_sparse_accessor_are_read(tmp_path):
     data = np.array([2], dtype="<u2").tobytes() + bytes(2)
     data += np.array([7, 8, 9], dtype="<f4").tobytes()
     top["buffers"].append({"uri": "data:;base64," + base64.b64encode(data).decode()})
-    top["bufferViews"] += [{"buffer": 1}, {"buffer": 1, "byteOffset": 4}]
+    top["bufferViews"] += [
+        {"buffer": 1, "byteLength": 2},
+        {"buffer": 1, "byteOffset": 4, "byteLength": 12},
+    ]
     sparse = {
         "count": 1,
         "indices": {"bufferView": 2, "componentType": 5123},
