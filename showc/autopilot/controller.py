@@ -7,20 +7,20 @@ it does then, for the default quadrotor of ArduPilot's simulation:
   well the drone keeps up: 0.05 + (its speed along the leg - the gain of the place times
   its distance behind the point) / the law's speed, 0 to 1.
 - Level, in both axes: the speed asked for is the law's and the gain of the place times
-  the distance to the point. The speed missed, smoothed over 0.032 s, asks for the
-  acceleration of the law plus gains times it, its sum, its change and the speed asked
-  for, up to the steepest lean. The vehicle leans to that 0.125 s and 0.03 s late, and
-  pushes the harder the more it lifts. Drag takes 0.25/s times its speed and 0.027/m
+  the distance to the point. The speed missed, smoothed over 0.032 s, asks for an
+  acceleration, up to the steepest lean: that of the law, plus gains times it, its sum,
+  its change and the speed asked for. The vehicle leans to that 0.125 s and 0.03 s late,
+  and pushes the harder the more it lifts. Drag takes 0.25/s times its speed and 0.027/m
   times its square.
 - Upright: the speed missed asks for the acceleration of the law plus a gain times it;
   the acceleration missed for a lift of 1.26 times it plus 2.5/s times its sum, which
   comes 0.075 s late. Drag is the same.
 
 The form is that of the autopilot's controllers, the gains are those of the parameters;
-the times of lean and lift, and drag, are fitted to a transcription of those controllers
-that is kept outside this repository and gives what was measured in simulation. The law
-is taken from a table in steps of 20 ms, straight in between; the loops are integrated
-by the midpoint rule in steps of 20 ms.
+the times of lean and lift, and drag, are fitted to a transcription of those
+controllers. It is kept outside this repository and gives what was measured in
+simulation. The law is taken from a table in steps of 20 ms, straight in between; the
+loops are integrated by the midpoint rule in steps of 20 ms.
 
 Arrays of a few hundred drones take as long to make as to fill, and those of a few
 drones take no time but that of the calls: everything is worked out in place, and rows

@@ -42,8 +42,8 @@ GAINS: dict[str, float] = {
 """Gains with which missions were flown, in ArduPilot's units: its own defaults.
 
 Those of the envelope follow more closely, and are wrong here: a leg's time stands still
-while the drone swings back over its end, and of 24 legs flown with them three ended 5
-to 10 s late, beyond their slots."""
+while the drone swings back over its end. Of 24 legs flown with them three ended 5 to 10
+s late, beyond their slots."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ While the drone stands on the ground, ArduCopter raises the throttle, from nothi
 full within TKOFF_SLEW_TIME, until it notices that the drone rises: by half the greatest
 upright acceleration, or a tenth of the greatest speed up. From then on it leads a point
 to the height asked for, by limits of speed, acceleration and jerk (its
-``shape_pos_vel_accel``), 400 times a second, and ends the take-off when that is nearly
+``shape_pos_vel_accel``), 400 times a second. It ends the take-off when that is nearly
 there and slower than a tenth of the greatest speed up.
 """
 

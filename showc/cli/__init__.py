@@ -87,10 +87,10 @@ class Verbs(click.Group):
 def showc() -> None:
     """Compile drone light shows.
 
-    A show script (YAML) lists formations and transitions. showc solves every
-    transition as a minimum-time optimal control problem on the full quadrotor model,
-    proves that the drones keep apart at every instant, and writes MAVLink mission
-    files and a trajectory log.
+    A show script (YAML) lists formations and transitions. showc solves every transition
+    as a minimum-time optimal control problem on the full quadrotor model. It proves
+    that the drones keep apart at every instant, and writes MAVLink mission files and a
+    trajectory log.
 
     \b
       showc init my-show.yaml        start a script

@@ -49,8 +49,8 @@ def command(
     transitions (time, bound, gap, smallest separation, greatest speed and tilt),
     margins, safety case, mission prediction, hashes. Prints well.
 
-    Of a show of others (see showc view) it says what is proved of the file, whether it
-    can be flown, what the firmware makes of it, and what is not known.
+    Of a show of others (see showc view) it says what is proved of the file, and whether
+    it can be flown. It also says what the firmware makes of it, and what is not known.
 
     \b
       showc report night.skyc                    writes night-report.html

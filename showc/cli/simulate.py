@@ -80,8 +80,8 @@ def command(
     they come. It is a model with typical figures: it compares shows, winds and
     controllers, and says nothing of one aircraft.
 
-    The results go into the log, from which showc report and showc view take them, and
-    into a file beside it, from which a script can take the tube (separation: tracking:
+    The results go into the log, for showc report and showc view. They go into a file
+    beside it, too, from which a script can take the tube (separation: tracking:
     measured).
 
     \b

@@ -60,10 +60,10 @@ def command(
     Ends with 0 if all is proved, 1 if the show breaks a rule, 2 if the file is damaged
     or not a log of showc's.
 
-    Of a folder that showc export wrote, the written files are proved again. Of a .skyc,
-    .skyb files, a CSV zip, poly7 files, a .vviz or an animated glTF it says what the
-    file says at every instant, whether that can be flown, and what the firmware makes
-    of it, by the file's own rules and by those asked for.
+    Of a folder that showc export wrote, the written files are proved again. A .skyc,
+    .skyb files, a CSV zip, poly7 files, a .vviz and an animated glTF are judged at
+    every instant, by the file's own rules and by those asked for: can it be flown, and
+    what does the firmware make of it?
 
     \b
       showc verify output.mcap

@@ -44,14 +44,14 @@ def command(
 ) -> int:
     """Make a page that plays the show in any browser.
 
-    One self-contained HTML file, made and played without the network: the fleet in its
-    colours, scrubbing, speed, orbit, plots of a chosen drone, the tightest encounter,
-    the transitions as chapters, cues, curves of the whole fleet against its limits, the
-    missions' predicted flights, the tubes that showc simulate found in wind, and the
-    verdict of showc verify, which is run first.
-    With --flown, the flown fleet stands beside the solved one instead of the predicted.
-    RECORD is what stream wrote, a .BIN, a .tlog, or a folder of such.
-    Music plays in step: a file chosen in the page, or with --music the script's.
+    One self-contained HTML file, made and played without the network. It has the fleet
+    in its colours, with time line, speed and camera; plots of a chosen drone, and of
+    the whole fleet against its limits; the tightest encounter, chapters and cues. It
+    shows the missions' predicted flights and the tubes that showc simulate found in
+    wind. showc verify is run first, and its verdict is shown. With --flown, the flown
+    fleet stands beside the solved one instead of the predicted. RECORD is what stream
+    wrote, a .BIN, a .tlog, or a folder of such. Music plays in step: a file chosen in
+    the page, or with --music the script's.
 
     Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
     a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export wrote.

@@ -2,8 +2,8 @@
 
 Places are rounded to the grid. Of a velocity the grid holds multiples of three steps
 over the length of the shorter piece beside the joint: both sides then have the same,
-and velocity is continuous exactly. Where rounding would ask for more acceleration than
-an aircraft was flown with, neighbouring steps are searched that ask for no more (the
+and velocity is continuous exactly. Rounding may ask for more acceleration than an
+aircraft was flown with. Then neighbouring steps are searched that ask for no more (the
 closest vector problem of lattices, in which only the joints of the pieces in question
 move; Agrell et al. 2002, Closest point search in lattices, section II).
 """

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
 _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
-"""Growth of the time allowed over the least one after a failure, where a crowd was
-nearly parted, with fewer times what may be wrong, and of many drones at first."""
+"""Growth of the time allowed over the least one after a failure; where a crowd was
+nearly parted, with fewer times what may be wrong; and of many drones at first."""
 _GREAT, _MEETING = 500, 0.25
 """Drones from which on a time near the least is passed over where more than this share
 of them meet on straight lines: a search there takes as long as all others."""

@@ -1,9 +1,9 @@
 """Whether show mode can follow a file: limits that were measured in flight.
 
-Flown in the simulation of branch CMCopter-4.6 with its default quadrotor, mode 3 at
-50 Hz, and the parameters of :mod:`showc.export.parameters`, in calm air, from the end
-of the take-off to the last descent. Accelerations are those between joints a quarter of
-a second apart: shorter peaks, where a file's acceleration jumps, did no harm.
+Flown in the simulation of branch CMCopter-4.6 with its default quadrotor, in calm air,
+from the end of the take-off to the last descent. Mode 3 at 50 Hz, and the parameters of
+:mod:`showc.export.parameters`. Accelerations are those between joints a quarter of a
+second apart: shorter peaks, where a file's acceleration jumps, did no harm.
 """
 
 from __future__ import annotations

@@ -91,12 +91,12 @@ def _play(
 
     A strobe shows the colours for the first quarter of each period, and 1 - depth of
     them for the rest. A twinkle is a pulse that begins, for the i-th drone, at the
-    fraction of i times the golden ratio of its period.
-    What runs goes through its colours, and from the last back to the first, evenly in
-    light and once a turn, in the brightness of the colour that it replaces.
-    With turns w = t / period - (place . direction) / wavelength (pulses without the
-    second term), pulse and sweep dim to 1 - depth (1 - cos 2 pi w) / 2, and a rainbow
-    shows the hue w in the brightness of the colour it replaces.
+    fraction of i times the golden ratio of its period. What runs goes through its
+    colours, and from the last back to the first, evenly in light and once a turn. It
+    has the brightness of the colour that it replaces. With turns w = t / period -
+    (place . direction) / wavelength (pulses without the second term), pulse and sweep
+    dim to 1 - depth (1 - cos 2 pi w) / 2, and a rainbow shows the hue w in the
+    brightness of the colour it replaces.
     """
     turns = np.broadcast_to(
         (elapsed / effect.period)[:, None], (elapsed.size, places.shape[0])

@@ -99,9 +99,9 @@ def mission_files(
     UsageError
         If ``start`` has no time zone or is no whole second.
     ExportError
-        If a mission has more items than its board holds, the predicted flights of a
-        leg come too near each other in every encoding, or slots would come round again
-        while the missions are flown.
+        If a mission has more items than its board holds, or the predicted flights of a
+        leg come too near each other in every encoding. Also if slots would come round
+        again while the missions are flown.
     """
     show = flight.itinerary.show
     minute = show.mission.start_minute if start_minute is None else start_minute

@@ -1,12 +1,12 @@
 """Which drone takes which place.
 
 The assignment that minimises the sum of squared distances, in the metric of the
-separation, has a proof: no exchange of two places improves the sum, so two drones
-that share one time profile along straight lines never come nearer than the smaller
-spacing over the square root of two (Turpin, Michael, Kumar 2014, Concurrent
-assignment and planning of trajectories, section 4; the argument holds in every inner
-product). A little is often to be gained by shortening the longest move; that loses the
-proof, so it is taken only where the straight lines are measured to keep the separation.
+separation, has a proof: no exchange of two places improves the sum. So two drones that
+share one time profile along straight lines never come nearer than the smaller spacing
+over the square root of two (Turpin, Michael, Kumar 2014, Concurrent assignment and
+planning of trajectories, section 4; the argument holds in every inner product). A
+little is often to be gained by shortening the longest move; that loses the proof, so it
+is taken only where the straight lines are measured to keep the separation.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ def nearest_on_lines(
 ) -> Meeting | None:
     """Nearest pair of drones that share one profile along straight lines.
 
-    All drones are at ``start + s (goal - start)`` for a common s from 0 to 1, so the
+    All drones are at ``start + s (goal - start)`` for a common s from 0 to 1. So the
     least distance of a pair is the distance of a segment to the origin: exact for the
     sphere and the ellipsoid. The axis forms are not convex; for them the distance is
     the least over s of a piecewise-linear function, taken at its corners.

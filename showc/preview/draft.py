@@ -2,8 +2,8 @@
 
 Drones that arrive or leave in motion are drawn on cubics with those velocities.
 
-Every drone of a move follows one profile along its straight line, in the time that the
-quickest such flight of the drones with the longest ways takes (an estimate: nothing is
+Every drone of a move follows one profile along its straight line. Its time is that of
+the quickest such flight of the drones with the longest ways (an estimate: nothing is
 proved of it, and drones may pass too near). What has been solved takes its place.
 """
 

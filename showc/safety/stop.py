@@ -3,7 +3,7 @@
 All drones are where the plan has them at one show time s, whatever its rate r = ds/dt:
 every distance that holds along the plan holds. With the plan's velocity v and
 acceleration a at s a drone flies r v and r² a + r' v. Over a period in which r' is
-constant these are polynomials in s times numbers between the squares of two rates, so
+constant these are polynomials in s times numbers between the squares of two rates. So
 their Bernstein coefficients keep what the accelerations keep, for both squares.
 """
 

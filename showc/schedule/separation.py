@@ -1,14 +1,13 @@
 """Separation of predicted flights, over all times and all delays.
 
 A drone's delay is only known to within a spread s. Progress along a leg is monotone in
-the law's time, and that in the time t, so over the times [a, b] the drone is exactly on
-the part of its straight leg between the law's places at law_time(a) - s and
-law_time(b) + s; the latter goes on beyond the end by the overshoot, until the drone has
-settled.
-The distance of two such parts bounds the distance of the pair from below, and at a
-single time it is the least distance that any two delays give. From there it changes no
-faster than the pair's greatest relative speed. Branch and bound over time makes both
-ends meet.
+the law's time, and that in the time t. So over the times [a, b] the drone is exactly on
+the part of its straight leg between the law's places at law_time(a) - s and law_time(b)
++ s; the latter goes on beyond the end by the overshoot, until the drone has settled.
+The distance of two such parts bounds the distance of the pair from below. At a single
+time it is the least distance that any two delays give. From there it changes no faster
+than the pair's greatest relative speed. Branch and bound over time makes both ends
+meet.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The document: a script's YAML as a tree in which everything knows its place.
 
-The tree is built from libyaml's events and not from its nodes, so that depth, size
-and aliases are counted before anything grows, and so that a plain ``no`` or ``1:30``
-is still the text the author wrote when it is judged.
+The tree is built from libyaml's events and not from its nodes. So depth, size and
+aliases are counted before anything grows, and a plain ``no`` or ``1:30`` is still the
+text the author wrote when it is judged.
 """
 
 from __future__ import annotations

@@ -102,8 +102,9 @@ class Fence:
     ) -> float | None:
         """Find where a flight comes too near the fence: a time [s], or None.
 
-        Parts of the flight are enclosed in the circles that hold their coefficients,
-        and halved until each circle keeps the margin or a point of the flight does not.
+        Parts of the flight are enclosed in the circles that hold their coefficients.
+        They are halved until each circle keeps the margin or a point of the flight does
+        not.
 
         Parameters
         ----------

@@ -208,8 +208,8 @@ def _clocked(text: str) -> float | None:
 def _time_code(match: re.Match[str]) -> float:
     """Seconds of a time code; drop-frame ones leave out two numbers a minute.
 
-    The numbers 0 and 1 are left out at the start of each minute that is no multiple of
-    ten (SMPTE ST 12-1), so that the count keeps up with 30000/1001 frames per second.
+    At the start of each minute that is no multiple of ten the numbers 0 and 1 are left
+    out (SMPTE ST 12-1). So the count keeps up with 30000/1001 frames per second.
     """
     hours, minutes, seconds, frames = (int(match.group(at)) for at in (1, 2, 3, 5))
     rate = match.group(6)

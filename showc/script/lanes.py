@@ -50,8 +50,8 @@ def chapters(show: Show) -> list[list[int]]:
     """Transitions (by index) that are flown together, in order.
 
     A transition of the whole fleet is a chapter of its own. Consecutive transitions of
-    groups share a chapter while no group moves twice, and one that does joins them too
-    if it starts, or arrives at least, while another of them moves or is held, by the
+    groups share a chapter while no group moves twice. One that does joins them too if
+    it starts, or arrives at least, while another of them moves or is held, by the
     script's times. One that starts after all of them are held begins a new chapter,
     unless groups with times of their own leave a motion under way.
     """

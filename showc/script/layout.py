@@ -44,8 +44,8 @@ def format_script(text: str) -> str:
     Returns
     -------
     str
-        Two columns a level, one space after colons, commas and dashes and before a
-        comment behind a value, none inside brackets, at most one blank line together,
+        Two columns a level. One space after colons, commas and dashes and before a
+        comment behind a value, none inside brackets. At most one blank line together,
         lines ended by a line feed. Formatting it again changes nothing.
 
     Raises

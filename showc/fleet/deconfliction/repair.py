@@ -1,8 +1,8 @@
 """Repair: independent flights at one common time, changed until they keep apart.
 
 Where pairs come too near, all flights are changed together; every drone that has to
-change is solved again near what came out, on its side of moving half-spaces, and again
-about the outcome until no pair comes too near.
+change is solved again near what came out, on its side of moving half-spaces. That is
+repeated about the outcome until no pair comes too near.
 """
 
 from __future__ import annotations

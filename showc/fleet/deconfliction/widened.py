@@ -1,10 +1,10 @@
 """A crowd that widens half-way: flights in closed form, with a guarantee.
 
-On straight lines that all drones share, a pair at ``(1 - s) dp + s dq`` draws nearer by
-a factor of the square root of two at most, if the assignment minimises the sum of
-squared distances: then ``dp . dq >= 0`` for every pair, since exchanging its goals
-gains nothing (Turpin, Michael, Kumar 2014, section III). Here every drone leaves its
-line by ``k w(s) (p + q - 2 c)``, c common to all, so that pairs are at
+Let the assignment minimise the sum of squared distances. On straight lines that all
+drones share, a pair at ``(1 - s) dp + s dq`` then draws nearer by a factor of the
+square root of two at most: then ``dp . dq >= 0`` for every pair, since exchanging its
+goals gains nothing (Turpin, Michael, Kumar 2014, section III). Here every drone leaves
+its line by ``k w(s) (p + q - 2 c)``, c common to all, so that pairs are at
 
     A dp + B dq,   A = 1 - s + k w,   B = s + k w.
 

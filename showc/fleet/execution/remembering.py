@@ -1,7 +1,7 @@
 """A crew that remembers: what an interrupted compile had found already is not redone.
 
 Each result is kept as soon as it is known, under a hash of the leg, the function and
-its arguments, and forgotten when the leg as a whole is kept. Results are plain data;
+its arguments. It is forgotten when the leg as a whole is kept. Results are plain data;
 reading one back creates showc's own dataclasses and arrays, and nothing else.
 """
 

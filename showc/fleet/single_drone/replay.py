@@ -1,9 +1,9 @@
 """Flying trajectories again: the controls, integrated, against the polynomials.
 
-The controls, cut to what the rotors can do, are integrated from the first state by
-Gauss quadrature with 10 points on each half of every interval (local order 20), all
-drones at once. Rates couple through the gyroscopic terms only; they are found by
-fixed-point (Picard) iteration over the whole leg, the rest follows by quadrature.
+The controls, cut to what the rotors can do, are integrated from the first state, all
+drones at once. Gauss quadrature has 10 points on each half of every interval (local
+order 20). Rates couple through the gyroscopic terms only; they are found by fixed-point
+(Picard) iteration over the whole leg, the rest follows by quadrature.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Moves that are mirror images of each other: what flies one flies the other.
 
-Mirroring a flight with yaw held in a vertical plane of the airframe turns the sign of
-one horizontal axis, of the angle, rate and torque that act along it, and of the
-gyroscopic torque about z; the equations of motion keep their form whatever the
-inertia. Limits keep theirs where they are the same to both sides. A fleet that swaps
-places on a circle therefore has a few kinds of move, not one for each drone.
+A flight with yaw held is mirrored in a vertical plane of the airframe. That turns the
+sign of one horizontal axis, of the angle, rate and torque that act along it, and of the
+gyroscopic torque about z; the equations of motion keep their form whatever the inertia.
+Limits keep theirs where they are the same to both sides. A fleet that swaps places on a
+circle therefore has a few kinds of move, not one for each drone.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ order by
     integral of H(x, u, l) - min over v in bounds of H(x, v, l)             (control)
 
 The second is computed here. Where a state is at its bound the costates of a discrete
-program are determined only as far as its controls can tell them apart, and what is left
+program are determined only as far as its controls can tell them apart. What is left
 oscillates; there they are replaced by their best approximation by polynomials of the
 controls' degree.
 """

@@ -1,11 +1,11 @@
 """Where controls switch and state constraints begin to bind: the arcs of a phase.
 
 A control that is at a bound, or off it, over a stretch of time forms an arc. The
-borders of all arcs become unknowns of the problem (their durations), and on each
-arc a control at its bound is given the lowest degree. This is the idea of Agamawi,
-Hager, Rao 2019 (Mesh refinement method for solving bang-bang optimal control
-problems using direct collocation), with the structure read off the controls and the
-active state bounds, so that singular arcs and boundary arcs are covered as well.
+borders of all arcs become unknowns of the problem (their durations), and on each arc a
+control at its bound is given the lowest degree. This is the idea of Agamawi, Hager, Rao
+2019 (Mesh refinement method for solving bang-bang optimal control problems using direct
+collocation). The structure is read off the controls and the active state bounds, so
+that singular arcs and boundary arcs are covered as well.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Cascades: dynamics that can be integrated one state after the other.
 
-Where no state's derivative depends on the state itself, directly or by way of others,
+Let no state's derivative depend on the state itself, directly or by way of others. Then
 the polynomials of one mesh interval follow from the values at its start and from the
-controls in closed form, and no unknowns are needed inside the interval:
+controls in closed form. No unknowns are needed inside the interval:
 
 - a derivative linear in polynomials (constant factors) is a polynomial; its integral
   is exact, one degree higher;

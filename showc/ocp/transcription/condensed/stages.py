@@ -1,8 +1,8 @@
 """One mesh interval of a cascade as a stage: its functions and its rows.
 
-A stage maps the values of the states at the start of an interval and the coefficients
-of its controls to the values at its end (by the cascade of its dynamics), to a
-share of the objective, and to rows that keep every limit at every instant of it.
+A stage takes the values of the states at the start of an interval and the coefficients
+of its controls. It maps them to the values at its end (by the cascade of its dynamics),
+to a share of the objective, and to rows that keep every limit at every instant of it.
 """
 
 from __future__ import annotations

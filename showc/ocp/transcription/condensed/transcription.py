@@ -1,7 +1,7 @@
 """Condensed transcription: a cascade on a mesh, one stage an interval.
 
-For problems of one phase whose dynamics form a cascade
-(:mod:`showc.ocp.transcription.condensed.cascade`) the nonlinear program has no
+The dynamics of a problem of one phase may form a cascade
+(:mod:`showc.ocp.transcription.condensed.cascade`). Then the nonlinear program has no
 unknowns inside the intervals, and neighbouring intervals meet in their states only.
 fatrop (Vanroye, Sathya, De Schutter, Decre 2023, FATROP: a fast constrained optimal
 control problem solver) factorises such programs stage by stage; IPOPT takes them as
