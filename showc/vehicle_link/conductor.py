@@ -455,7 +455,7 @@ class Conductor:
             self._brought_down(ours)
 
     def _ours(self) -> list[Pilot]:
-        """Return the vehicles in the air that nobody else has in hand."""
+        """Return the vehicles in the air that are in no other hands."""
         return [pilot for pilot in self.pilots if not pilot.off_mode()]
 
     def _may_land(self) -> bool:
