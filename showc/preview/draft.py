@@ -285,29 +285,27 @@ def _places(draft: Draft, number: int, elapsed: FloatArray) -> FloatArray:
     if flight is not None and elapsed.size:
         alone = Flight(draft.itinerary, (flight,), np.zeros(1))
         return FleetSampler(alone)(np.minimum(elapsed, flight.duration))[0][..., :3]
+    if not leg.parts:
+        return _along(leg, draft.courses[number], elapsed, time)
+    places = np.repeat(leg.start[None], elapsed.size, axis=0)
+    for part, course in zip(leg.parts, draft.moves[number], strict=True):
+        since = elapsed - ((part.depart or 0.0) - (leg.depart or 0.0))
+        least, most = np.flatnonzero(since > 0.0), part.duration or 0.0
+        moved = _along(part, course, np.clip(since[least], 0.0, most), most)
+        places[np.ix_(least, part.drones)] = moved
+    return places
+
+
+def _along(leg: Leg, course: Course, elapsed: FloatArray, time: float) -> FloatArray:
+    """Positions (T, n, 3) [m] of a leg's drones that all move in its time [s]."""
     if leg.motion:
         places = np.repeat(leg.start[None], elapsed.size, axis=0)
         for one in leg.motion:
-            moved = one.derivatives(time, elapsed)
-            places[:, one.rows] = moved[0]
-        return places
-    if leg.parts:
-        places = np.repeat(leg.start[None], elapsed.size, axis=0)
-        for part, course in zip(leg.parts, draft.moves[number], strict=True):
-            since = elapsed - ((part.depart or 0.0) - (leg.depart or 0.0))
-            least, most = np.flatnonzero(since > 0.0), part.duration or 0.0
-            since = np.clip(since[least], 0.0, most)
-            for one in part.motion:
-                moved = one.derivatives(most, since)[0]
-                places[np.ix_(least, part.drones[one.rows])] = moved
-            if not part.motion:
-                share = course.share(since, most)[:, None, None]
-                moved = part.start + share * (part.goal - part.start)
-                places[np.ix_(least, part.drones)] = moved
+            places[:, one.rows] = one.derivatives(time, elapsed)[0]
         return places
     if leg.in_motion:
         return _in_motion(leg, elapsed, time)
-    share = draft.courses[number].share(elapsed, time)[:, None, None]
+    share = course.share(elapsed, time)[:, None, None]
     return np.asarray(leg.start + share * (leg.goal - leg.start))
 
 

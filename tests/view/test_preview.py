@@ -143,6 +143,10 @@ def test_groups_with_times_of_their_own_are_drawn_in_them():
         deep = [(middle > begin + 0.5) & (middle < end - 0.5) for begin, end in spans]
         assert not moves[within & ~np.any(near, axis=0), drones].any()
         assert moves[np.any(deep, axis=0), drones].any(axis=1).all()
+    # The wheel is left while it turns.
+    speed = np.linalg.norm(np.diff(scene.positions, axis=0), axis=-1) / scene.step
+    at = int(24.0 / scene.step)
+    assert speed[at - 1 : at + 2, :4].min() > 0.5
 
 
 def test_what_did_not_change_is_not_worked_out_again(monkeypatch):
