@@ -81,6 +81,12 @@ class MovingFlight:
         }
         name = max(parts, key=lambda one: float(parts[one].max()))
         row = int(np.argmax(parts[name]))
+        if not np.isfinite(parts[name][row]):
+            return (
+                f"the thrust of drone {drones[row] + 1} would jump where the motion is "
+                "joined or left: it rises or falls from rest there, which a limit of "
+                "jerk leaves no time for; hold it a little longer or shorter"
+            )
         if parts[name][row] > 1.0 + SLACK:
             return (
                 f"drone {drones[row] + 1} would need {parts[name][row]:.2f} times the "

@@ -181,7 +181,7 @@ class _Flown:
         self, show: Show, transition: Transition, time: float, *, whole: bool
     ) -> None:
         self.show = show
-        self.time = time
+        self.time, self.whole = time, whole
         self.name = transition.to
         self.motion = transition.motion
         formation = show.formations[transition.to]
@@ -208,7 +208,12 @@ class _Flown:
         """Say what cannot be, and what to do; None if nothing was found."""
         rows = self._outermost(max(share // self.instants.size, 0))
         states = self._states(rows, self.instants)
-        return self._beyond(rows, states) or self._outside(rows, states) or self._near()
+        return (
+            self._beyond(rows, states)
+            or self._unbalanced()
+            or self._outside(rows, states)
+            or self._near()
+        )
 
     def _states(self, rows: IntArray, instants: FloatArray) -> FloatArray:
         """Position, velocity, acceleration, jerk, shape (4, instants, rows, 3) (SI)."""
@@ -245,6 +250,28 @@ class _Flown:
             "long" + f", or its size {smaller} of what it is" * (float(smaller) > 0.0),
             Spot(self.name, (worst.place,)),
         )
+
+    def _unbalanced(self) -> _Fault | None:
+        """Places that rise or fall from rest where the motion is joined or left.
+
+        Only with a limit of jerk: thrust would jump there.
+        """
+        for side, joined in enumerate(self.moving.under_way):
+            if not (joined and self.whole and self.show.limits.jerk):
+                continue
+            _, speed, push, change = self.moving.ends(self.time)[side]
+            still = np.abs(np.column_stack([speed, push[:, :2], change[:, :2]]))
+            rises = (still.max(axis=1) < _ROUNDING) & (np.abs(push[:, 2]) > _ROUNDING)
+            if rises.any():
+                place = int(np.argmax(rises))
+                return _Fault(
+                    f"place {place + 1} of `{self.name}` rises or falls from rest "
+                    f"where its motion is {('joined', 'left')[side]}, and jerk is "
+                    "limited",
+                    "hold it a little longer or shorter",
+                    Spot(self.name, (place,)),
+                )
+        return None
 
     def _needs(self, rows: IntArray, states: FloatArray) -> Iterator[_Need]:
         limits, vehicle = self.show.limits, self.show.vehicle

@@ -117,3 +117,13 @@ def test_a_hold_that_music_ends_is_judged_by_its_longest_time():
 
     assert found(40.0)
     assert not found(200.0)
+
+
+def test_a_motion_left_at_rest_and_out_of_balance_is_refused_where_jerk_is_limited():
+    wave, jerk = "{wave: {amplitude: 1, period: 8}}", "limits: {jerk: 20}\n"
+    (message,) = refused(read("ring", wave, "hold: 18, leave: moving, ", jerk))
+    assert "rises or falls from rest where its motion is left" in message
+    result = read("ring", wave, "hold: 18, leave: moving, ", jerk)
+    assert "would jump where the motion is joined or left" in trouble(result.draft)
+    assert not refused(read("ring", wave, "hold: 17.5, leave: moving, ", jerk))
+    assert not refused(read("ring", wave, "hold: 18, leave: moving, "))
