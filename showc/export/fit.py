@@ -35,6 +35,7 @@ from showc.foreign.motion import (
     portions,
     standing,
 )
+from showc.foreign.smoothing import moved
 from showc.processes import side_by_side
 from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
@@ -198,8 +199,8 @@ def fit_fleet(
         If no length of the pieces keeps within the tolerance, or the show is too wide.
     """
     exact = tracks_of(show)
-    moved = round(1000.0 * (lead - show.early))
-    fit = _Fit(moved, round(1000.0 * lead), tolerance, followed)
+    shift = round(1000.0 * (lead - show.early))
+    fit = _Fit(shift, round(1000.0 * lead), tolerance, followed)
     return _together(
         side_by_side(
             [
@@ -251,20 +252,20 @@ class _Fit:
 
     def _cut(self, exact: Tracks, step: int, cost: float) -> FittedFleet:
         """Fit with pieces of ``step`` [ms], joined where it costs at most ``cost``."""
-        moved = self.moved
+        shift = self.moved
         crossing = crossings(exact)
-        if moved < step:
+        if shift < step:
             # The odd rest of the time lies before the launch; there is no room for it.
             crossing = np.full_like(crossing, np.inf)
         high = np.isfinite(crossing)
         at = np.rint(1000.0 * np.where(high, crossing, 0.0)).astype(np.int64)
-        begin = moved - -at % step
-        pieces = int(np.ceil((moved + 1000.0 * exact.end - begin.min()) / step))
+        begin = shift - -at % step
+        pieces = int(np.ceil((shift + 1000.0 * exact.end - begin.min()) / step))
         times = begin[:, None] + step * np.arange(pieces + 1)
         place, velocity = (
-            part[..., :3] for part in states(exact, (times - moved) / 1000.0)
+            part[..., :3] for part in states(exact, (times - shift) / 1000.0)
         )
-        node = np.where(high, (moved + at - begin) // step, -1)
+        node = np.where(high, (shift + at - begin) // step, -1)
         drone, kept = np.nonzero(_joined(place, velocity, node, step, cost))
         counts = np.bincount(drone, minlength=exact.drones)
         joints = Joints(
@@ -492,15 +493,9 @@ def error_of(
 
     def bounded(low: int, part: Tracks) -> FitError:
         solved = chosen(exact, slice(low, low + part.drones))
-        moved = replace(
-            solved,
-            begin=0.0,
-            end=end,
-            starts=solved.starts + lead,
-            ends=solved.ends + lead,
-            position=solved.position[:, :, :3],
-        )
-        apart = difference(standing(moved, 0.0, end), standing(part, 0.0, end))
+        path = replace(solved, position=solved.position[:, :, :3])
+        late = standing(moved(path, lead), 0.0, end)
+        apart = difference(late, standing(part, 0.0, end))
         found = []
         for resolution in (
             _POSITION_RESOLUTION,

@@ -18,6 +18,7 @@ import numpy as np
 
 from showc.foreign.motion import (
     Greatest,
+    chosen,
     common,
     derivative,
     difference,
@@ -29,12 +30,12 @@ from showc.foreign.motion import (
     standing,
 )
 from showc.processes import side_by_side
-from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.arrays import FloatArray
+    from showc.verify.kernel.slices import Tracks
 
 
 GRAVITY = 9.80665
@@ -128,13 +129,12 @@ def integral(tracks: Tracks) -> Tracks:
 
 def moved(tracks: Tracks, offset: float) -> Tracks:
     """Return the same flights ``offset`` [s] later."""
-    return Tracks(
-        tracks.begin + offset,
-        tracks.end + offset,
-        tracks.first,
-        tracks.starts + offset,
-        tracks.ends + offset,
-        tracks.position,
+    return replace(
+        tracks,
+        begin=tracks.begin + offset,
+        end=tracks.end + offset,
+        starts=tracks.starts + offset,
+        ends=tracks.ends + offset,
     )
 
 
@@ -303,16 +303,7 @@ def _furthest(apart: Tracks, first: int) -> list[Greatest]:
     for drone in np.argsort(-reach, kind="stable").tolist():
         if len(found) >= NAMED and reach[drone] <= found[NAMED - 1].lower:
             break
-        rows = slice(int(apart.first[drone]), int(apart.first[drone + 1]))
-        single = Tracks(
-            apart.begin,
-            apart.end,
-            np.array([0, rows.stop - rows.start]),
-            apart.starts[rows],
-            apart.ends[rows],
-            apart.position[rows],
-        )
-        one = greatest(single, measured, _LENGTH)
+        one = greatest(chosen(apart, slice(drone, drone + 1)), measured, _LENGTH)
         found.append(replace(one, drone=drone + first))
         found.sort(key=_by_size)
     return found[:NAMED]
@@ -331,14 +322,12 @@ def _hardest(tracks: Tracks) -> Tracks:
         change = repeated(widened(part, 2.0), rise, 0.5, 2)
         reach = np.sqrt((change.position**2).sum(axis=2)).max(axis=1)
         np.maximum.at(size, owners(change) + first, reach)
-    chosen = np.sort(np.argsort(-size)[:_WORST])
-    rows = np.isin(owners(tracks), chosen)
-    counts = np.diff(tracks.first)[chosen]
-    return Tracks(
-        tracks.begin,
-        tracks.end,
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        tracks.starts[rows],
-        tracks.ends[rows],
-        tracks.position[rows],
+    worst = np.sort(np.argsort(-size)[:_WORST])
+    rows = np.isin(owners(tracks), worst)
+    return replace(
+        tracks,
+        first=np.concatenate([[0], np.cumsum(np.diff(tracks.first)[worst])]),
+        starts=tracks.starts[rows],
+        ends=tracks.ends[rows],
+        position=tracks.position[rows],
     )
