@@ -81,6 +81,7 @@ class Verbs(click.Group):
 
 @click.command(
     cls=Verbs,
+    subcommand_metavar="VERB [ARGS]...",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
 @click.version_option(__version__, "--version", message="showc %(version)s")

@@ -72,8 +72,6 @@ def command(
             f"{row.duration:.1f} s"
         )
     longest = table.longest
-    click.echo(
-        f"longest: {longest.total:.1f} s, from {clock(longest.time)}; it is in {log}, "
-        f"and in {place}"
-    )
+    click.echo(f"longest: {longest.total:.1f} s, from {clock(longest.time)}")
+    click.echo(f"added to {log}; wrote {place}")
     return 0

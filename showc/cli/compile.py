@@ -12,7 +12,7 @@ import click
 
 from showc.cli.console import columns
 from showc.cli.options import (
-    FILE,
+    SHOW,
     Written,
     cache_option,
     flag,
@@ -52,7 +52,7 @@ def utc(text: str) -> datetime:
     "--output",
     "log",
     default="output.mcap",
-    type=FILE,
+    type=SHOW,
     metavar="PATH.mcap",
     help="Where to put the log; missions and manifest go into the folder PATH/.  "
     "[default: output.mcap]",
@@ -243,7 +243,7 @@ def table(compiled: Compiled) -> str:
             _row(move, move.leg.depart or 0.0, f"  {move.leg.name}")
             for move in flown.parts
         ]
-    lines = columns(rows)
+    lines = columns(rows, (0, 6))
     minutes, seconds = divmod(manifest["duration"], 60.0)
     lines += [
         "",

@@ -33,12 +33,12 @@ def colour_wanted(stream: Any) -> bool:
     return bool(stream.isatty()) and os.environ.get("TERM") != "dumb"
 
 
-def columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lay cells out in columns, the first to the left and the others to the right."""
+def columns(rows: Sequence[Sequence[str]], words: tuple[int, ...] = (0,)) -> list[str]:
+    """Lay cells out in columns: ``words`` to the left, figures to the right."""
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     return [
         "  ".join(
-            cell.rjust(width) if at else cell.ljust(width)
+            cell.ljust(width) if at in words else cell.rjust(width)
             for at, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows

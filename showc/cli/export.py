@@ -185,7 +185,7 @@ def command(
         solved.rules.name,
         solved.drones,
         exported.written.duration,
-        f"the rules of {log.name}",
+        f"held against the rules of {log.name}",
         exported.checks,
     )
     colour = colour_wanted(sys.stdout)

@@ -43,6 +43,7 @@ def command(
       showc plan my-show.yaml --labels my-show.txt
     """
     from showc.cli.compile import report
+    from showc.cli.console import columns
     from showc.files import write_file
     from showc.fleet.options import SolveOptions
     from showc.mission.feasibility import mission_outlook
@@ -75,17 +76,13 @@ def command(
             )
         )
     else:
-        names = [
-            leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
-            for leg in legs
-        ]
-        width = max(map(len, names))
-        for leg, name in zip(legs, names, strict=True):
-            asked = "" if leg.asked is None else f"  asked to end at {leg.asked:.3f} s"
-            click.echo(
-                f"{leg.start:9.3f} s  {name:<{width}}  {leg.lower:8.3f} s to "
-                f"{leg.upper:8.3f} s  {leg.reason}{asked}"
-            )
+        rows: list[tuple[str, ...]] = [("leg", "starts", "at least", "at most", "why")]
+        for leg in legs:
+            name = leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
+            times = (f"{time:.3f} s" for time in (leg.start, leg.lower, leg.upper))
+            asked = "" if leg.asked is None else f"; asked to end at {leg.asked:.3f} s"
+            rows.append((name, *times, leg.reason + asked))
+        click.echo("\n".join(columns(rows, (0, 4))))
         click.echo(f"compile would solve {pending} of {len(legs)} legs")
         for reason in missions.refused:
             click.echo(f"missions: none (see --no-missions): {reason}")

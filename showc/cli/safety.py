@@ -89,14 +89,14 @@ def command(
             f"(drone {one.place.drone + 1}, {one.place.time:.1f} s)"
         )
     click.echo(
-        f"the fleet's clock comes to rest within {case.stops.longest:.2f} s from every "
-        f"second, within {case.stops.sure:.2f} s from any instant"
+        f"a stopped fleet stands after {case.stops.longest:.2f} s at most from every "
+        f"whole second, after {case.stops.sure:.2f} s from any instant"
     )
     energy = case.energy
     click.echo(
-        f"battery, an estimate: {100.0 * energy.used.max():.0f} % for the show and "
-        f"{100.0 * energy.abort:.0f} % for an abort of "
-        f"{100.0 * show.battery.allowed:.0f} % (drone {energy.worst + 1})"
+        f"battery, an estimate: the show takes {100.0 * energy.used.max():.0f} % and "
+        f"an abort {100.0 * energy.abort:.0f} %; {100.0 * show.battery.allowed:.0f} % "
+        f"may be used (drone {energy.worst + 1})"
     )
     for item in case.findings:
         where = item.place

@@ -136,9 +136,8 @@ def command(
         )
     saturated = 100.0 * found.whole.saturated
     click.echo(
-        f"rotors at their limits: {saturated:.2f} % of commands; of limits of speed, "
-        "body rates, thrust and the controllers' tilt up to "
-        f"{100.0 * found.whole.used:.0f} % was taken"
+        f"rotors at their limits: {saturated:.2f} % of commands; limits of speed, body "
+        f"rates, thrust and lean: up to {100.0 * found.whole.used:.0f} % used"
     )
     click.echo(f"added to {log}; wrote {place}")
     return 0
