@@ -49,11 +49,9 @@ class Attempts:
     ) -> None:
         self.problem, self.options = problem, options
         self.parameters, self.overrides = parameters, overrides
-        statement = Statement(problem)
-        table = statement.table(statement.parameters(parameters))
-        self.table = table.with_bounds(problem, overrides)
-        """Bounds as numbers."""
         self.scales = dict(options.scales)
+        self.table = self._table()
+        """Bounds as numbers."""
         self.iterations = 0
         """Of all programs so far."""
         self.effort = 0.0
@@ -62,6 +60,12 @@ class Attempts:
         """The transcription solved last."""
         self.former: Transcription | None = None
         """The transcription of the solution that the next mesh starts from."""
+
+    def _table(self) -> Table:
+        """Bounds as numbers, with the scales known so far."""
+        statement = Statement(self.problem, self.scales)
+        table = statement.table(statement.parameters(self.parameters))
+        return table.with_bounds(self.problem, self.overrides)
 
     def attempt(
         self,
@@ -180,6 +184,7 @@ class Attempts:
             key = f"{phase.name}.duration"
             if key not in self.options.scales:
                 self.scales[key] = max(part.duration, 1e-12)
+        self.table = self._table()
         self.weigh(solution)
 
     def weigh(self, solution: Solution) -> float:

@@ -235,7 +235,8 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
     sign = -1.0 if problem.maximises else 1.0
     loss = sign * (solution.objective - former.solution.objective)
     size = objective_size(former.solution)
-    allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path)
+    left_open = former.solution.slack / size
+    allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path, 3.0 * left_open)
     return bool(loss / size > allowed)
 
 

@@ -120,9 +120,19 @@ def _pair(value: object) -> tuple[float, float]:
 
 
 class Statement:
-    """The problem's bounds with numbers put in for its parameters."""
+    """The problem's bounds with numbers put in for its parameters.
 
-    def __init__(self, problem: Problem) -> None:
+    Parameters
+    ----------
+    problem
+        Whose bounds.
+    hints
+        Typical magnitudes by name, which those of constraints follow from.
+    """
+
+    def __init__(
+        self, problem: Problem, hints: Mapping[str, float] | None = None
+    ) -> None:
         problem.check()
         self.problem = problem
         self.names = list(problem.parameters)
@@ -164,16 +174,15 @@ class Statement:
         self.constraint_scales: dict[tuple[str, str], float] = {}
         """Scales of path constraints, by phase and name, and of boundary constraints
         (phase ``""``) whose bounds do not tell them."""
-        self._weigh_constraints()
+        self._weigh_constraints(self.scales(hints or {}))
 
-    def _weigh_constraints(self) -> None:
+    def _weigh_constraints(self, scales: Scales) -> None:
         """Take scales that bounds do not tell from the constraints' slopes.
 
         The scale is by how much a constraint changes if all in it move by their scales,
         as the slopes at several places between the bounds tell. An inequality g <= 0
         then means the same in any unit of g.
         """
-        scales = self.scales({})
         shared = [symbol for symbol, _ in self.problem.parameters.values()]
         values = [default or 0.0 for _, default in self.problem.parameters.values()]
         statics = [static.symbol for static in self.problem.statics]

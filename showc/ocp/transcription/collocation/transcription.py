@@ -113,7 +113,7 @@ class Transcription:
     ) -> None:
         self.problem, self.mesh, self.scheme = problem, mesh, scheme
         self.options = options or SolverOptions()
-        self._statement = Statement(problem)
+        self._statement = Statement(problem, scales)
         self.scales = self._statement.scales(scales or {})
         self.discretisation = discretise(problem, mesh, scheme, self.scales, couplings)
         self._solvers: dict[bool, Any] = {}
