@@ -49,9 +49,8 @@ def _solved(log: Path) -> SolvedShow:
     from showc.processes import give_back
 
     logged = read_log(log)
-    show = logged.read_script().show
     # A script that this version cannot read leaves no room for drones that stray.
-    solved = solved_show(logged, 0.0 if show is None else show.tracking)
+    solved = solved_show(logged, logged.read_script().show)
     del logged
     give_back()
     return solved

@@ -129,7 +129,7 @@ def command(
             f"within {tube.radius:.2f} m (confidence 95 %)"
         )
     if show.drones > 1:
-        asked = show.separation.distance - 2.0 * show.tracking
+        asked = show.kept
         click.echo(
             f"nearest two drones: {found.whole.closest:.2f} m, {asked:.2f} m are asked "
             "for"

@@ -83,7 +83,7 @@ def verify_beside(log: Path) -> list[Check]:
     if show is None or not show.exports:
         return []
     digest = digest_of(log)
-    solved = solved_show(read_log(log), show.tracking)
+    solved = solved_show(read_log(log), show)
     return [
         replace(check, group=f"export {wish.to}")
         for wish in show.exports

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from showc.arrays import ByteArray, FloatArray
     from showc.log.reader import LoggedShow
     from showc.log.showc_pb2 import Limits, Rules
+    from showc.script.show import Show
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,15 +67,17 @@ class SolvedShow:
     """The launch alone of each drone that has one, as solved."""
     early: float = 0.0
     """How long before the show's clock the flights begin [s]."""
-    tracking: float = 0.0
-    """How far a drone may stray from its path, by the script [m]."""
+    left: float | None = None
+    """Separation that must be left once drones stray, by the script [m]; None: that of
+    the paths."""
 
     @property
     def separation(self) -> Separation:
         """What drones keep that stray as far as the script says."""
         kept = Separation()
         kept.CopyFrom(self.rules.separation)
-        kept.distance -= 2.0 * self.tracking
+        if self.left is not None:
+            kept.distance = self.left
         return kept
 
     @property
@@ -130,11 +133,10 @@ class SolvedShow:
         )
 
 
-def solved_show(log: LoggedShow, tracking: float = 0.0) -> SolvedShow:
+def solved_show(log: LoggedShow, script: Show | None = None) -> SolvedShow:
     """Take from a log what other formats can carry.
 
-    ``tracking`` is how far a drone may stray, by the script [m]: the log's separation
-    has room for it.
+    Of the ``script``, where it is known, is the separation that must be left.
     """
     site = log.rules.site
     pieces: list[list[PiecewisePolynomial]] = [[] for _ in range(log.drones)]
@@ -166,5 +168,5 @@ def solved_show(log: LoggedShow, tracking: float = 0.0) -> SolvedShow:
             for segment in log.segments
         ),
         tuple(launches[drone] for drone in sorted(launches)),
-        tracking=tracking,
+        left=None if script is None else script.kept,
     )

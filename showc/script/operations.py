@@ -268,7 +268,7 @@ def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
     taken = FLOWN_APART if flown else 2.0 * wish.tolerance
     kept = wish.separation
     if kept is None:
-        kept = show.separation.distance - 2.0 * show.tracking
+        kept = show.kept
     planned = show.separation.distance
     if planned >= kept + taken:
         return

@@ -498,3 +498,8 @@ class Show:
     """Formation where drones without a place in a picture wait; None: not allowed."""
     music: Music | None = None
     """What it is flown to."""
+
+    @property
+    def kept(self) -> float:
+        """Distance that drones keep though they stray as far as ``tracking`` [m]."""
+        return self.separation.distance - 2.0 * self.tracking

@@ -213,7 +213,7 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
     if flown is None:
         return "<p>Not flown in simulated wind: <code>showc simulate</code> does.</p>"
     show, weather = case.show, flown.weather
-    wanted = show.separation.distance - 2.0 * show.tracking
+    wanted = show.kept
     lines = []
     for tube in flown.tubes:
         near = "" if isinf(tube.closest) else f"{tube.closest:.2f}"

@@ -153,7 +153,7 @@ def wished(tmp_path_factory):
 def codes(log, form, **changed):
     """Failures of one format after it was written of a changed show."""
     source = {"data_sha256": digest_of(log)}
-    show = replace(solved_show(read_log(log), 0.0), **changed)
+    show = replace(solved_show(read_log(log)), **changed)
     folder = log.with_name(f"{log.stem}-{form}")
     options = ExportOptions.usual(form)
     export(show, source, form, folder, options)
@@ -164,7 +164,7 @@ def codes(log, form, **changed):
 @pytest.mark.parametrize("form", MORE)
 def test_an_export_with_other_lights_is_found_out(wished, form):
     """Written by the export itself, of the same flight and log in other colours."""
-    solved = solved_show(read_log(wished), 0.0)
+    solved = solved_show(read_log(wished))
     assert codes(wished, form) == set()
     assert codes(wished, form, lights=solved.lights // 2) == {"VRF585"}
     late = solved.lights.copy()
@@ -174,7 +174,7 @@ def test_an_export_with_other_lights_is_found_out(wished, form):
 
 @pytest.mark.parametrize("form", ["skyc", "skyb"])
 def test_an_export_with_another_yaw_is_found_out(wished, form):
-    solved = solved_show(read_log(wished), 0.0)
+    solved = solved_show(read_log(wished))
     turned = list(solved.flights)
     coefficients = turned[1].coefficients.copy()
     coefficients[-1, :, 3] += 0.02
