@@ -20,7 +20,7 @@ from showc.log import showc_pb2 as pb
 from showc.log.content import leg_message, trajectory_message
 from showc.plan.assignment import assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
-from showc.safety.stop import PERIOD, authority_within, stops
+from showc.safety.stop import PERIOD, Motion, SharedClock, authority_within, stops
 from showc.script.fence import inside_polygon
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ class Row:
     """How it comes down."""
     legs: tuple[LegFlight, ...]
     """What it flies then."""
+    back: tuple[float, ...]
+    """Changes of the clock's rate back along the plan; none on other ways [1/s]."""
     duration: float
     """Time from rest to the ground [s]."""
 
@@ -135,7 +137,7 @@ class AbortTable:
             message.rows.add(
                 time=row.time,
                 rest=row.rest,
-                changes=row.changes,
+                changes=row.changes + row.back,
                 way=_WAYS[row.way],
                 legs=[numbers[flown.leg.index] for flown in row.legs],
                 duration=row.duration,
@@ -172,7 +174,8 @@ def abort_table(
     """
     states = [logged.trajectory(drone).state for drone in range(logged.drones)]
     velocity = [state.select([3, 4, 5]) for state in states]
-    found = stops(velocity, authority_within(show), step)
+    motion, authority = Motion.of(velocity), authority_within(show)
+    found = stops(motion, authority, step)
     planner = _Planner(show)
     planned: list[tuple[Way, tuple[Leg, ...]]] = []
     # A fleet that holds stands where it stood the moment before: one plan serves both.
@@ -190,12 +193,14 @@ def abort_table(
     for index, plan in enumerate(which):
         rest = float(found.rests[index])
         way, flown = planned[plan][0], flights[plan]
+        back: tuple[float, ...] = ()
         if flown is None:
-            way, duration = "back along the plan", _back(show, logged, rest)
-        else:
-            duration = sum(flight.duration for flight in flown)
+            way = "back along the plan"
+            clock = SharedClock(motion, authority, rest, motion.fastest)
+            back = _back(show, clock)
+        duration = sum((one.duration for one in flown or ()), PERIOD * len(back))
         time, changes = float(found.times[index]), found.changes[index]
-        rows.append(Row(time, changes, rest, way, flown or (), duration))
+        rows.append(Row(time, changes, rest, way, flown or (), back, duration))
     return AbortTable(step, tuple(rows))
 
 
@@ -294,11 +299,9 @@ def _solved(
     return [tuple(by_index[leg.index] for leg in row) for row in legs]
 
 
-def _back(show: Show, logged: LoggedShow, rest: float) -> float:
-    """Time to fly the plan backwards to where the launch ended, and down [s]."""
-    launched = max(
-        (one.start + one.duration for one in logged.segments if one.kind == "launch"),
-        default=0.0,
-    )
-    down = show.launch.altitude / show.landing.descent_speed
-    return max(rest - launched, 0.0) / BACKWARDS + down
+def _back(show: Show, clock: SharedClock) -> tuple[float, ...]:
+    """Return the changes of a clock that flies the plan backwards [1/s]."""
+    low, high = show.limits.velocity_min, show.limits.velocity_max
+    ratios = (-one / other for one, other in zip(low + high, high + low, strict=True))
+    clock.turn_back(min(BACKWARDS, *ratios))
+    return clock.changes(0.0, np.inf)

@@ -24,7 +24,13 @@ from showc.safety.ground import (
 )
 from showc.safety.landing import FallTable
 from showc.safety.pieces import Place, flight_pieces
-from showc.safety.stop import Stops, authority_within, stops
+from showc.safety.stop import (
+    Motion,
+    Stops,
+    authority_within,
+    stops,
+    time_to_rest,
+)
 from showc.safety.volumes import Flying, buffers
 from showc.vehicle.power import SEA_LEVEL, air_density, rotor_thrusts
 
@@ -78,7 +84,7 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
     show = show or show_of(logged)
     states = [logged.trajectory(drone).state for drone in range(logged.drones)]
     velocity = [state.select([3, 4, 5]) for state in states]
-    stopping = stops(velocity, authority_within(show), STOP_STEP)
+    stopping = stops(Motion.of(velocity), authority_within(show), STOP_STEP)
     pieces = flight_pieces(logged)
     top = show.site.altitude + float(pieces.position[:, :, 2].max())
     fall = Fall(
@@ -90,7 +96,7 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
     )
     failing = failures(states, fall, show.body.size, show.site.risk.ground)
     table = logged.aborts
-    aborts = [len(row.changes) * table.period + row.duration for row in table.rows]
+    aborts = [time_to_rest(row, table.period) + row.duration for row in table.rows]
     return _Assessment(show, pieces, stopping, failing, fall).case(
         max(aborts, default=None)
     )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import FloatArray
+    from showc.log import showc_pb2 as pb
     from showc.script.show import Show
     from showc.trajectory import PiecewisePolynomial
 
@@ -105,6 +106,11 @@ class Motion:
             ),
         )
 
+    @property
+    def fastest(self) -> float:
+        """Greatest speed of any drone [m/s]."""
+        return float(np.linalg.norm(self.velocity, axis=2).max())
+
     def over(self, first: float, last: float) -> tuple[FloatArray, FloatArray]:
         """Enclose the motion between two show times in the hulls of rows, (n, 3).
 
@@ -181,6 +187,18 @@ class SharedClock:
         """Stand still at the show time ``time`` [s], where the plan is at rest."""
         self.time, self.rate, self.rate_change, self._goal = time, 0.0, 0.0, 0.0
 
+    def changes(self, begin: float, end: float) -> tuple[float, ...]:
+        """Run until it rests, or leaves the plan between two show times [s].
+
+        Returns the change of the rate in each period [1/s].
+        """
+        taken = []
+        while not self.resting and begin < self.time < end:
+            before = self.rate
+            self.advance(PERIOD)
+            taken.append((self.rate - before) / PERIOD)
+        return tuple(taken)
+
     def _change(self, span: float) -> float:
         """Return the change of rate for the next ``span`` [s], [1/s]."""
         left = self._goal - self.rate
@@ -252,36 +270,38 @@ def authority_within(show: Show) -> Authority:
     return Authority(level, max(up, 0.0), down)
 
 
-def stops(
-    velocity: Sequence[PiecewisePolynomial], authority: Authority, step: float
-) -> Stops:
+def stops(motion: Motion, authority: Authority, step: float) -> Stops:
     """Stop a fleet's clock from every ``step`` [s] of a show, proved each time.
 
     Parameters
     ----------
-    velocity
-        Of each drone, over the whole show, 3 components [m/s].
+    motion
+        What the fleet flies over the whole show.
     authority
         What the vehicles follow.
     step
         Time between the moments at which stops begin [s].
     """
-    motion = Motion.of(velocity)
-    fastest = float(np.linalg.norm(motion.velocity, axis=2).max())
-    end = velocity[0].end
-    times = np.arange(velocity[0].start, end, step)
+    end = float(motion.end.max())
+    times = np.arange(float(motion.start.min()), end, step)
     durations, rests = np.zeros((2, times.size))
     changes = []
     for number, time in enumerate(times.tolist()):
-        clock = SharedClock(motion, authority, time, fastest)
+        clock = SharedClock(motion, authority, time, motion.fastest)
         clock.run()
         clock.stop()
-        taken = []
-        while not clock.resting and clock.time < end:
-            before = clock.rate
-            clock.advance(PERIOD)
-            taken.append((clock.rate - before) / PERIOD)
+        taken = clock.changes(-np.inf, end)
         durations[number] = PERIOD * len(taken)
         rests[number] = min(clock.time, end)
-        changes.append(tuple(taken))
+        changes.append(taken)
     return Stops(times, durations, rests, authority, tuple(changes))
+
+
+def time_to_rest(row: pb.AbortRow, period: float) -> float:
+    """Return how long the clock of a logged ``row`` takes to rest [s].
+
+    Back along the plan it runs on after that.
+    """
+    rates = 1.0 + period * np.cumsum(row.changes)
+    rested = np.flatnonzero(rates < NEGLIGIBLE)
+    return period * float(rested[0] + 1 if rested.size else rates.size)

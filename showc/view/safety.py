@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.safety.ground import area
+from showc.safety.stop import time_to_rest
 from showc.simulate.results import CONFIDENCE, Campaign
 from showc.view.document import clock, document, small, table, text
 from showc.view.overview import overview_of
@@ -182,7 +183,7 @@ def _aborts(logged: LoggedShow) -> str:
     words = frozenset({0, 2})
     lines = []
     for one in table_.rows:
-        stop = len(one.changes) * table_.period
+        stop = time_to_rest(one, table_.period)
         legs = [table_.legs[number].certificate for number in one.legs]
         near = [leg.closest.distance for leg in legs if leg.HasField("closest")]
         lines.append(
@@ -202,8 +203,8 @@ def _aborts(logged: LoggedShow) -> str:
     said = (
         "<h3>Abort table</h3><p>Ways down and ways home are in the log, flight by "
         "flight: <code>showc verify</code> proves them as it proves the show, from "
-        "where the fleet stands. It does not cover the accelerations of the stop, "
-        "which were kept as it was planned, nor ways back along the plan.</p>"
+        "where the fleet stands; and the accelerations of the stop, and of ways back "
+        "along the plan, which keep its distances.</p>"
     )
     return said + table(heads, lines, words=words)
 

@@ -56,7 +56,7 @@ def test_accelerations_hold_at_every_instant_of_a_stop(velocities, authority):
 
 
 def test_every_second_has_a_stop_and_a_short_one(velocities, authority):
-    found = stops(velocities, authority, 1.0)
+    found = stops(Motion.of(velocities), authority, 1.0)
     assert found.times.size == int(np.ceil(velocities[0].end))
     assert (found.rests > found.times).all()
     # A ramp of 1 a second with soft ends takes 1.5 s where there is room.
@@ -66,7 +66,7 @@ def test_every_second_has_a_stop_and_a_short_one(velocities, authority):
 
 def test_less_authority_never_stops_sooner(velocities, authority):
     weak = Authority(0.5 * authority.level, 0.5 * authority.up, 0.5 * authority.down)
-    usual, slow = (stops(velocities, one, 3.0) for one in (authority, weak))
+    usual, slow = (stops(Motion.of(velocities), one, 3.0) for one in (authority, weak))
     assert (slow.durations >= usual.durations - PERIOD).all()
 
 

@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from showc.log import showc_pb2 as pb
@@ -14,7 +15,7 @@ from showc.verify.mcap import open_log
 from showc.verify.specification.aborts import Aborts
 from showc.verify.specification.cover import read_anchor
 
-PROVED = {"VRF108", "VRF351", "VRF352", "VRF353", "VRF354", "VRF355"}
+PROVED = {"VRF108", "VRF351", "VRF352", "VRF353", "VRF354", "VRF355", "VRF356"}
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,7 @@ def aborted(compiled, run_showc, tmp_path_factory):
     """A log with an abort table."""
     log = tmp_path_factory.mktemp("aborted") / "swap.mcap"
     shutil.copyfile(compiled("swap"), log)
-    run = run_showc("abort", log, "--every", 7, "-q")
+    run = run_showc("abort", log, "--every", 5, "-q")
     assert run.code == 0, run.err
     return log
 
@@ -89,10 +90,49 @@ def nearer(table):
     second.control[:] = first.control
 
 
-def unproved(table):
-    for row in table.rows:
-        row.way = pb.AbortRow.BACK_ALONG_THE_PLAN
-        del row.legs[:]
+def back(table):
+    """A stop, and then back along the plan, at half its rate."""
+    row = table.rows[2]
+    while len(table.rows) > 3:
+        table.rows.pop()
+    row.way = pb.AbortRow.BACK_ALONG_THE_PLAN
+    del row.legs[:]
+    ramp = [-0.5] * 20
+    row.changes.extend(ramp)
+    # The ramp takes as much of the plan as flying half as long at the full rate.
+    left = row.rest - 0.5 * table.period * (0.5 * len(ramp))
+    row.changes.extend([0.0] * int(np.ceil(left / (0.5 * table.period))))
+    row.duration = (len(row.changes) - stopping(row, table.period)) * table.period
+
+
+def abrupt(row, period):
+    """The clock stops in four periods, where the row says."""
+    left = row.rest - row.time
+    row.changes[:] = []
+    row.rest = row.time + 2.0 * period
+    row.changes.extend([-0.25 / period] * 4)
+    assert left > 0.0
+
+
+def jerked(row, period):
+    """The whole ramp back in one period."""
+    begin = stopping(row, period)
+    changes = list(row.changes)
+    changes[begin : begin + 20] = [-0.5 / period] + [0.0] * 19
+    row.changes[:] = changes
+
+
+def onward(row, period):
+    """Forwards for a while before it goes back."""
+    begin = stopping(row, period)
+    changes = list(row.changes)
+    row.changes[:] = [*changes[:begin], 0.5, *changes[begin:-1], -0.5]
+
+
+def stopping(row, period):
+    """Periods until the clock of a row rests."""
+    rates = 1.0 + period * np.cumsum(row.changes)
+    return int((rates < 1e-8).argmax()) + 1
 
 
 LIES = {
@@ -127,6 +167,17 @@ LIES = {
     "a drone beside its place": ("VRF351", shifted),
     "twice as fast": ("VRF352", faster),
     "two drones in one place": ("VRF354", nearer),
+    "the clock stops at once": ("VRF356", lambda t: abrupt(t.rows[2], t.period)),
+    "back, but not to the ground": (
+        "VRF351",
+        lambda t: (back(t), t.rows[2].changes.pop(), t.rows[2].changes.pop()),
+    ),
+    "back in less time": (
+        "VRF351",
+        lambda t: (back(t), setattr(t.rows[2], "duration", 3.0)),
+    ),
+    "back at once": ("VRF356", lambda t: (back(t), jerked(t.rows[2], t.period))),
+    "back, and on again": ("VRF351", lambda t: (back(t), onward(t.rows[2], t.period))),
 }
 
 
@@ -219,11 +270,12 @@ def test_a_table_that_contradicts_itself_is_damage(aborted, tmp_path, change):
         told(aborted, tmp_path, change)
 
 
-def test_ways_back_along_the_plan_are_named_as_not_proved(aborted, tmp_path):
+def test_a_way_back_along_the_plan_is_proved(aborted, tmp_path):
     def change(table):
-        unproved(table)
-        del table.legs[:], table.flights[:]
+        rows = len(table.rows)
+        back(table)
+        assert rows >= len(table.rows)
 
-    found, _ = told(aborted, tmp_path, change)
-    assert found.verdict == "warning"
-    assert "which is not proved" in found.notes[0]
+    rows, holds = told(aborted, tmp_path, change)
+    assert holds["VRF356"]
+    assert "clock" not in " ".join(rows.notes)

@@ -2,6 +2,11 @@
 
 The legs of the table are flown from rest to the ground. What the kernel proves of legs
 of the show it proves of them, with the limits that the script gives moves and landings.
+
+On the way to rest, and back along the plan, all drones are where the plan has them at
+one time, whose rate r changes by r' over a period. They fly the velocity r v and the
+acceleration r² a + r' v. In a period these are mixtures of the values at its two rates,
+of which Bernstein coefficients of v and a, of the same degree, enclose each.
 """
 
 from __future__ import annotations
@@ -20,11 +25,12 @@ from showc.log import showc_pb2 as pb
 from showc.log.schema import ABORT_NAME, WIND_NAME
 from showc.script.fence import inside_polygon
 from showc.verify.decode import read_aborts
+from showc.verify.kernel.bernstein import elevate, part
 from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.kernel.show import LoggedShow, Statement
+from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
 from showc.verify.report import agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
@@ -33,6 +39,7 @@ from showc.verify.specification.demands import limits_message, upright
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from showc.arrays import FloatArray
     from showc.script.show import Show
     from showc.verify.kernel.show import Segment
     from showc.verify.mcap import LogFile
@@ -40,6 +47,10 @@ if TYPE_CHECKING:
 
 GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""
+SLACK = 0.01
+"""What accelerations may be beyond those that are allowed [m/s²]: of flown ones that is
+known (:mod:`showc.verify.kernel.limits`). The clock heeds no speed under 1 mm/s."""
+BACK = pb.AbortRow.BACK_ALONG_THE_PLAN
 _LEGS = {
     pb.AbortRow.DOWN_IN_PLACE: [pb.Segment.LAND],
     pb.AbortRow.HOME: [pb.Segment.APPROACH, pb.Segment.LAND],
@@ -104,17 +115,18 @@ class Aborts:
                 joined += joined_up(replace(show, segments=legs))[:-1]
         rows = agreement("VRF351", wrong)
         note = f"{len(self.table.rows)} rows, every {self.table.every:g} s"
-        back = sum(r.way == pb.AbortRow.BACK_ALONG_THE_PLAN for r in self.table.rows)
-        if back:
-            note += f"; {back} of them fly back along the plan, which is not proved"
-            rows = replace(rows, verdict="fail" if wrong else "warning")
         stated = [
             _one("VRF352", ties(show, radii)),
             _one("VRF353", kept(show, radii, limits)),
             _one("VRF354", [separated(show, radii, closest_of(near))]),
             _one("VRF355", joined),
         ]
-        return replace(rows, notes=(note, *rows.notes)), stated if joined else []
+        asked = Statement("VRF356", None, limit=SLACK, unit="m/s²")
+        clock = worst(asked, self._beyond())
+        return replace(rows, notes=(note, *rows.notes)), [
+            *stated[: 4 * bool(joined)],
+            clock,
+        ]
 
     def strange(self) -> Iterator[str]:
         """Say what legs claim beside what the theorems are about: of that, nothing."""
@@ -150,17 +162,70 @@ class Aborts:
                 yield f"at {time:g} s: a leg has the limits of another kind"
             elif abs(self._stands(row) - row.rest) > MOMENT:
                 yield f"at {time:g} s: the clock does not come to rest at {row.rest:g}"
-            elif row.way != pb.AbortRow.BACK_ALONG_THE_PLAN:
+            elif row.way != BACK:
                 yield from (f"at {time:g} s: {one}" for one in self._ends(row, legs))
 
+    def _clock(self, row: pb.AbortRow) -> tuple[FloatArray, FloatArray]:
+        """Return rates and show times of a row, where its periods begin and end."""
+        rates = 1.0 + self.table.period * np.cumsum([0.0, *row.changes])
+        ways = 0.5 * self.table.period * (rates[1:] + rates[:-1])
+        return rates, row.time + np.cumsum([0.0, *ways])
+
     def _stands(self, row: pb.AbortRow) -> float:
-        """Show time at which the clock of a row rests [s]; infinite if it does not."""
-        period, end = self.table.period, self.logged.duration
-        rates = 1.0 + period * np.cumsum([0.0, *row.changes])
-        time = row.time + period * float(np.sum(0.5 * (rates[1:] + rates[:-1])))
-        slows = rates.min() >= -MOMENT and not (np.diff(rates) > MOMENT).any()
-        rests = rates[-1] < MOMENT or time >= end
-        return min(time, end) if slows and rests else np.inf
+        """Show time at which the clock of a row rests [s]; infinite if it does not.
+
+        Back along the plan it then runs to the plan's begin, within limits of speed.
+        """
+        (rates, times), end = self._clock(row), self.logged.duration
+        rest = rates.size - 1
+        if row.way == BACK:
+            rest = int((rates < MOMENT).argmax())
+            limits, back = self.script.limits, rates[rest:]
+            speeds = np.array([limits.velocity_min, limits.velocity_max])
+            fastest = min(1.0, float((-speeds / speeds[::-1]).min()))
+            periods = row.duration / self.table.period
+            if not (
+                (np.abs(back + 0.5 * fastest) <= 0.5 * fastest + MOMENT).all()
+                and times[-1] < MOMENT
+                and abs(back.size - 1 - periods) < MOMENT
+            ):
+                return np.inf
+        stop = rates[: rest + 1]
+        slows = stop.min() >= -MOMENT and not (np.diff(stop) > MOMENT).any()
+        rests = rates[rest] < MOMENT or times[rest] >= end
+        return min(float(times[rest]), end) if slows and rests else np.inf
+
+    def _beyond(self) -> Iterator[Seen]:
+        """By how much clocks that change exceed accelerations that are allowed [m/s²].
+
+        The script's limits, or what half the weight, tilt and thrust leave; and what
+        the plan itself flies there, slowed as much.
+        """
+        limits, vehicle = self.script.limits, self.script.vehicle
+        down = limits.acceleration_down or 0.5 * vehicle.gravity
+        level = limits.acceleration or (vehicle.gravity - down) * np.tan(limits.tilt)
+        most = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
+        room = np.sqrt(max(most**2 - level**2, 0.0)) - vehicle.gravity
+        allowed = np.array([level, limits.acceleration_up or max(room, 0.0), down])
+        found = [(one.start, t) for one in self.logged.segments for t in one.tables]
+        drones = np.concatenate([t.owner for _, t in found])
+        begin = np.concatenate([start + t.start for start, t in found])
+        end = np.concatenate([start + t.end for start, t in found])
+        width, degree = end - begin, max(t.state.shape[1] for _, t in found) - 1
+        speed = np.concatenate([elevate(t.state[:, :, 3:6], degree) for _, t in found])
+        slope = elevate(degree * np.diff(speed, axis=1) / width[:, None, None], degree)
+        for row in self.table.rows:
+            rates, times = self._clock(row)
+            for at in np.flatnonzero(row.changes):
+                ends = np.sort(times[at : at + 2])
+                met = np.flatnonzero((begin <= ends[1]) & (ends[0] <= end))
+                low, high = np.clip((ends[:, None] - begin[met]) / width[met], 0.0, 1.0)
+                v, a = part(speed[met], low, high), part(slope[met], low, high)
+                for square in rates[at : at + 2] ** 2:
+                    own = np.maximum(allowed, _greatest(square * slope[met]))
+                    over = _greatest(square * a + row.changes[at] * v) - own
+                    time = float(ends[0])
+                    yield Seen("stop", time, drones[met], over.max(axis=1))
 
     def _ends(self, row: pb.AbortRow, legs: list[Segment]) -> Iterator[str]:
         """Say what is wrong with where a row begins, and where it ends."""
@@ -181,6 +246,12 @@ class Aborts:
             yield "it does not end on the ground"
         if legs and any(inside_polygon(goals, area).any() for area in taken):
             yield "it ends among people, or on a building"
+
+
+def _greatest(acceleration: FloatArray) -> FloatArray:
+    """Bound what curves (n, k, 3) have sideways, upwards and downwards, (n, 3)."""
+    x, y, z = np.moveaxis(acceleration, 2, 0)
+    return np.asarray(np.stack([np.hypot(x, y), z, -z], axis=2).max(axis=1))
 
 
 def _one(code: str, stated: list[Statement]) -> Statement:
