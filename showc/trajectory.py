@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @lru_cache(maxsize=64)
-def _elevation_matrix(degree: int, target: int) -> FloatArray:
+def elevation_matrix(degree: int, target: int) -> FloatArray:
     """Matrix from Bernstein coefficients of ``degree`` to those of ``target``."""
     raised = target - degree
     matrix = np.zeros((target + 1, degree + 1))
@@ -163,7 +163,7 @@ class PiecewisePolynomial:
             return self
         if degree < self.degree:
             raise ValueError(f"degree {self.degree} cannot be lowered to {degree}")
-        matrix = _elevation_matrix(self.degree, degree)
+        matrix = elevation_matrix(self.degree, degree)
         return PiecewisePolynomial(
             self.breaks, np.einsum("rk,ikc->irc", matrix, self.coefficients)
         )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.safety.landing import Boxes, Courses
-from showc.safety.pieces import Pieces, Place
 from showc.script.fence import inside_polygon
 
 if TYPE_CHECKING:
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.safety.landing import FallTable
+    from showc.safety.pieces import Pieces, Place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +47,8 @@ DIRECTIONS = 360
 """Directions of a hull: its corners lie at most 0.004 % outside a circle."""
 NEAR = 2.0
 """Greatest radius of a piece's own way for which directions are looked at [m]."""
+GROUP = 8
+"""Pieces that are looked at as one first."""
 BLOCK = 20_000
 """Pieces that are looked at together."""
 
@@ -196,8 +198,9 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     discs = footing.discs(some)
     low = measure(discs.centre).distance - discs.radius[:, None]
     reached = _ends(some, low.argmin(axis=0), footing, measure)
+    whole, pieces = pieces, pieces.groups(GROUP)
     for cut in range(ROUNDS + 1):
-        left = []
+        left, top = [], 0
         for part in _blocks(pieces):
             discs = footing.discs(part)
             seen = measure(discs.centre)
@@ -211,8 +214,11 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
                 )
                 likely = (low + 2.0 * discs.motion[:, None]).argmin(axis=0)
                 reached = np.minimum(reached, _ends(part, likely, footing, measure))
-            open_ = np.any(low < reached - OPEN, axis=1) & np.array(cut < ROUNDS)
-            left.append(part.select(np.flatnonzero(open_)))
+            # A group has no one drone to name: no bound of it may be the least.
+            enough = reached - OPEN if cut else reached
+            open_ = np.any(low < enough, axis=1) & np.array(cut < ROUNDS)
+            left.append(top + np.flatnonzero(open_))
+            top += len(part)
             sure = np.flatnonzero(~open_)
             if not sure.size:
                 continue
@@ -225,7 +231,12 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
                 )
             ]
             found = np.minimum(found, own)
-        pieces = Pieces.joined(left).parts(2)
+        chosen = np.concatenate(left)
+        if cut:
+            pieces = pieces.select(chosen).parts(2)
+        else:
+            rows = (GROUP * chosen[:, None] + np.arange(GROUP)).ravel()
+            pieces = whole.select(rows[rows < len(whole)])
         if not len(pieces):
             break
     return Least(found, tuple(places))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.trajectory import PiecewisePolynomial, restrict
+from showc.trajectory import elevation_matrix, restrict
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
@@ -81,6 +81,26 @@ class Pieces:
             ),
         )
 
+    def groups(self, size: int) -> Pieces:
+        """Return every ``size`` pieces as one, in whose hull they are.
+
+        What is left over in the end makes one with some pieces twice. These are no
+        polynomials: no part of them may be taken.
+        """
+        count = -(-len(self) // size)
+        rows = np.minimum(np.arange(count * size), len(self) - 1).reshape(count, size)
+        state, control = (
+            part[rows].reshape(count, -1, part.shape[2])
+            for part in (self.state, self.control)
+        )
+        return Pieces(
+            self.drone[rows[:, 0]],
+            self.start[rows[:, 0]],
+            self.end[rows[:, -1]],
+            state,
+            control,
+        )
+
     def middle(self, piece: int) -> Place:
         """Return the drone of a piece and the middle of its time."""
         time = 0.5 * (self.start[piece] + self.end[piece])
@@ -92,17 +112,6 @@ class Pieces:
             self.drone, self.start, self.start, self.state[:, :1], self.control[:, :1]
         )
 
-    @classmethod
-    def joined(cls, parts: list[Pieces]) -> Pieces:
-        """Return the pieces of all ``parts``, which are of the same degrees."""
-        return cls(
-            np.concatenate([part.drone for part in parts]),
-            np.concatenate([part.start for part in parts]),
-            np.concatenate([part.end for part in parts]),
-            np.concatenate([part.state for part in parts]),
-            np.concatenate([part.control for part in parts]),
-        )
-
 
 def flight_pieces(logged: LoggedShow) -> Pieces:
     """Return the whole flight of all drones of a log, by segment and drone.
@@ -112,24 +121,34 @@ def flight_pieces(logged: LoggedShow) -> Pieces:
     DamagedFileError
         If a trajectory makes no polynomials.
     """
-    found = []
-    for segment in logged.segments:
-        for drone, flown in zip(segment.drones, segment.trajectories, strict=True):
-            found.append((int(drone), segment.start, flown.state, flown.control))
-    degree = max(state.degree for _, _, state, _ in found)
-    control_degree = max(control.degree for _, _, _, control in found)
-    parts = [
-        Pieces(
-            np.full(state.intervals, drone, dtype=np.int64),
-            state.breaks[:-1] + start,
-            state.breaks[1:] + start,
-            _of_degree(state, degree),
-            _of_degree(control, control_degree),
-        )
-        for drone, start, state, control in found
+    found = [
+        (int(drone), segment.start, flown)
+        for segment in logged.segments
+        for drone, flown in zip(segment.drones, segment.trajectories, strict=True)
     ]
-    return Pieces.joined(parts)
+    counts = [flown.state.intervals for _, _, flown in found]
+    breaks = [flown.state.breaks + start for _, start, flown in found]
+    return Pieces(
+        np.repeat(np.array([drone for drone, _, _ in found]), counts),
+        np.concatenate([one[:-1] for one in breaks]),
+        np.concatenate([one[1:] for one in breaks]),
+        _together([flown.state.coefficients for _, _, flown in found]),
+        _together([flown.control.coefficients for _, _, flown in found]),
+    )
 
 
-def _of_degree(flown: PiecewisePolynomial, degree: int) -> FloatArray:
-    return flown.elevated(degree).coefficients
+def _together(parts: list[FloatArray]) -> FloatArray:
+    """Join coefficients (intervals, degree + 1, components), of one degree then."""
+    ends = np.cumsum([len(part) for part in parts])
+    degrees = np.array([part.shape[1] - 1 for part in parts])
+    most = int(degrees.max())
+    joined = np.empty((int(ends[-1]), most + 1, parts[0].shape[2]))
+    for degree in np.unique(degrees).tolist():
+        of_it = np.flatnonzero(degrees == degree)
+        rows = np.concatenate(
+            [np.arange(ends[k] - len(parts[k]), ends[k]) for k in of_it]
+        )
+        raised = elevation_matrix(degree, most)
+        own = np.concatenate([parts[k] for k in of_it])
+        joined[rows] = np.einsum("rk,ikc->irc", raised, own)
+    return joined
