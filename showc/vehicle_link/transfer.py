@@ -7,7 +7,8 @@ the reason why not.
 Links lose and delay. What the vehicle is asked is repeated until it answers. The items
 of a mission are never repeated on our own account: the vehicle asks for each, and asks
 again after a second. A copy that crosses such a repetition is answered with
-``MAV_MISSION_INVALID_SEQUENCE`` and does no harm.
+``MAV_MISSION_INVALID_SEQUENCE``, one of the last item with ``MAV_MISSION_ERROR``;
+neither does harm.
 """
 
 from __future__ import annotations
@@ -298,6 +299,12 @@ class Transfer:
         if result == dialect.MAV_MISSION_ACCEPTED:
             # With items missing it answers an earlier upload, or nothing.
             if self.state is State.SENDING and self._sent == len(self.items):
+                self._count()
+            return
+        if result == dialect.MAV_MISSION_ERROR and self._sent == len(self.items):
+            # It receives nothing any more: a second copy of the last item came, or it
+            # has given up. What it holds tells.
+            if self.state is State.SENDING:
                 self._count()
             return
         name = result_name("MAV_MISSION_RESULT", result)

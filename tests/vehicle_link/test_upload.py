@@ -173,6 +173,22 @@ def test_eight_vehicles_are_loaded_over_links_that_lose_and_delay(
         assert vehicle.parameters == pytest.approx(wanted, rel=1e-6)
 
 
+def test_second_copies_of_every_item_do_no_harm(world, folder, port):
+    # The way there and back is longer than the second after which it asks again.
+    relay = world.add(Relay(port, loss=0.0, delay=0.6, seed=1))
+    vehicle = world.add(Vehicle(relay.port, 1))
+    begin, begun = vehicle.on_mission_count, []
+
+    def note(message, now):
+        begun.append(now)
+        begin(message, now)
+
+    vehicle.on_mission_count = note
+    report = upload(world, folder, port, drones=[1])
+    assert report.complete, report.vehicles[0].reason
+    assert len(begun) == 1
+
+
 def test_a_link_worse_than_any_ends_with_a_reason(world, folder, port):
     link = world.add(Relay(port, loss=0.9, delay=0.5, seed=1))
     world.add(Vehicle(link.port, 1))

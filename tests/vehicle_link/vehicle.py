@@ -349,7 +349,11 @@ class Vehicle(threading.Thread):
         self.send(m.MAVLink_mission_ack_message(255, 190, result, 0))
 
     def on_mission_item_int(self, message, now: float) -> None:
-        if not self.receiving or message.seq != len(self.incoming):
+        if not self.receiving:
+            # A second copy of the last item, too.
+            self.acknowledge(m.MAV_MISSION_ERROR)
+            return
+        if message.seq != len(self.incoming):
             self.acknowledge(m.MAV_MISSION_INVALID_SEQUENCE)
             return
         if message.seq == self.faults.refuse_item:
