@@ -51,11 +51,9 @@ SAME_HEIGHT = 0.002, 0.012
 """Heights are whole centimetres there: a drone that is less than the first off [m] has
 no such leg, one that is more than the second has one; between, its time is shared."""
 
-AT_REST = 0.007
-"""How far off its height a drone is that has settled [m].
-
-By the whole centimetres of their homes some were within 5 mm, and flew no such leg;
-others were 8 to 11 mm low, and flew one of 0.60 to 0.71 s. Half that time is drawn."""
+ROUNDED = 0.01
+"""How far off its height a drone may be that is not known [m]: homes and heights are
+whole centimetres. Drawn is the middle of the times that both ends give."""
 
 LAND_RAMP = 0.55
 """Time constant of the speed of a landing [s]: drones without such a leg were 0.55 to
@@ -126,15 +124,17 @@ class PredictedFlight:
         """
         line = self.timeline
         ended = np.full(line.pads.shape[0], line.staged)
-        off = np.full(line.pads.shape[0], AT_REST)
+        off = np.zeros(line.pads.shape[0])
         for scheduled in line.legs:
             for release, stage, track in scheduled.tracked:
                 own = release + CLOCK_LIKELY + stage.wait + track.ended
                 ended[stage.drones] = own
                 left = track.along - track.places(track.ended + line.landing_pause)
-                moved = OFF_HEIGHT * np.abs(left[:, 2])
-                off[stage.drones] = np.maximum(moved, AT_REST)
-        return ended + line.landing_pause + self.pad_legs(off)
+                off[stage.drones] = OFF_HEIGHT * np.abs(left[:, 2])
+        least, most = (
+            self.pad_legs(np.maximum(off + by, 0.0)) for by in (-ROUNDED, ROUNDED)
+        )
+        return ended + line.landing_pause + 0.5 * (least + most)
 
     def pad_legs(self, off: FloatArray) -> FloatArray:
         """Return times (n,) [s] of the legs before landings of drones ``off`` (n,) [m].

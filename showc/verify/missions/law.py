@@ -39,7 +39,7 @@ TUBES = (
 """Wind [m/s]; for legs up to a speed [m/s] how far off the predicted flight drones were
 flown [m]; how late they arrived, on legs up to 5.2 m/s and on faster ones [s]."""
 
-CRUISE, WINDY = 8.0, 4.2
+CRUISE, WINDY = 8.0, 2.7
 """Greatest level speed of any leg [m/s], in calm air and where the script states wind:
 how faster ones are flown was not measured."""
 
@@ -348,7 +348,7 @@ def parameters(show: Show) -> dict[str, str]:
         "ATC_RATE_R_MAX": 0,
         "LAND_ALT_LOW": 400,
         "LAND_SPEED": 50,
-        "LAND_SPEED_HIGH": _heeded(3.0, show.landing.descent_speed),
+        "LAND_SPEED_HIGH": _heeded(1.0, show.landing.descent_speed),
         "PSC_JERK_XY": 20,
         "PSC_JERK_Z": 5,
         "PSC_POSXY_P": 1,
