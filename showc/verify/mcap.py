@@ -52,6 +52,10 @@ writes, and no bomb gets further."""
 LARGEST_UNPACKED = 16 << 30
 """Size of all chunks together from which a log is refused [bytes]."""
 
+LARGEST_ATTACHED = 1 << 30
+"""Size of all attachments together from which a log is refused [bytes]: the abort table
+of the greatest fleet has some hundred million."""
+
 MOST_MESSAGES = 8_000_000
 """Messages from which a log is refused: an hour of the greatest fleet that has topics
 for single drones."""
@@ -255,8 +259,9 @@ class _Walk:
         """Messages of each channel so far."""
         self.last: dict[int, int] = defaultdict(lambda: -1)
         """Time of each channel's last message [ns]."""
-        self.end = self.unpacked = self.records = self.messages = 0
-        """Time of the last message [ns]; bytes unpacked, records, messages so far."""
+        self.end = self.unpacked = self.attached = self.records = self.messages = 0
+        """Time of the last message [ns]; bytes unpacked and attached, records, messages
+        so far."""
 
     def run(self) -> LogFile:
         view, log = self.view, self.log
@@ -303,6 +308,9 @@ class _Walk:
         elif kind == Opcode.ATTACHMENT:
             *found, content, crc = fields(self.view, record)
             stop, size = record.stop - 4, len(content)
+            self.attached += size
+            if self.attached > LARGEST_ATTACHED:
+                raise Damage(position, "attachments up to here are too large in sum")
             one = Attachment._make([*found, (stop - size, stop), position])
             covered = self.view[record.start : stop]
             self._crc(crc, covered, position, f"attachment {one.name!r}")
