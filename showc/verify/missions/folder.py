@@ -19,6 +19,7 @@ from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.verify.missions.flight import check_flight, mission_clock
 from showc.verify.missions.language import (
+    LARGEST_FILE,
     MISSION,
     Mission,
     MissionFormatError,
@@ -28,7 +29,11 @@ from showc.verify.missions.law import PARAMETERS, fastest_level, parameter_file
 from showc.verify.missions.legs import fleet_legs, to_show_frame
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
-from showc.verify.specification.compare import read_json, unlike
+from showc.verify.specification.compare import (
+    LARGEST_DOCUMENT,
+    read_json,
+    unlike,
+)
 from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
@@ -51,9 +56,6 @@ ARDUPILOT, PX4 = 3, 12
 
 CORNER = 0.008
 """How far a corner may be off: half of 1e-7 degrees, north and east [m]."""
-
-LARGEST_FILE = 1 << 26
-"""A manifest of 10,000 drones has less [bytes]."""
 
 LARGEST_FOLDER = 1 << 29
 """Missions of 10,000 drones have less in sum [bytes]."""
@@ -135,7 +137,7 @@ class Missions:
     def _same_manifest(self) -> Check:
         wrong = []
         try:
-            found = read_file(self.folder / MANIFEST, LARGEST_FILE)
+            found = read_file(self.folder / MANIFEST, LARGEST_DOCUMENT)
             if found != self.log.attachment(MANIFEST):
                 wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
         except UnreadableFileError as error:

@@ -34,7 +34,7 @@ GREATEST_TAKEOFF = 2.5
 """What is above is flown by a waypoint, at a known speed [m]."""
 
 LARGEST_FILE = 1 << 20
-"""More than the items of any board [bytes]."""
+"""More than the items of any board, in either format [bytes]."""
 
 MOST_ITEMS = 1306
 """Of the largest board."""

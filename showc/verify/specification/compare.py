@@ -19,6 +19,9 @@ TOLERANCE = 1e-9
 """How far two numbers may differ, as a fraction of their size; in lists never less than
 of 1: another library of mathematics may have worked places near zero out [m]."""
 
+LARGEST_DOCUMENT = 1 << 26
+"""Size from which no JSON is read [bytes]: a manifest of 10,000 drones has less."""
+
 _MOST = 5
 """Differences that are named."""
 
@@ -29,8 +32,11 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
     Raises
     ------
     ValueError
-        If it is no JSON, holds a number that is none, or one key twice.
+        If it is no JSON, holds a number that is none, or one key twice, or is larger
+        than any of showc's.
     """
+    if len(content) > LARGEST_DOCUMENT:
+        raise ValueError(f"it has {len(content):,} bytes")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
