@@ -298,8 +298,8 @@ def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
     )
 
 
-def _apart(code: str, found: Nearest | None, wanted: float) -> Check:
-    if found is None:
+def _apart(code: str, found: Nearest, wanted: float) -> Check:
+    if found.distance == np.inf:
         return checked(code, "pass", notes=("no drone moves on time",))
     limit = wanted - ROUNDING - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
@@ -316,7 +316,7 @@ def _apart(code: str, found: Nearest | None, wanted: float) -> Check:
 
 
 def _as_claimed(
-    nearest: Mapping[str, Nearest | None],
+    nearest: Mapping[str, Nearest],
     fleet: FleetLegs,
     show: LoggedShow,
     described: Mapping[str, Any],
@@ -359,11 +359,9 @@ def _as_claimed(
             "legs": min(met, key=lambda one: one["distance"], default=None),
         }
         for key, one in nearest.items():
-            found = None if one is None else one.distance
-            near = claimed[key] and float(claimed[key]["distance"])
-            if (found is None) != (near is None) or (
-                found is not None and not abs(near - found) <= AGREEMENT
-            ):
+            close, found = claimed[key], one.distance
+            near = np.inf if close is None else float(close["distance"])
+            if near != found and not abs(near - found) <= AGREEMENT:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         wrong = ["the prediction is nothing that can be read"]

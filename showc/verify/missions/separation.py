@@ -58,16 +58,25 @@ class OverlappingLegsError(Exception):
         self.time = time
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Nearest:
-    """The pair that can come nearest."""
+    """The pair that can come nearest, of all that were looked at."""
 
-    pair: tuple[int, int]
+    pair: tuple[int, int] = (0, 0)
     """Drones, counting from 0."""
-    time: float
+    time: float = 0.0
     """On the missions' clock [s]."""
-    distance: float
-    """In the separation's metric, at most the resolution above the least [m]."""
+    distance: float = np.inf
+    """In the separation's metric, at most the resolution above the least; infinite if
+    there is none [m]."""
+
+    def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
+        """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
+        row = int(np.argmin(gaps)) if gaps.size else 0
+        if gaps.size and gaps[row] < self.distance:
+            first, second = sorted(pairs[row].tolist())
+            self.pair, self.time = (first, second), time
+            self.distance = float(gaps[row])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,32 +167,30 @@ def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
         )
 
 
-def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest | None:
-    """Return the nearest encounter of all timed legs; None if there is none.
+def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest:
+    """Return the nearest encounter of all timed legs.
 
     Raises
     ------
     OverlappingLegsError
         If a drone's legs are not surely apart in time.
     """
-    best = _Best()
+    best = Nearest()
     for measure in measures(wanted):
         for stretch in stretches(fleet, measure):
             _Search(stretch, measure, best).run(_FURTHEST * wanted.distance)
-    return best.found
+    return best
 
 
-def nearest_untimed(
-    fleet: FleetLegs, wanted: Separation, *, landing: bool
-) -> Nearest | None:
+def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> Nearest:
     """Return the least distance of the drones' whole lines up, or down.
 
     Take-off and landing are not timed: any two places on the lines of two drones may be
-    taken at once. None if there is but one drone.
+    taken at once.
     """
     first, last = fleet.first[:-1], fleet.first[1:] - 1
     legs = last if landing else np.column_stack([first, first + 1]).ravel()
-    owner, best = fleet.owner[legs], _Best()
+    owner, best = fleet.owner[legs], Nearest()
     for measure in measures(wanted):
         begin, end = (measure.space(some[legs]) for some in (fleet.begin, fleet.end))
         order = np.lexsort(begin.T)
@@ -195,31 +202,13 @@ def nearest_untimed(
             apart = owner[pairs[:, 0]] != owner[pairs[:, 1]]
             best.take(owner[pairs[apart]], 0.0, gap[apart])
             pairs, gap = _near(begin, end, measure, best.distance)
-    return best.found
-
-
-class _Best:
-    """The nearest encounter so far."""
-
-    found: Nearest | None = None
-
-    @property
-    def distance(self) -> float:
-        """Its distance [m]; infinite if there is none."""
-        return np.inf if self.found is None else self.found.distance
-
-    def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
-        """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
-        row = int(np.argmin(gaps)) if gaps.size else 0
-        if gaps.size and gaps[row] < self.distance:
-            first, second = sorted(pairs[row].tolist())
-            self.found = Nearest((first, second), time, float(gaps[row]))
+    return best
 
 
 class _Search:
     """Branch and bound over what pairs do in one stretch of time."""
 
-    def __init__(self, stretch: Stretch, measure: Measure, best: _Best) -> None:
+    def __init__(self, stretch: Stretch, measure: Measure, best: Nearest) -> None:
         self.stretch, self.measure, self.best = stretch, measure, best
 
     def run(self, furthest: float) -> None:
@@ -255,7 +244,7 @@ class _Search:
         rear, front, *_ = self.stretch.parts(everyone, *times)
         length = self.measure(front - rear)
         moving = length > 0.0
-        if self.best.found is None and moving.any():
+        if self.best.distance == np.inf and moving.any():
             # Neighbours of some sort: a start that makes pruning work.
             order = np.lexsort(rear.T)
             start = np.column_stack([order[:-1], order[1:]])
