@@ -16,6 +16,8 @@ from showc.simulate.results import CONFIDENCE, WANTED, WHOLE, Campaign, Tube
 from showc.simulate.tracking import Course, Gains, Tracker
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
     from showc.progress import Progress
@@ -97,30 +99,29 @@ def campaign(
     model = model or Model()
     course = course_of(logged)
     legs = [(one.message.name, one.start, one.duration) for one in logged.segments]
+    legs = [*legs, (WHOLE, 0.0, logged.duration)]
+    spans = [_span(course.times, start, time) for _, start, time in legs]
     progress.stage(f"fly {weather.runs} times", weather.runs)
     runs = [
-        partial(fly_once, show, course, weather, run, model)
+        partial(_summed, partial(fly_once, show, course, weather, run, model), spans)
         for run in range(weather.runs)
     ]
-    flown = list(side_by_side(runs, None, progress.advance))
+    flown = side_by_side(runs, None, progress.advance)
+    # Of each run and leg, so that long shows of many drones fit into memory.
     errors = np.stack([one.errors for one in flown])
-    closest = np.min([one.closest for one in flown], axis=0)
-    saturated = np.mean([one.saturated for one in flown], axis=0)
-    used = np.max([one.used for one in flown], axis=0)
     tubes = []
-    for name, start, duration in [*legs, (WHOLE, 0.0, logged.duration)]:
-        met = (course.times >= start) & (course.times <= start + duration)
-        each = errors[:, met].max(axis=1).ravel()
+    for number, (name, start, _) in enumerate(legs):
+        each = errors[:, number].ravel()
         tubes.append(
             Tube(
                 name,
                 start,
                 float(each.max()),
                 *tube_radius(each),
-                float(np.sqrt(np.mean(errors[:, met] ** 2))),
-                float(closest[met].min()),
-                float(saturated[met].mean()),
-                float(used[met].max()),
+                float(np.sqrt(np.mean([one.squares[number] for one in flown]))),
+                float(np.min([one.closest[number] for one in flown])),
+                float(np.mean([one.saturated[number] for one in flown])),
+                float(np.max([one.used[number] for one in flown])),
             )
         )
     return Campaign(
@@ -128,6 +129,41 @@ def campaign(
         tuple(tubes),
         "predictive" if model.predictive else "flatness",
         observer=model.gains.observer > 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Legs:
+    """What one flight came to, leg by leg."""
+
+    errors: FloatArray
+    """Greatest of each drone, shape (legs, drones) [m]."""
+    squares: FloatArray
+    """Mean of the squared errors, shape (legs,) [m²]."""
+    closest: FloatArray
+    """Shape (legs,) [m]."""
+    saturated: FloatArray
+    """Mean share, shape (legs,)."""
+    used: FloatArray
+    """Greatest share, shape (legs,)."""
+
+
+def _span(times: FloatArray, start: float, duration: float) -> slice:
+    """Return which commands belong to a leg: one at least."""
+    first = min(int(np.searchsorted(times, start)), times.size - 1)
+    last = int(np.searchsorted(times, start + duration, side="right"))
+    return slice(first, max(last, first + 1))
+
+
+def _summed(fly: Callable[[], Flown], spans: list[slice]) -> _Legs:
+    """Fly, and sum up what was found over ``spans`` of commands."""
+    flown = fly()
+    return _Legs(
+        np.array([flown.errors[one].max(axis=0) for one in spans]),
+        np.array([np.mean(flown.errors[one] ** 2) for one in spans]),
+        np.array([flown.closest[one].min() for one in spans]),
+        np.array([flown.saturated[one].mean() for one in spans]),
+        np.array([flown.used[one].max() for one in spans]),
     )
 
 
