@@ -6,7 +6,8 @@ Speeds, thrust and body rates have those of the show. Roll and pitch have that o
 controllers, for a plan at its greatest tilt leaves none for the wind; so it is with
 accelerations, which are the plan's. What gusts and the estimator's errors add to what
 was looked ahead is a reserve, and limits of states have a price: there is always a best
-way, even from beyond one.
+way, even from beyond one. Where a plan is faster than the reserve leaves, the reference
+is the nearest motion that is not (:func:`followable`).
 Intervals are stages of the condensed transcription
 (:mod:`showc.ocp.transcription.condensed`), solved by a structured interior-point method
 from the solution of the step before. The state from which it looks ahead is the
@@ -43,9 +44,9 @@ INPUTS = ("thrust", "p_dot", "q_dot")
 """Constant on each interval: thrust [N] and angular accelerations [rad/s²]."""
 SPARE = 0.03
 """Share of each rotor's range that is left to the yaw."""
-RESERVE_ANGLE, RESERVE_RATE, RESERVE_SPEED = 0.04, 0.1, 0.14
+RESERVE_ANGLE, RESERVE_RATE, RESERVE_SPEED = 0.04, 0.1, 0.2
 """What is left to limits of roll and pitch [rad], body rates [rad/s] and speeds [m/s]:
-of speeds over twice what estimates err; gusts move the others."""
+of speeds four times what estimates err; gusts move the others."""
 FASTEST = 60.0
 """Greatest angular acceleration that is asked for [rad/s²]: beyond it rotors that lag
 by 30 ms only overshoot."""
@@ -113,8 +114,10 @@ class Predictor:
             _columns(course.state[:, :, 9:12]),
             _columns(course.control[:, :, 1:4]),
         )
+        wanted = course.state[:, :, PLACES].copy()
+        wanted[:, :, :6] = followable(wanted[:, :, :6], limits, step)
         self._wanted = np.concatenate(
-            [course.state[:, :, PLACES], course.control[:, :, :1]]
+            [wanted, course.control[:, :, :1]]
             + [one[:, :, None] for one in planned[:2]],
             axis=2,
         )
@@ -206,6 +209,41 @@ class Predictor:
         room = max(0.0, float(np.minimum(others, 1.0 - others).min()))
         most = room / float(np.abs(share[:, 3]).max())
         return float(np.clip(control[3], -most, most))
+
+
+def followable(state: FloatArray, limits: Limits, step: float) -> FloatArray:
+    """Return the nearest motion that leaves a reserve to the limits of speed.
+
+    A plan at its greatest speed cannot be caught up with. With the speed c that is left
+    in an axis, x - c t may never grow: of such motions isotonic regression finds that
+    with the least sum of squared distances (Barlow et al. 1972, Statistical Inference
+    under Order Restrictions). It is ahead of the plan at first, and behind it later.
+
+    Parameters
+    ----------
+    state
+        Positions and velocities, shape (times, n, 6) [m, m/s].
+    limits
+        Of flight.
+    step
+        Time between two of them [s].
+    """
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - heavy
+
+    found, time = state.copy(), step * np.arange(len(state))
+    for axis, bounds in enumerate(
+        zip(limits.velocity_min, limits.velocity_max, strict=True)
+    ):
+        for sign, bound in zip((-1.0, 1.0), bounds, strict=True):
+            drift = (bound - sign * RESERVE_SPEED) * time
+            for drone in np.flatnonzero(
+                (sign * state[:, :, 3 + axis] > abs(bound) - RESERVE_SPEED).any(axis=0)
+            ):
+                over = sign * (found[:, drone, axis] - drift)
+                kept = isotonic_regression(over, increasing=False).x
+                found[:, drone, axis] = sign * kept + drift
+                found[:, drone, 3 + axis] = np.gradient(found[:, drone, axis], step)
+    return found
 
 
 def program(

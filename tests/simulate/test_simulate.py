@@ -25,6 +25,7 @@ from showc.simulate.campaign import (
 )
 from showc.simulate.gusts import SEVERITY, Gusts, Scales
 from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
+from showc.simulate.predictive import RESERVE_SPEED, followable
 from showc.simulate.results import WANTED, Campaign, Weather
 from showc.simulate.tracking import Course, Gains
 from showc.vehicle import PRESETS, Limits
@@ -284,6 +285,27 @@ def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
     # It knows of the jump beforehand and leaves early, by as much as serves both.
     assert found.errors[:, 0].max() < 1.6
     assert found.errors[-50:, 0].max() < 0.02
+
+
+def test_what_is_followed_keeps_a_reserve_of_speed_and_is_near(lonely):
+    limits = replace(
+        lonely[0].limits, velocity_min=(-5.0, -3.0, -1.0), velocity_max=(5.0, 4.0, 2.0)
+    )
+    time = 0.01 * np.arange(1200)
+    # Up to each axis's limit and back, at one that is slower, and away and home again.
+    speed = np.clip(np.stack([2.0 * time, 0.3 * time, np.sin(time)], axis=1), -0.9, 5.0)
+    speed *= np.clip(12.0 - time, 0.0, 1.0)[:, None]
+    state = np.zeros((1200, 1, 6))
+    state[:, 0, :3], state[:, 0, 3:] = 0.01 * np.cumsum(speed, axis=0), speed
+    found = followable(state, limits, 0.01)
+    kept = np.diff(found[:, 0, :3], axis=0) / 0.01
+    assert (kept <= np.array(limits.velocity_max) - RESERVE_SPEED + 1e-9).all()
+    assert (kept >= np.array(limits.velocity_min) + RESERVE_SPEED - 1e-9).all()
+    assert (found[:, :, 1] == state[:, :, 1]).all()
+    off = found[:, 0, 0] - state[:, 0, 0]
+    assert off.min() < -0.5 < 0.5 < off.max()
+    assert abs(off.mean()) < 1e-3
+    assert off[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_command_flies_the_same_again_and_the_log_holds_it(
