@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from showc.preview.draft import Memory, lay_out, scene_of
 from showc.script import read_show
+from showc.script.formations import SHAPES
 
 WIDTH, HEIGHT = 300, 190
 """Of a picture, in its own units."""
@@ -156,6 +157,13 @@ FORMATIONS = [
         "{shift: [0, 0, 6]}]}",
         more="  wall: {type: grid, step: 3, plane: front, colour: dodgerblue}\n",
     ),
+]
+# A type that has no picture above gets one with its usual sizes.
+FORMATIONS += [
+    Piece(name, 40, f"{{type: {name}, spread: true}}")
+    for name, shape in SHAPES.items()
+    if not any(f"type: {name}" in piece.formation for piece in FORMATIONS)
+    and not any(field.required for field in shape.section.fields)
 ]
 RING = "{type: circle, radius: 11, plane: front, centre: [0, 0, 30], colour: gold}"
 SQUARE = "{type: grid, step: 3, centre: [0, 0, 26], colour: aquamarine}"

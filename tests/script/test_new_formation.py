@@ -45,6 +45,7 @@ transitions:
 PROGRAM = """
 import json, sys
 from showc.script.load import load_show
+import gallery
 from script_reference import page
 from showc.script.schema import schema_text
 show = load_show("show.yaml").show
@@ -52,13 +53,15 @@ print(json.dumps({
     "points": show.formations["x"].points.tolist(),
     "schema": '"cross"' in schema_text(),
     "page": "Places along two lines that cross." in page(),
+    "gallery": "### Cross" in gallery.page(),
 }))
 """
 
 
 def test_a_module_in_the_folder_is_a_type_of_formation(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "showc", ignore=shutil.ignore_patterns("docs"))
-    shutil.copy(PACKAGE.parent / "tests" / "script_reference.py", tmp_path)
+    for name in ("script_reference.py", "gallery.py"):
+        shutil.copy(PACKAGE.parent / "tests" / name, tmp_path)
     cross = tmp_path / "showc" / "script" / "formations" / "cross.py"
     cross.write_text(MODULE, encoding="utf-8")
     (tmp_path / "show.yaml").write_text(SCRIPT, encoding="utf-8")
@@ -74,3 +77,4 @@ def test_a_module_in_the_folder_is_a_type_of_formation(tmp_path):
     assert len(found["points"]) == 6
     assert found["schema"]
     assert found["page"]
+    assert found["gallery"]
