@@ -14,7 +14,6 @@ from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.single import (
     Aircraft,
-    HalfSpace,
     follow,
     hover,
     minimum_time,
@@ -158,27 +157,6 @@ def test_a_reference_is_followed():
     line = ABOVE + profile(times) * (goal - ABOVE)
     away = np.linalg.norm(result.trajectory.state(times)[:, :3] - line, axis=1)
     assert away.max() < 0.25
-
-
-def test_half_spaces_hold_at_every_instant_and_only_where_asked():
-    goal = ABOVE + [10.0, 0.0, 0.0]
-    wall = HalfSpace((0.0, 1.0, 0.0), 1.5, 2.0, 4.0)
-    free = follow(HELD, ABOVE, goal, 6.0)
-    result = follow(HELD, ABOVE, goal, 6.0, half_spaces=[wall])
-    assert result.solved
-    check(HELD, result.trajectory, ABOVE, goal, 6.0)
-    times = np.linspace(2.0, 4.0, 1001)
-    assert result.trajectory.state(times)[:, 1].min() > 1.5 - 1e-9
-    assert np.abs(free.trajectory.state(times)[:, 1]).max() < 0.1
-
-
-def test_a_half_space_that_excludes_an_end_is_refused_with_the_distance():
-    result = follow(
-        HELD, ABOVE, ABOVE + [5.0, 0.0, 0.0], 5.0,
-        half_spaces=[HalfSpace((1.0, 0.0, 0.0), 0.5)],
-    )  # fmt: skip
-    assert result.status == "limit"
-    assert "the start lies 0.500000 m outside" in result.message
 
 
 def test_hovers_outside_the_volume_and_hopeless_thrust_are_refused():

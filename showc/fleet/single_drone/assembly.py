@@ -10,7 +10,6 @@ from showc.fleet.single_drone.audit import (
     FLOWN_DEGREE,
     flown_acceleration,
     greatest_excess,
-    half_space_excess,
 )
 from showc.fleet.single_drone.model import POSITION
 from showc.flight import Trajectory
@@ -22,11 +21,8 @@ from showc.trajectory import (
 from showc.vehicle.motion import torques_for
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
-    from showc.fleet.single_drone.result import HalfSpace
     from showc.ocp.solution import Solution
 
 
@@ -54,7 +50,6 @@ def trajectory_of(
     duration: float,
     *,
     origin: FloatArray | None = None,
-    half_spaces: Sequence[HalfSpace] = (),
 ) -> Trajectory:
     """Assemble the trajectory of one drone.
 
@@ -71,8 +66,6 @@ def trajectory_of(
     origin
         Where the solution counts its positions from, shape (3,) [m]; by default the
         origin of the show frame.
-    half_spaces
-        What the flight must keep besides its limits.
     """
     part = solution.phases[0]
     breaks = part.states.breaks * (duration / part.states.end)
@@ -121,12 +114,10 @@ def trajectory_of(
     trajectory = Trajectory(
         PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
     )
-    return _matched(aircraft, trajectory, half_spaces)
+    return _matched(aircraft, trajectory)
 
 
-def _matched(
-    aircraft: Aircraft, trajectory: Trajectory, half_spaces: Sequence[HalfSpace]
-) -> Trajectory:
+def _matched(aircraft: Aircraft, trajectory: Trajectory) -> Trajectory:
     """Write positions and velocities as the controls fly them between the breaks.
 
     Inside an interval a solution's velocity is off from what its thrust gives by up to
@@ -148,10 +139,7 @@ def _matched(
         new[..., axes] = position[..., axes]
         new[..., [3 + axis for axis in axes]] = raised.coefficients[..., axes]
         flown = Trajectory(PiecewisePolynomial(state.breaks, new), control)
-        crossed = half_space_excess(flown, half_spaces)
-        if greatest_excess(aircraft, flown).relative <= ROUNDING and (
-            crossed is None or crossed.amount <= 0.0
-        ):
+        if greatest_excess(aircraft, flown).relative <= ROUNDING:
             return flown
     return trajectory
 

@@ -14,11 +14,10 @@ from showc.vehicle.jerk import greatest_jerk, lean_factor
 from showc.vehicle.motion import thrust_direction
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
-    from showc.fleet.single_drone.result import HalfSpace
     from showc.flight import Trajectory
     from showc.vehicle import Quadrotor
 
@@ -187,24 +186,3 @@ def flown_acceleration(vehicle: Quadrotor, trajectory: Trajectory) -> FloatArray
     acceleration[..., 2] -= vehicle.gravity
     inverse = bernstein_basis_inverse(FLOWN_DEGREE - 1, _FLOWN_NODES)
     return np.asarray(inverse @ acceleration)
-
-
-def half_space_excess(
-    trajectory: Trajectory, half_spaces: Iterable[HalfSpace]
-) -> Excess | None:
-    """Worst half-space over its own stretch of time; ``None`` without any."""
-    found = []
-    for index, space in enumerate(half_spaces):
-        position = trajectory.state.select([0, 1, 2]).split([space.start, space.end])
-        within = (position.breaks[:-1] >= space.start - 1e-12) & (
-            position.breaks[1:] <= space.end + 1e-12
-        )
-        if not within.any():
-            continue
-        along = position.coefficients[within] @ np.array(space.normal)
-        outside = (space.offset - along).max(axis=1)
-        at = int(np.argmax(outside))
-        amount = float(outside[at])
-        time = float(position.breaks[:-1][within][at])
-        found.append(Excess(f"half-space {index}", time, amount, amount))
-    return max(found, key=lambda excess: excess.amount) if found else None

@@ -16,33 +16,31 @@ from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.assembly import trajectory_of
 from showc.fleet.single_drone.guess import flat_guess, flown_guess
 from showc.fleet.single_drone.intervals import (
-    COUNTS,
     END_GRADING,
     finer,
     graded_widths,
     interval_count,
 )
 from showc.fleet.single_drone.judgement import (
-    POSITION_ACCURACY,
     STILL,
     Flights,
     Verdict,
     judge,
     refusal,
 )
-from showc.fleet.single_drone.model import HALF_SPACES, in_motion
-from showc.fleet.single_drone.programs import SLOTS, Programs
+from showc.fleet.single_drone.model import in_motion
+from showc.fleet.single_drone.programs import Programs
 from showc.fleet.single_drone.shortest import minimum_time
 from showc.flight import Trajectory
 from showc.ocp.refinement.strategy import refine
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
-    from showc.fleet.single_drone.result import HalfSpace, Result
+    from showc.fleet.single_drone.result import Result
     from showc.ocp.guess import Guess
     from showc.ocp.solution import Solution
     from showc.ocp.transcription.solver import SolverName
@@ -79,9 +77,6 @@ def follow(
     duration: float,
     *,
     reference: PiecewisePolynomial | None = None,
-    half_spaces: Sequence[HalfSpace] = (),
-    accuracy: float = POSITION_ACCURACY,
-    start_from: Trajectory | None = None,
     shortest: Trajectory | None = None,
 ) -> Result:
     """Fly from end to end in a given time, as near as can be to a reference.
@@ -95,44 +90,25 @@ def follow(
     reference
         Fraction of the way over time (one component), or positions (three) [m], from
         0 to ``duration``. ``None``: the least effort.
-    half_spaces
-        Kept at every instant of their stretch of time, widened outward to whole mesh
-        intervals.
-    accuracy
-        Greatest distance between the controls integrated and the trajectory [m].
-    start_from
-        An earlier flight between the same hovers, by this function, to start from, on
-        its mesh if it may be.
     shortest
         The flight in least time between the same hovers, if it is known.
     """
     start, goal = aircraft.end(start), aircraft.end(goal)
     programs = Programs(aircraft, start, goal)
-    if reason := refusal(aircraft, start, goal, half_spaces, duration):
+    if reason := refusal(aircraft, start, goal):
         return Verdict("limit", reason).result(programs, duration)
     still = not (in_motion(start) or in_motion(goal))
     still = still and float(np.linalg.norm((goal - start)[:3])) < STILL
-    if still and not half_spaces and (reference is None or reference.components == 1):
+    if still and (reference is None or reference.components == 1):
         flight = _pause(aircraft, start[:3], goal[:3], duration)
         return Verdict("solved", trajectory=flight).result(programs)
-    if (earlier := start_from or shortest) is not None:
-        programs.meshes += earlier.meshes
-    task = _Task(
-        aircraft,
-        start,
-        goal,
-        duration,
-        reference,
-        tuple(half_spaces),
-        start_from,
-        shortest,
-    )
+    if shortest is not None:
+        programs.meshes += shortest.meshes
+    task = _Task(aircraft, start, goal, duration, reference, shortest)
 
     def judged(solution: Solution) -> Verdict:
-        flight = trajectory_of(
-            aircraft, solution, start, goal, duration, half_spaces=half_spaces
-        )
-        return judge(aircraft, flight, half_spaces, accuracy)
+        flight = trajectory_of(aircraft, solution, start, goal, duration)
+        return judge(aircraft, flight)
 
     solutions = (_solve(task, programs, rung) for rung in _ladder(task))
     verdict = refine(Flights(programs, solutions, judged)) or Verdict("infeasible")
@@ -170,8 +146,6 @@ class _Task:
     goal: FloatArray
     duration: float
     reference: PiecewisePolynomial | None
-    half_spaces: tuple[HalfSpace, ...]
-    start_from: Trajectory | None
     shortest: Trajectory | None
 
     def shortest_flight(self) -> tuple[float, Trajectory | None]:
@@ -183,8 +157,6 @@ class _Task:
 
     def guess(self, widths: FloatArray) -> Guess:
         """Where to start on these intervals."""
-        if self.start_from is not None:
-            return flown_guess(self.aircraft, self.start_from, widths)
         return flat_guess(self.aircraft, self.start, self.goal, widths, self.reference)
 
     def stretched(self, flight: Trajectory) -> FloatArray:
@@ -212,10 +184,7 @@ def _ladder(task: _Task) -> Iterator[_Rung]:
     interval borders where limits are reached and left: then the least-time flight of
     the same drone, stretched to the duration, gives both mesh and start.
     """
-    duration, earlier = task.duration, task.start_from
-    if earlier is not None and earlier.state.intervals in COUNTS:
-        widths = task.stretched(earlier)
-        yield _Rung(widths, task.guess(widths), "the mesh of the flight before")
+    duration = task.duration
     low, _ = minimum_time_estimate(task.aircraft, task.start[None], task.goal[None])
     slack = duration / max(float(low[0]), 1e-9)
     if task.shortest is None and slack > TIGHT:
@@ -261,9 +230,7 @@ def _solve(task: _Task, programs: Programs, rung: _Rung) -> Solution:
     """Solve the program of a given time on one mesh."""
     widths = rung.widths
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
-    normals, offsets = _slots(task.half_spaces, breaks)
-    slots = normals.shape[1]
-    program = programs.program(widths.size, "given", slots, rung.solver)
+    program = programs.program(widths.size, "given", rung.solver)
     nodes = np.array(program.stage.cost_nodes)
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals, nearness = np.zeros((*times.shape, 3)), 0.0
@@ -281,29 +248,4 @@ def _solve(task: _Task, programs: Programs, rung: _Rung) -> Solution:
         {"effort": EFFORT, "nearness": nearness},
         why=rung.why,
         signals=signals,
-        half_spaces={HALF_SPACES: (normals, offsets)} if slots else None,
     )
-
-
-def _slots(
-    half_spaces: Sequence[HalfSpace], breaks: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Lay half-spaces into the slots of the intervals that they touch.
-
-    Returns normals (K, slots, 3) and offsets (K, slots), minus infinity where unused;
-    the number of slots is one that programs are built with.
-    """
-    intervals = breaks.size - 1
-    placed: list[list[HalfSpace]] = [[] for _ in range(intervals)]
-    for space in half_spaces:
-        touched = (breaks[1:] > space.start) & (breaks[:-1] < space.end)
-        for index in np.nonzero(touched)[0].tolist():
-            placed[index].append(space)
-    most = max((len(entry) for entry in placed), default=0)
-    slots = next((n for n in SLOTS if n >= most), most)
-    normals = np.zeros((intervals, slots, 3))
-    offsets = np.full((intervals, slots), -np.inf)
-    for k, entry in enumerate(placed):
-        for j, space in enumerate(entry):
-            normals[k, j], offsets[k, j] = space.normal, space.offset
-    return normals, offsets

@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.single_drone.audit import Excess, greatest_excess, half_space_excess
+from showc.fleet.single_drone.audit import Excess, greatest_excess
 from showc.fleet.single_drone.model import POSITION
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.result import Result
 from showc.ocp.refinement.strategy import Strategy
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
-    from showc.fleet.single_drone.result import HalfSpace, Status
+    from showc.fleet.single_drone.result import Status
     from showc.flight import Trajectory
     from showc.ocp.solution import Solution
 
 
 POSITION_ACCURACY = 4e-4
-"""Default of the greatest replay error [m]; a proof allows 5e-4."""
+"""Greatest replay error [m]; a proof allows 5e-4."""
 VELOCITY_ACCURACY = 2e-4
 """Greatest replay error of the velocity [m/s]; a proof allows 5e-4."""
 ATTITUDE_ACCURACY = float(np.deg2rad(0.01))
@@ -36,13 +36,7 @@ STILL = 1e-9
 """Moves shorter than this are hovers [m]."""
 
 
-def refusal(
-    aircraft: Aircraft,
-    start: FloatArray,
-    goal: FloatArray,
-    half_spaces: Sequence[HalfSpace] = (),
-    duration: float = np.inf,
-) -> str:
+def refusal(aircraft: Aircraft, start: FloatArray, goal: FloatArray) -> str:
     """Say why the task contradicts its limits before any search; empty if not."""
     if conflict := aircraft.conflict():
         return conflict
@@ -59,14 +53,6 @@ def refusal(
                 f"the {name} has {POSITION[axis]} = {place[axis]:.3f} m; the flight "
                 f"volume allows {lower[axis]:.3f} to {upper[axis]:.3f} m"
             )
-    for space in half_spaces:
-        ends = ([("start", start)] if space.start <= 0.0 else []) + (
-            [("goal", goal)] if space.end >= duration else []
-        )
-        for name, place in ends:
-            short = space.offset - float(np.dot(space.normal, place[:3]))
-            if short > 1e-6:
-                return f"the {name} lies {short:.6f} m outside a half-space"
     return ""
 
 
@@ -149,12 +135,7 @@ class Flights(Strategy[Verdict]):
         return verdict
 
 
-def judge(
-    aircraft: Aircraft,
-    trajectory: Trajectory,
-    half_spaces: Sequence[HalfSpace] = (),
-    accuracy: float = POSITION_ACCURACY,
-) -> Verdict:
+def judge(aircraft: Aircraft, trajectory: Trajectory) -> Verdict:
     """Fly a trajectory again and audit its limits."""
     flown = replay(aircraft.vehicle, [trajectory])
     missed, turned = float(flown.position[0]), float(flown.attitude[0])
@@ -162,24 +143,21 @@ def judge(
     worst: Excess = greatest_excess(aircraft, trajectory)
     status: Status = "solved"
     message = ""
-    crossed = half_space_excess(trajectory, half_spaces)
     if worst.relative > KEPT:
         status = "infeasible"
         message = (
             f"{worst.name} is {worst.amount:.3g} outside its limit near "
             f"{worst.time:.2f} s"
         )
-    elif crossed is not None and crossed.amount > KEPT:
-        status = "infeasible"
-        message = (
-            f"{crossed.name} is crossed by {crossed.amount:.3g} m near "
-            f"{crossed.time:.2f} s"
-        )
-    elif missed > accuracy or slipped > VELOCITY_ACCURACY or turned > ATTITUDE_ACCURACY:
+    elif (
+        missed > POSITION_ACCURACY
+        or slipped > VELOCITY_ACCURACY
+        or turned > ATTITUDE_ACCURACY
+    ):
         status = "inaccurate"
         message = (
             f"the controls miss the trajectory by {1e3 * missed:.3g} mm, "
             f"{1e3 * slipped:.3g} mm/s and {np.rad2deg(turned):.3g} deg; wanted "
-            f"{1e3 * accuracy:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
+            f"{1e3 * POSITION_ACCURACY:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
         )
     return Verdict(status, message, missed, turned, trajectory)

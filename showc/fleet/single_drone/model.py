@@ -30,7 +30,6 @@ POSITION = ("x", "y", "z")
 ENDS = ("start", "goal")
 TORQUES = ("torque_x", "torque_y", "torque_z")
 SIGNALS = ("reference_x", "reference_y", "reference_z")
-HALF_SPACES = "half_spaces"
 
 # Scales are constants, not taken from the limits: a program is then the same whichever
 # limits it is first used with, and so are its answers.
@@ -395,19 +394,12 @@ def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> Any:  # noqa: ANN
     return total
 
 
-def single_problem(
-    aircraft: Aircraft, *, minimum_time: bool, half_spaces: int = 0
-) -> Problem:
+def single_problem(aircraft: Aircraft, *, minimum_time: bool) -> Problem:
     """State the problem of one drone.
 
     Parameters of the problem: start and goal; ``effort`` and ``nearness``, the weights
     of the squared inputs and of the squared distance to the reference [1/m²]; the
     reference, which varies along the leg, unless ``minimum_time``.
-
-    Parameters
-    ----------
-    half_spaces
-        Number of half-spaces on the position for each interval.
     """
     from showc.ocp.problem import Problem  # noqa: PLC0415
 
@@ -416,14 +408,12 @@ def single_problem(
     add_drone(phase, problem, aircraft)
     weight = problem.parameter("effort", 1e-3)
     running = weight * effort(phase, aircraft)
-    position = [phase.states[axis].quantity.symbol for axis in POSITION]
-    if half_spaces:
-        phase.half_space(HALF_SPACES, position, half_spaces)
     if minimum_time:
         problem.minimise(phase.duration + phase.integral(running))
         return problem
     nearness = problem.parameter("nearness", 0.0)
     reference = [problem.parameter(name) for name in SIGNALS]
+    position = [phase.states[axis].quantity.symbol for axis in POSITION]
     distance = sum((a - b) ** 2 for a, b in zip(position, reference, strict=True))
     problem.minimise(phase.integral(running + nearness * distance))
     return problem

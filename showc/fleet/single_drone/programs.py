@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 FINE, ROUGH = 1e-6, 1e-5
 """Tolerance of a solve at a given time, and of the search for the least: there it
 decides whether borders that hardly matter come to rest, and costs 1e-5 of the time."""
-SLOTS = (0, 2, 4, 8, 16)
-"""Numbers of half-spaces for an interval that programs are built with."""
 
 
 @lru_cache(maxsize=64)
@@ -39,7 +37,6 @@ def _built(
     aircraft: Aircraft,
     intervals: int,
     time: TimeKind,
-    half_spaces: int,
     solver: SolverName,
 ) -> CondensedTranscription:
     # The core loads casadi, which checking a script must not.
@@ -51,7 +48,7 @@ def _built(
 
     timed = time != "given"
     return CondensedTranscription(
-        single_problem(aircraft, minimum_time=timed, half_spaces=half_spaces),
+        single_problem(aircraft, minimum_time=timed),
         intervals,
         time=time,
         signals=() if timed else SIGNALS,
@@ -106,11 +103,10 @@ class Programs:
         self,
         intervals: int,
         time: TimeKind,
-        half_spaces: int = 0,
         solver: SolverName = "fatrop",
     ) -> CondensedTranscription:
         """Return the program for ``intervals``, from the process's store."""
-        return _built(self.aircraft.canonical(), intervals, time, half_spaces, solver)
+        return _built(self.aircraft.canonical(), intervals, time, solver)
 
     def solve(
         self,
@@ -121,7 +117,6 @@ class Programs:
         *,
         why: str,
         signals: FloatArray | None = None,
-        half_spaces: dict[str, tuple[FloatArray, FloatArray]] | None = None,
     ) -> Solution:
         """Solve once, with this aircraft's limits and hovers.
 
@@ -132,7 +127,6 @@ class Programs:
             guess=guess,
             parameters=self.ends | parameters,
             signals=signals,
-            half_spaces=half_spaces,
             bounds=self.bounds,
             control_ends=self.thrusts,
         )

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from showc.flight import Trajectory
-    from showc.vehicle import Vector
 
 Status = Literal["solved", "infeasible", "inaccurate", "limit"]
-
-
-@dataclass(frozen=True, slots=True)
-class HalfSpace:
-    """``normal . position(t) >= offset`` at every instant of a stretch of time."""
-
-    normal: Vector
-    """Unit vector, show frame."""
-    offset: float
-    """[m]."""
-    start: float = 0.0
-    """First instant, from the start of the leg [s]."""
-    end: float = inf
-    """Last instant [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """How a solve ended, in data and in a sentence.
 
-    ``solved``: the trajectory is flyable and keeps every limit and half-space.
+    ``solved``: the trajectory is flyable and keeps every limit.
     ``infeasible``: none was found that does. ``inaccurate``: one was found, but its
     controls do not fly it closely enough even on the finest mesh. ``limit``: limits
     contradict the task before any search (a hover outside the volume, say).

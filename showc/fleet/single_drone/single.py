@@ -3,12 +3,11 @@
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.following import follow, hover
 from showc.fleet.single_drone.model import Aircraft
-from showc.fleet.single_drone.result import HalfSpace, Result
+from showc.fleet.single_drone.result import Result
 from showc.fleet.single_drone.shortest import minimum_time
 
 __all__ = [
     "Aircraft",
-    "HalfSpace",
     "Result",
     "follow",
     "hover",
