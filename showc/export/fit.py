@@ -67,8 +67,16 @@ thirtieth of what a flight controller itself is off."""
 YAW_STEP = 1000
 """Length of a step of yaw [ms]: drones turn slowly beside how they move."""
 
-_SHARE = 0.1
-"""Share of the tolerance that joining two pieces may cost at once."""
+_TRIALS = (
+    (STEPS[0], (0.0, 0.1)),
+    (STEPS[0], (0.0, 0.02)),
+    (STEPS[1], (0.5, 0.1)),
+    (STEPS[1], (0.25, 0.05)),
+    (STEPS[1], (0.1, 0.02)),
+    *((step, (0.0, 0.0)) for step in STEPS),
+)
+"""Pieces that are tried: the shortest [ms], and which share of the tolerance joining
+two may cost, up to ``STEPS[0]`` and beyond."""
 
 _BENT = 0.01
 """How much joining two pieces may change the mean acceleration of each [m/s²]."""
@@ -226,22 +234,21 @@ class _Fit:
 
     def made(self, exact: Tracks, first: int) -> FittedFleet:
         """Fit drones, the first of which has this number, with the first that keeps."""
-        for step in STEPS:
-            # What joining costs may be just what is lacking.
-            for share in (_SHARE, 0.0):
-                fitted = self._cut(exact, step, share * self.tolerance)
-                error = error_of(
-                    exact, decoded(fitted), self.moved / 1000.0, first=first, jobs=1
-                )
-                if error.position.upper <= self.tolerance:
-                    return replace(fitted, error=error)
-                if exact.drones > 1:
-                    # Some of them need shorter pieces; the others do without.
-                    alone = [
-                        self.made(chosen(exact, slice(drone, drone + 1)), first + drone)
-                        for drone in range(exact.drones)
-                    ]
-                    return _together(alone)
+        for step, shares in _TRIALS:
+            near, far = (share * self.tolerance for share in shares)
+            fitted = self._cut(exact, step, (near, far))
+            error = error_of(
+                exact, decoded(fitted), self.moved / 1000.0, first=first, jobs=1
+            )
+            if error.position.upper <= self.tolerance:
+                return replace(fitted, error=error)
+            if exact.drones > 1:
+                # Some of them need shorter pieces; the others do without.
+                alone = [
+                    self.made(chosen(exact, slice(drone, drone + 1)), first + drone)
+                    for drone in range(exact.drones)
+                ]
+                return _together(alone)
         worst = error.position
         raise ExportError(
             f"drone {worst.drone + 1} at {worst.time:.2f} s: pieces of {STEPS[-1]} ms "
@@ -250,8 +257,8 @@ class _Fit:
             "with --tolerance, or bring the show nearer to its origin"
         )
 
-    def _cut(self, exact: Tracks, step: int, cost: float) -> FittedFleet:
-        """Fit with pieces of ``step`` [ms], joined where it costs at most ``cost``."""
+    def _cut(self, exact: Tracks, step: int, costs: tuple[float, float]) -> FittedFleet:
+        """Fit with pieces of ``step`` [ms], joined where it costs at most ``costs``."""
         shift = self.moved
         crossing = crossings(exact)
         if shift < step:
@@ -266,7 +273,7 @@ class _Fit:
             part[..., :3] for part in states(exact, (times - shift) / 1000.0)
         )
         node = np.where(high, (shift + at - begin) // step, -1)
-        drone, kept = np.nonzero(_joined(place, velocity, node, step, cost))
+        drone, kept = np.nonzero(_joined(place, velocity, node, step, costs))
         counts = np.bincount(drone, minlength=exact.drones)
         joints = Joints(
             np.concatenate([[0], np.cumsum(counts)]),
@@ -312,7 +319,11 @@ class _Fit:
 
 
 def _joined(
-    place: FloatArray, velocity: FloatArray, node: IntArray, step: int, cost: float
+    place: FloatArray,
+    velocity: FloatArray,
+    node: IntArray,
+    step: int,
+    costs: tuple[float, float],
 ) -> BoolArray:
     """Which nodes stay joints when neighbouring pieces are joined.
 
@@ -331,8 +342,9 @@ def _joined(
         One of each drone that stays a joint; -1: none need, shape (drones,).
     step
         Between two nodes [ms].
-    cost
-        Greatest distance from what was joined [m].
+    costs
+        Greatest distances from what was joined, to pieces up to ``STEPS[0]`` and to
+        longer ones [m].
     """
     pieces = place.shape[1] - 1
     joint = np.ones(place.shape[:2], dtype=bool)
@@ -353,7 +365,10 @@ def _joined(
         steep = np.linalg.norm(turn, axis=2)
         far = np.linalg.norm(off, axis=2) + 2.0 / 27.0 * seconds * steep
         whole = _side(whole, still[:, :: width // 2], count)
-        whole &= (far <= cost) & (steep <= 0.5 * _BENT * seconds)
+        long = width * step > STEPS[0]
+        whole &= far <= costs[long]
+        if long:
+            whole &= steep <= 0.5 * _BENT * seconds
         whole &= half + width * np.arange(count) != node[:, None]
         joint[:, middle] &= ~whole
         width *= 2

@@ -3,9 +3,8 @@
 Places are rounded to the grid. Of a velocity the grid holds multiples of three steps
 over the length of the shorter piece beside the joint: both sides then have the same,
 and velocity is continuous exactly. Rounding may ask for more acceleration than an
-aircraft was flown with. Then neighbouring steps are searched that ask for no more (the
-closest vector problem of lattices, in which only the joints of the pieces in question
-move; Agrell et al. 2002, Closest point search in lattices, section II).
+aircraft was flown with. Then neighbouring steps are searched that ask for no more: of
+all choices of the nearest step or one beside it, the one that asks least too much.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from showc.errors import ExportError
 from showc.foreign.showmode import WINDOW
 
 if TYPE_CHECKING:
-    from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.arrays import FloatArray, IntArray
     from showc.foreign.showmode import Followed
 
 
@@ -33,32 +32,19 @@ COARSEST = 127
 STANDING = 1e-6
 """An axis slower than this stands [m/s]: what rounding leaves of a hold."""
 
-_ROUNDS = 12
-"""How often all joints in question are looked at again: what one of them gains, its
-neighbour has to keep."""
-
-_FURTHEST = 1.5
-"""Greatest rounding of a place or velocity [steps]: the nearest step is within a half,
-and both of its neighbours are within this."""
-
 _NEAREST = 1e-4
 """Weight of the square of a rounding in steps, beside the square of what is too much
 acceleration in m/s²: of two choices that keep it, the nearer one."""
 
-_TURNS = np.array(list(product((0, -1, 1), repeat=3)))
-_MOVES = np.concatenate(
-    [
-        np.hstack([np.zeros_like(_TURNS), _TURNS]),
-        *(
-            np.kron([[place, turn]], np.eye(3, dtype=np.int64))
-            for place, turn in product((-1, 1), (0, -1, 1))
-        ),
-    ]
+_STEP = (0, -1, 1)
+_LEVEL = np.array(
+    [(0, 0, 0, x, y, 0) for x, y in product(_STEP, repeat=2)]
+    + [(1, 0, 0, 0, 0, 0), (-1, 0, 0, 0, 0, 0), (0, 1, 0, 0, 0, 0), (0, -1, 0, 0, 0, 0)]
 )
-"""Steps of place and velocity that are tried at a joint, shape (n, 6)."""
+"""Steps of place and velocity that are tried at a joint for sideways, shape (n, 6)."""
 
-_JOINTS = 4_000
-"""Joints that are searched together: their trials stay within 20 MB."""
+_UPRIGHT = np.array([(0, 0, z, 0, 0, turn) for z, turn in product(_STEP, repeat=2)])
+"""Steps that are tried for up and down, shape (n, 6)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,57 +210,85 @@ class _Steps:
     """Velocities in steps, shape (n, 3)."""
 
     def search(self, limits: FloatArray) -> None:
-        """Move joints of pieces that ask for more than ``limits`` (drones, 3)."""
-        every = limits[self.joints.owner[self.begin]]
-        count = self.joints.times.size
-        # Piece that begins at each joint; -1: none does.
-        piece = np.full(count + 1, -1)
+        """Move joints where pieces ask for more than ``limits`` (drones, 3)."""
+        joints = self.joints
+        every = limits[joints.owner[self.begin]]
+        still = np.abs(joints.velocity) < STANDING
+        free = np.tile(~still, 2)
+        free[np.isfinite(joints.height), 2] = False
+        # Stretches between joints that stay do not touch each other.
+        ends = np.union1d(joints.first[:-1], joints.first[1:] - 1)
+        anchors = np.union1d(np.flatnonzero(still.all(axis=1)), ends)
+        piece = np.zeros(joints.times.size, dtype=np.int64)
         piece[self.begin] = np.arange(self.begin.size)
-        still = np.abs(self.joints.velocity) < STANDING
-        still[np.isfinite(self.joints.height), 2] = True
-        low, high = self.begin, self.begin + 1
-        for turn in range(_ROUNDS):
-            place, velocity = self.whole * self.grid, self.slope * self.unit
-            asked = accelerations(
-                place[high] - place[low], velocity[low], velocity[high], self.seconds
-            )
-            over = np.any(asked > every, axis=1)
-            if not over.any():
-                return
-            ends = np.union1d(low[over], high[over])
-            # No two that move together share a piece.
-            some = ends[ends % 2 == turn % 2]
-            for first in range(0, some.size, _JOINTS):
-                self._move(some[first : first + _JOINTS], still, piece, every)
+        for moves, kinds in ((_LEVEL, [0]), (_UPRIGHT, [1, 2])):
+            over = np.any(self._asked()[:, kinds] > every[:, kinds], axis=1)
+            found = np.searchsorted(anchors, self.begin[over], side="right") - 1
+            for index in np.unique(found).tolist():
+                chain = slice(int(anchors[index]), int(anchors[index + 1]) + 1)
+                rows = slice(int(piece[chain.start]), int(piece[chain.stop - 2]) + 1)
+                allowed = moves * free[chain, None]
+                self._walk(chain, rows, allowed, every[rows][:, kinds], kinds)
 
-    def _move(
-        self, some: IntArray, still: BoolArray, piece: IntArray, limits: FloatArray
-    ) -> None:
-        """Move ``some`` joints to where their pieces ask for least too much."""
-        moves = _MOVES * np.tile(~still[some], 2)[:, None]
-        grid, unit = self.grid[some, None], self.unit[some, None]
-        place = (self.whole[some, None] + moves[..., :3]) * grid
-        velocity = (self.slope[some, None] + moves[..., 3:]) * unit
-        off = np.concatenate(
-            [
-                (place - self.joints.place[some, None]) / grid,
-                (velocity - self.joints.velocity[some, None]) / unit,
-            ],
-            axis=2,
+    def _asked(self) -> FloatArray:
+        """Accelerations of all pieces as they are, shape (pieces, 3) [m/s²]."""
+        place, velocity = self.whole * self.grid, self.slope * self.unit
+        low, high = self.begin, self.begin + 1
+        return accelerations(
+            place[high] - place[low], velocity[low], velocity[high], self.seconds
         )
-        cost = _NEAREST * (off**2).sum(axis=2)
-        cost[np.abs(off).max(axis=2) > _FURTHEST] = np.inf
-        for sign, rows in ((-1, piece[some - 1]), (1, piece[some])):
-            has = np.flatnonzero(rows >= 0)
-            row, other = rows[has, None], some[has, None] + sign
-            way = sign * (self.whole[other] * self.grid[other] - place[has])
-            beyond = np.broadcast_to(self.slope[other] * self.unit[other], way.shape)
-            first, last = (velocity[has], beyond)[::sign]
-            asked = accelerations(way, first, last, self.seconds[row])
-            over = np.maximum(asked - limits[row], 0.0)
-            cost[has] += (over**2).sum(axis=2)
-        # The first is to stay: it is taken where nothing is better.
-        best = np.argmin(cost, axis=1)
-        taken = moves[np.arange(some.size), best]
-        self.whole[some] += taken[:, :3]
-        self.slope[some] += taken[:, 3:]
+
+    def _walk(
+        self,
+        chain: slice,
+        rows: slice,
+        moves: IntArray,
+        limits: FloatArray,
+        kinds: list[int],
+    ) -> None:
+        """Move the joints of a chain by those steps of which the whole costs least.
+
+        What a joint's moves cost depends on its neighbours alone, so the best way from
+        one end to the other is found joint by joint (Viterbi 1967).
+
+        Parameters
+        ----------
+        chain
+            Joints.
+        rows
+            Pieces between them.
+        moves
+            What is tried at each joint, shape (joints, n, 6).
+        limits
+            What each piece may ask, shape (pieces, kinds) [m/s²].
+        kinds
+            Which of sideways, up and down.
+        """
+        place = (self.whole[chain, None] + moves[..., :3]) * self.grid[chain, None]
+        velocity = (self.slope[chain, None] + moves[..., 3:]) * self.unit[chain, None]
+        off = (place - self.joints.place[chain, None]) / self.grid[chain, None]
+        turned = velocity - self.joints.velocity[chain, None]
+        turned = turned / self.unit[chain, None]
+        own = _NEAREST * (off**2 + turned**2).sum(axis=2)
+        way = place[1:, None] - place[:-1, :, None]
+        asked = accelerations(
+            way,
+            np.broadcast_to(velocity[:-1, :, None], way.shape),
+            np.broadcast_to(velocity[1:, None], way.shape),
+            self.seconds[rows, None, None],
+        )
+        over = np.maximum(asked[..., kinds] - limits[:, None, None], 0.0)
+        between = (over**2).sum(axis=3) + own[1:, None]
+        best, behind = own[0], []
+        for cost in between:
+            total = best[:, None] + cost
+            behind.append(np.argmin(total, axis=0))
+            best = total.min(axis=0)
+        at = int(np.argmin(best))
+        taken = [at]
+        for back in reversed(behind):
+            at = int(back[at])
+            taken.append(at)
+        moved = moves[np.arange(moves.shape[0]), taken[::-1]]
+        self.whole[chain] += moved[:, :3]
+        self.slope[chain] += moved[:, 3:]
