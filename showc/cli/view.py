@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
-from showc.cli.options import SHOW, flag, output_option, show_argument
+from showc.cli.options import FILE, SHOW, flag, output_option, show_argument
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
@@ -32,6 +32,12 @@ if TYPE_CHECKING:
     metavar="RECORD",
     help="Draw what was flown beside it, as compare reads it; may be repeated.",
 )
+@click.option(
+    "--layout",
+    type=FILE,
+    metavar="LAYOUT.json",
+    help="Write the layout for Foxglove and Lichtblick too.",
+)
 @foreign_options
 def command(
     log: Path,
@@ -40,6 +46,7 @@ def command(
     no_verify: bool,
     music: bool,
     flown: tuple[Path, ...],
+    layout: Path | None,
     rules: Rules,
 ) -> int:
     """Make a page that plays the show in any browser.
@@ -55,7 +62,8 @@ def command(
 
     Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
     a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export wrote.
-    What such a file does not say, the page names as not known.
+    What such a file does not say, the page names as not known. Other viewers read
+    the log itself: --layout writes what Foxglove and Lichtblick open it with.
 
     \b
       showc view output.mcap          writes output.html
@@ -63,16 +71,28 @@ def command(
     """
     page = output or log.with_suffix(".html")
     if is_foreign(log):
-        misplaced = no_verify or music or bool(flown)
+        misplaced = no_verify or music or bool(flown) or layout is not None
         verdict: str | None = _draw_foreign(log, page, misplaced, rules)
     else:
         verdict = _draw(log, page, no_verify, music, flown)
+        if layout is not None:
+            _write_layout(log, layout)
     if verdict is not None:
         click.echo(verdict)
     click.echo(f"wrote {page}; open it in a browser")
     if show:
         webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _write_layout(log: Path, layout: Path) -> None:
+    """Write the layout that a log carries for other viewers."""
+    from showc.files import write_file
+    from showc.log.reader import read_log
+    from showc.log.schema import LAYOUT_NAME
+
+    write_file(layout, read_log(log).attachments[LAYOUT_NAME])
+    click.echo(f"wrote {layout}; import it in Foxglove or Lichtblick")
 
 
 def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
@@ -83,8 +103,8 @@ def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
 
     if misplaced:
         raise UsageError(
-            f"{log}: --no-verify, --music and --flown are for showc's own logs; "
-            "leave them out"
+            f"{log}: --no-verify, --music, --flown and --layout are for showc's own "
+            "logs; leave them out"
         )
     judged = judge_foreign(log, rules)
     write_file(page, render_foreign(judged).encode())
