@@ -23,12 +23,17 @@ from showc.fleet.single_drone.judgement import (
     VELOCITY_ACCURACY,
 )
 from showc.fleet.single_drone.replay import replay
+from showc.flight import Trajectory
+from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import CONTROL_NAMES, STATE_NAMES
 from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from showc.arrays import FloatArray
-    from showc.flight import LegFlight, Trajectory
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.flight import LegFlight
     from showc.script.show import Show
 
 
@@ -39,6 +44,8 @@ _MILLISECOND = 1e-3
 """Durations are whole numbers of these [s]."""
 _LOOKS, _FOLLOWED = 301, 1e-4
 """Instants at which a motion is looked at, and distance that is let be there [m]."""
+_TOGETHER = 50
+"""Flights whose limits are looked at together: their numbers stay in a core's cache."""
 _RECORDED = 1e-5
 """Greatest difference between the recorded closest encounter and the tracks [m]."""
 
@@ -149,8 +156,8 @@ def _limits(flight: LegFlight, show: Show) -> str:
     """Look at every limit at every instant, and fly the controls again."""
     leg = flight.leg
     aircraft = aircraft_of(show, leg)
-    for row, trajectory in enumerate(flight.trajectories):
-        worst = greatest_excess(aircraft, trajectory)
+    for row in _suspects(aircraft, flight.trajectories):
+        worst = greatest_excess(aircraft, flight.trajectories[row])
         if worst.relative > KEPT:
             return (
                 f"drone {int(leg.drones[row]) + 1}: {worst.name} is {worst.amount:.3g} "
@@ -168,6 +175,38 @@ def _limits(flight: LegFlight, show: Show) -> str:
             f"{flown.position[row]:.3g} m and {flown.velocity[row]:.3g} m/s"
         )
     return ""
+
+
+def _suspects(aircraft: Aircraft, trajectories: Sequence[Trajectory]) -> Iterator[int]:
+    """Rows of flights that may break a limit.
+
+    Limits hold interval by interval: those of some flights are looked at as if they
+    were of one. Jerk is one of joints as well.
+    """
+    alike: dict[tuple[int, int], list[int]] = {}
+    for row, item in enumerate(trajectories):
+        alike.setdefault((item.state.degree, item.control.degree), []).append(row)
+    for rows in alike.values():
+        for begin in range(0, len(rows), _TOGETHER):
+            some = rows[begin : begin + _TOGETHER]
+            one = _joined([trajectories[row] for row in some])
+            kept = greatest_excess(aircraft, one).relative <= KEPT
+            if aircraft.limits.jerk or not kept:
+                yield from some
+
+
+def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
+    """Put flights of equal degrees after each other, jumps between them or not."""
+    widths = np.concatenate([np.diff(item.state.breaks) for item in trajectories])
+    breaks = np.concatenate([[0.0], np.cumsum(widths)])
+    state, control = (
+        PiecewisePolynomial(breaks, np.concatenate(parts))
+        for parts in zip(
+            *((i.state.coefficients, i.control.coefficients) for i in trajectories),
+            strict=True,
+        )
+    )
+    return Trajectory(state, control)
 
 
 def _separation(flight: LegFlight, show: Show) -> str:
