@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
 
 import casadi as ca
 import numpy as np
@@ -234,3 +235,21 @@ def test_what_has_no_slope_at_the_start_is_named():
     assert first.result is ocp.Result.INVALID_NUMBER
     assert "no curvature with respect to 'a' of phase 'phase'" in first.message
     assert "give a guess elsewhere" in first.message
+
+
+@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e5])
+def test_a_constraint_of_states_without_bounds_is_kept_in_any_unit(unit):
+    problem = ocp.Problem("string over a hill")
+    phase = problem.phase(duration=3.0)
+    height = phase.state("height", start=0.0, end=0.0)
+    slope = phase.control("slope")
+    phase.derivative(height, slope / unit)
+    hill = 1.0 - (phase.time - 1.5) ** 2
+    phase.constrain(unit * height - hill, 0.0, None, name="hill")
+    problem.minimise(phase.integral(slope**2))
+    solution = ocp.solve(problem)
+    # Tangents from both ends, and the hill between them.
+    leaves = sqrt(1.25)
+    exact = 2.0 * (3.0 - 2.0 * leaves) ** 2 * leaves + 8.0 / 3.0 * (1.5 - leaves) ** 3
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective == pytest.approx(exact, rel=1e-6)

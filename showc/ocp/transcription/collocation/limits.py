@@ -127,7 +127,8 @@ class Statement:
     problem
         Whose bounds.
     hints
-        Typical magnitudes by name, which those of constraints follow from.
+        Typical magnitudes by name; those of constraints follow them where they are
+        less than bounds tell.
     """
 
     def __init__(
@@ -172,17 +173,26 @@ class Statement:
         )
 
         self.constraint_scales: dict[tuple[str, str], float] = {}
+        self.constraint_scales = self._weighed(hints or {})
         """Scales of path constraints, by phase and name, and of boundary constraints
         (phase ``""``) whose bounds do not tell them."""
-        self._weigh_constraints(self.scales(hints or {}))
 
-    def _weigh_constraints(self, scales: Scales) -> None:
+    def _weighed(self, hints: Mapping[str, float]) -> dict[tuple[str, str], float]:
+        """Weigh constraints by bounds, and by what is known beside: by the lesser."""
+        told = self._weigh_constraints(self.scales({}))
+        if not hints:
+            return told
+        found = self._weigh_constraints(self.scales(hints))
+        return {key: min(scale, found[key]) for key, scale in told.items()}
+
+    def _weigh_constraints(self, scales: Scales) -> dict[tuple[str, str], float]:
         """Take scales that bounds do not tell from the constraints' slopes.
 
         The scale is by how much a constraint changes if all in it move by their scales,
         as the slopes at several places between the bounds tell. An inequality g <= 0
         then means the same in any unit of g.
         """
+        weights: dict[tuple[str, str], float] = {}
         shared = [symbol for symbol, _ in self.problem.parameters.values()]
         values = [default or 0.0 for _, default in self.problem.parameters.values()]
         statics = [static.symbol for static in self.problem.statics]
@@ -208,7 +218,7 @@ class Statement:
                 for m in members
             ]
             for constraint in phase.path_constraints:
-                self.constraint_scales[phase.name, constraint.name] = _changed(
+                weights[phase.name, constraint.name] = _changed(
                     constraint,
                     table["path", phase.name, constraint.name],
                     (inside, [*middles, 0.0, *([0.0] * len(statics))]),
@@ -216,13 +226,14 @@ class Statement:
                     (shared, values),
                 )
         for constraint in self.problem.boundary_constraints:
-            self.constraint_scales["", constraint.name] = _changed(
+            weights["", constraint.name] = _changed(
                 constraint,
                 table["boundary", constraint.name],
                 (ends, [0.0] * len(ends)),
                 sizes_of_ends,
                 (shared, values),
             )
+        return weights
 
     def parameters(self, given: Mapping[str, float]) -> FloatArray:
         """Values of all parameters, in order.
