@@ -190,16 +190,20 @@ class Meeting:
     """In the metric [m]."""
 
 
+_BLOCK = 128
+"""Rows of the pair matrix worked on at once: bounds the memory."""
+
+
 def line_separation(
-    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 128
+    start: FloatArray, goal: FloatArray, separation: Separation
 ) -> float:
     """Return the distance of :func:`nearest_on_lines`, or infinity [m]."""
-    found = nearest_on_lines(start, goal, separation, block)
+    found = nearest_on_lines(start, goal, separation)
     return float("inf") if found is None else found.distance
 
 
 def nearest_on_lines(
-    start: FloatArray, goal: FloatArray, separation: Separation, block: int = 128
+    start: FloatArray, goal: FloatArray, separation: Separation
 ) -> Meeting | None:
     """Nearest pair of drones that share one profile along straight lines.
 
@@ -214,8 +218,6 @@ def nearest_on_lines(
         Positions, shape (n, 3) [m].
     separation
         The metric.
-    block
-        Rows of the pair matrix worked on at once; bounds the memory.
 
     Returns
     -------
@@ -226,8 +228,8 @@ def nearest_on_lines(
     first, last = scaled(start, separation), scaled(goal, separation)
     nearest: Meeting | None = None
     columns = np.arange(start.shape[0])
-    for top in range(0, start.shape[0] - 1, block):
-        rows = slice(top, top + block)
+    for top in range(0, start.shape[0] - 1, _BLOCK):
+        rows = slice(top, top + _BLOCK)
         # Pairs with drones before these were looked at before.
         origin = first[rows, None] - first[None, top:]
         change = (last[rows, None] - last[None, top:]) - origin

@@ -162,13 +162,16 @@ def least_times(  # noqa: PLR0917 - same
     return np.asarray(high.reshape(drones, count))
 
 
-def shared_profile(  # noqa: PLR0917 - same
+_WORKING = 2
+"""Drones over which shapes are first compared; others join when they break it."""
+
+
+def shared_profile(
     vehicle: Quadrotor,
     limits: Limits,
     heading: float,
     start: FloatArray,
     goal: FloatArray,
-    working: int = 2,
 ) -> Profile:
     """Find the fastest profile of the family that every drone can fly straight.
 
@@ -176,8 +179,6 @@ def shared_profile(  # noqa: PLR0917 - same
     ----------
     start, goal
         Positions, shape (n, 3) [m].
-    working
-        Drones over which shapes are first compared; others join when they break it.
 
     Returns
     -------
@@ -191,7 +192,7 @@ def shared_profile(  # noqa: PLR0917 - same
     displacement = np.unique(displacement[moving], axis=0)
     coarse = SHAPES[::71]
     rough = least_times(vehicle, limits, heading, displacement, coarse, ROUGHLY)
-    chosen = np.argsort(rough.min(axis=1))[::-1][:working]
+    chosen = np.argsort(rough.min(axis=1))[::-1][:_WORKING]
     for _ in range(8):
         shapes = _promising(vehicle, limits, heading, displacement[chosen])
         times = least_times(vehicle, limits, heading, displacement[chosen], shapes)
@@ -201,7 +202,7 @@ def shared_profile(  # noqa: PLR0917 - same
         own = least_times(vehicle, limits, heading, displacement, shape)[:, 0]
         if own.max() <= worst[best] * (1.0 + 1e-6):
             break
-        chosen = np.union1d(chosen, np.argsort(own)[::-1][:working])
+        chosen = np.union1d(chosen, np.argsort(own)[::-1][:_WORKING])
     duration = float(own.max()) * (1.0 + 1e-6)
     suspects = displacement[np.argsort(own)[::-1]]
     profile = Profile(

@@ -199,7 +199,7 @@ def state_names(aircraft: Aircraft) -> tuple[str, ...]:
     return (*POSITION, "vx", "vy", "vz", *angles, *rates, *thrust)
 
 
-def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
+def limit_bounds(aircraft: Aircraft) -> Bounds:
     """Bounds of all states, inputs and path constraints of one drone.
 
     Keys are as ``CondensedTranscription.solve`` takes them.
@@ -231,7 +231,7 @@ def limit_bounds(aircraft: Aircraft, tag: str = "") -> Bounds:
         share = float(margin[rotor])
         bounds["path", f"rotor_{rotor + 1}"] = share, 1.0 - share
     bounds |= _optional_bounds(aircraft)
-    return {(kind, name + tag): pair for (kind, name), pair in bounds.items()}
+    return bounds
 
 
 def _optional_bounds(aircraft: Aircraft) -> Bounds:
@@ -255,28 +255,23 @@ def _optional_bounds(aircraft: Aircraft) -> Bounds:
     return bounds
 
 
-def add_drone(
-    phase: Phase, problem: Problem, aircraft: Aircraft, tag: str = ""
-) -> None:
+def add_drone(phase: Phase, problem: Problem, aircraft: Aircraft) -> None:
     """Add states, inputs, dynamics and limits of one drone to a phase.
 
     The states at its start and goal are the parameters ``start_x`` ... ``goal_q``,
-    hovers unless they are given. ``tag`` is added to every name, for several drones in
-    one problem.
+    hovers unless they are given.
     """
     import casadi  # noqa: PLC0415 - checking a script must not load it
 
     from showc.vehicle.motion import thrust_direction  # noqa: PLC0415
 
     vehicle, axes = aircraft.vehicle, _axes(aircraft)
-    bounds = limit_bounds(aircraft, tag)
+    bounds = limit_bounds(aircraft)
 
     def state(name: str, scale: float, hover: float = 0.0) -> Any:  # noqa: ANN401
-        start, end = (
-            problem.parameter(f"{which}_{name}{tag}", hover) for which in ENDS
-        )
-        lower, upper = bounds["bounds", name + tag]
-        return phase.state(name + tag, lower, upper, start=start, end=end, scale=scale)
+        start, end = (problem.parameter(f"{which}_{name}", hover) for which in ENDS)
+        lower, upper = bounds["bounds", name]
+        return phase.state(name, lower, upper, start=start, end=end, scale=scale)
 
     position = [state(axis, LENGTH_SCALE) for axis in POSITION]
     velocity = [state(f"v{axis}", SPEED_SCALE) for axis in POSITION]
@@ -290,21 +285,21 @@ def add_drone(
         thrust = state("thrust", hover, hover)
         scale = vehicle.mass * JERK_SCALE
         lean = lean_factor(aircraft.limits.tilt, aircraft.yaw)
-        change = phase.control(f"thrust_rate{tag}", degree=0, scale=scale)
+        change = phase.control("thrust_rate", degree=0, scale=scale)
         phase.derivative(thrust, change)
         phase.constrain(
             jerk_square(thrust, change, rates, lean),
-            *bounds["path", f"jerk{tag}"],
-            name=f"jerk{tag}",
+            *bounds["path", "jerk"],
+            name="jerk",
             scale=scale**2,
         )
     else:
-        lower, upper = bounds["bounds", f"thrust{tag}"]
-        thrust = phase.control(f"thrust{tag}", lower, upper, degree=1, scale=hover)
+        lower, upper = bounds["bounds", "thrust"]
+        thrust = phase.control("thrust", lower, upper, degree=1, scale=hover)
     accelerations = [
         phase.control(
-            name + tag,
-            *bounds["bounds", name + tag],
+            name,
+            *bounds["bounds", name],
             degree=1,
             scale=ANGULAR_ACCELERATION_SCALE,
         )
@@ -327,30 +322,30 @@ def add_drone(
     ):
         phase.derivative(angles[name], rate)
         phase.derivative(rate, acceleration)
-    _limit_torques(phase, aircraft, tag)
+    _limit_torques(phase, aircraft)
     for name, moved in (
         ("acceleration", velocity[:2]),
         ("vertical_acceleration", velocity[2:]),
     ):
-        if pair := bounds.get(("path", name + tag)):
+        if pair := bounds.get(("path", name)):
             scale = ACCELERATION_SCALE ** len(moved)
-            phase.constrain_rate(moved, *pair, name=name + tag, scale=scale)
-    if pair := bounds.get(("path", f"level_speed{tag}")):
+            phase.constrain_rate(moved, *pair, name=name, scale=scale)
+    if pair := bounds.get(("path", "level_speed")):
         squared = velocity[0] ** 2 + velocity[1] ** 2
-        phase.constrain(squared, *pair, name=f"level_speed{tag}", scale=SPEED_SCALE**2)
+        phase.constrain(squared, *pair, name="level_speed", scale=SPEED_SCALE**2)
 
 
-def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
+def _limit_torques(phase: Phase, aircraft: Aircraft) -> None:
     """Keep torques and rotor speeds within their limits."""
     from showc.vehicle.motion import torques_for  # noqa: PLC0415
 
     def symbol(name: str) -> Any:  # noqa: ANN401
         held = aircraft.yaw == "held" and name in {"r", "r_dot"}
         table = phase.controls if name.endswith("dot") else phase.states
-        return 0.0 if held else table[name + tag].quantity.symbol
+        return 0.0 if held else table[name].quantity.symbol
 
     vehicle = aircraft.vehicle
-    bounds = limit_bounds(aircraft, tag)
+    bounds = limit_bounds(aircraft)
     rates = symbol("p"), symbol("q"), symbol("r")
     torques = torques_for(
         vehicle,
@@ -358,22 +353,22 @@ def _limit_torques(phase: Phase, aircraft: Aircraft, tag: str) -> None:
         (symbol("p_dot"), symbol("q_dot"), symbol("r_dot")),
     )
     for k, name in enumerate(TORQUES):
-        if pair := bounds.get(("path", name + tag)):
+        if pair := bounds.get(("path", name)):
             scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
-            phase.constrain(torques[k], *pair, name=name + tag, scale=scale)
+            phase.constrain(torques[k], *pair, name=name, scale=scale)
     fractions = vehicle.rotor_fractions()
-    thrust = _thrust(phase, tag)
+    thrust = _thrust(phase)
     for rotor in range(4):
-        name = f"rotor_{rotor + 1}{tag}"
+        name = f"rotor_{rotor + 1}"
         share = fractions[rotor, 0] * thrust + sum(
             fractions[rotor, 1 + k] * torques[k] for k in range(3)
         )
         phase.constrain(share, *bounds["path", name], name=name, scale=1.0)
 
 
-def _thrust(phase: Phase, tag: str) -> Any:  # noqa: ANN401
+def _thrust(phase: Phase) -> Any:  # noqa: ANN401
     """Return the thrust, a state or an input."""
-    name = f"thrust{tag}"
+    name = "thrust"
     table = phase.controls if name in phase.controls else phase.states
     return table[name].quantity.symbol
 
@@ -382,14 +377,14 @@ EFFORT_TORQUE = 1.0
 """Weight of squared angular acceleration (over its scale) in the effort."""
 
 
-def effort(phase: Phase, aircraft: Aircraft, tag: str = "") -> Any:  # noqa: ANN401
+def effort(phase: Phase, aircraft: Aircraft) -> Any:  # noqa: ANN401
     """Squared inputs, off hover and scaled: what an effort term integrates."""
     controls, vehicle = phase.controls, aircraft.vehicle
-    total = (_thrust(phase, tag) / vehicle.hover_thrust - 1.0) ** 2
+    total = (_thrust(phase) / vehicle.hover_thrust - 1.0) ** 2
     for name in input_names(aircraft)[1:]:
-        symbol = controls[f"{name}{tag}"].quantity.symbol
+        symbol = controls[f"{name}"].quantity.symbol
         total += EFFORT_TORQUE * (symbol / ANGULAR_ACCELERATION_SCALE) ** 2
-    if rate := controls.get(f"thrust_rate{tag}"):
+    if rate := controls.get("thrust_rate"):
         total += (rate.quantity.symbol / (vehicle.mass * JERK_SCALE)) ** 2
     return total
 
