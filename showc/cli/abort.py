@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from showc.cli.options import (
+    Real,
     given,
     jobs_option,
     log_argument,
@@ -20,7 +21,7 @@ from showc.cli.options import (
 @log_argument
 @given(
     "--every",
-    type=click.FloatRange(0.5, 600.0),
+    type=Real(0.5, 600.0),
     metavar="SECONDS",
     default=10.0,
     help="Time between two moments of the table.",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from showc.cli.options import FILE, SHOW, json_option
+from showc.cli.options import FILE, SHOW, Real, json_option
 
 if TYPE_CHECKING:
     from showc.vehicle_link.compare import Comparison
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--limit",
-    type=click.FloatRange(min=0.0),
+    type=Real(min=0.0),
     metavar="METRES",
     help="Also end with 1 if a drone was farther from its plan.",
 )

@@ -13,6 +13,7 @@ import click
 from showc.cli.console import columns
 from showc.cli.options import (
     SHOW,
+    Whole,
     Written,
     cache_option,
     flag,
@@ -65,7 +66,7 @@ def utc(text: str) -> datetime:
 )
 @click.option(
     "--start-minute",
-    type=click.IntRange(0, 59),
+    type=Whole(0, 59),
     metavar="MINUTE",
     help="That minute.  [default: mission.start_minute of the script]",
 )
@@ -82,7 +83,7 @@ def utc(text: str) -> datetime:
 )
 @given(
     "--effort",
-    type=click.IntRange(1, 100),
+    type=Whole(1, 100),
     metavar="N",
     default=1,
     help="Work to spend on shorter times where drones are crowded.",

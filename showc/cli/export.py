@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from showc.cli.options import FOLDER, json_option, log_argument
+from showc.cli.options import FOLDER, Real, json_option, log_argument
 from showc.script.show import Export
 from showc.script.wording import counted
 from showc.verify.report import figure
@@ -109,14 +109,14 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
 )
 @click.option(
     "--lead",
-    type=click.FloatRange(0.0, 600.0),
+    type=Real(0.0, 600.0),
     metavar="SECONDS",
     help="Seconds that the fleet stands before the show begins.  [default: 10 for skyc "
     "and skyb, else 0]",
 )
 @click.option(
     "--tolerance",
-    type=click.FloatRange(0.001, 1.0),
+    type=Real(0.001, 1.0),
     metavar="METRES",
     default=0.01,
     help="Greatest distance of the written flight from the solved one.  "
@@ -124,7 +124,7 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
 )
 @click.option(
     "--separation",
-    type=click.FloatRange(0.0, 100.0),
+    type=Real(0.0, 100.0),
     metavar="METRES",
     help="Distance that must be left in the air.  [default: the script's]",
 )

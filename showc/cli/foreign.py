@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from showc.cli.options import given
+from showc.cli.options import Real, given
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +58,7 @@ class Rules:
 SUFFIXES = {".skyc", ".skyb", ".zip", ".csv", ".traj", ".vviz", ".gltf", ".glb"}
 """Endings of files that are no logs of showc's."""
 
-_POSITIVE = click.FloatRange(0.0, 1e6, min_open=True)
+_POSITIVE = Real(0.0, 1e6, min_open=True)
 
 _OPTIONS = (
     ("--separation", "METRES", "least distance between two drones"),
@@ -86,7 +86,7 @@ def foreign_options(command: Command) -> Command:
 
     wrapped = given(
         "--tilt",
-        type=click.FloatRange(1.0, 80.0),
+        type=Real(1.0, 80.0),
         metavar="DEGREES",
         default=30.0,
         help="Show of others: greatest tilt of the aircraft.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite, nan
 from pathlib import Path
 
 import click
@@ -12,9 +13,12 @@ from showc.cli.options import FILE, SHOW, Written, flag
 def _seconds(text: str) -> tuple[float, ...]:
     """Read show times, with commas between them [s]."""
     try:
-        return tuple(float(part) for part in text.split(","))
+        found = tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise ValueError(f"{text!r} is no list of seconds such as 30,60.5") from None
+        found = (nan,)
+    if not all(map(isfinite, found)):
+        raise ValueError(f"{text!r} is no list of seconds such as 30,60.5")
+    return found
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
@@ -23,12 +27,12 @@ def _stretches(text: str) -> tuple[tuple[float, float], ...]:
     for part in text.split(","):
         begin, _, end = part.partition("-")
         try:
-            found.append((float(begin), float(end)))
+            stretch = float(begin), float(end)
         except ValueError:
-            wanted = "30-60.5"
-            raise ValueError(
-                f"{part!r} is no stretch of seconds such as {wanted}"
-            ) from None
+            stretch = nan, nan
+        if not all(map(isfinite, stretch)):
+            raise ValueError(f"{part!r} is no stretch of seconds such as 30-60.5")
+        found.append(stretch)
     return tuple(found)
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from showc.cli.options import cache_option, flag, outside_option
+from showc.cli.options import Whole, cache_option, flag, outside_option
 
 
 @click.command(name="preview")
 @click.argument("script", metavar="SHOW.yaml")
 @click.option(
     "--port",
-    type=click.IntRange(0, 65535),
+    type=Whole(0, 65535),
     metavar="PORT",
     default=0,
     help="Where to listen.  [default: any port that is free]",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.foreign import foreign_options, is_foreign, judge_foreign
-from showc.cli.options import output_option, quiet_option, show_argument
+from showc.cli.options import Whole, output_option, quiet_option, show_argument
 
 if TYPE_CHECKING:
     from showc.cli.foreign import Rules
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--leg",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     metavar="N",
     help="Draw this leg's solution instead: states, controls, margins, mesh.",
 )
 @click.option(
     "--drone",
-    type=click.IntRange(min=1),
+    type=Whole(min=1),
     metavar="N",
     default=1,
     help="Drone for --leg.",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from showc.cli.options import json_option, log_argument, output_option
+from showc.cli.options import Real, json_option, log_argument, output_option
 
 
 @click.command(name="safety")
@@ -20,19 +20,19 @@ from showc.cli.options import json_option, log_argument, output_option
 )
 @click.option(
     "--wind",
-    type=click.FloatRange(0.0, 30.0),
+    type=Real(0.0, 30.0),
     metavar="M/S",
     help="Greatest wind in a fall.  [default: the script's]",
 )
 @click.option(
     "--rotation",
-    type=click.FloatRange(0.0, 180.0),
+    type=Real(0.0, 180.0),
     metavar="DEGREES",
     help="Angle by which the whole show may be turned.  [default: the script's]",
 )
 @click.option(
     "--shift",
-    type=click.FloatRange(0.0, 100.0),
+    type=Real(0.0, 100.0),
     metavar="METRES",
     help="Way by which the whole show may be moved.  [default: the script's]",
 )

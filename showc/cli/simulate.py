@@ -8,6 +8,8 @@ from pathlib import Path
 import click
 
 from showc.cli.options import (
+    Real,
+    Whole,
     flag,
     given,
     json_option,
@@ -21,7 +23,7 @@ from showc.cli.options import (
 @log_argument
 @given(
     "--wind",
-    type=click.FloatRange(0.0, 30.0),
+    type=Real(0.0, 30.0),
     metavar="M/S",
     default=0.0,
     help="Mean wind, of a direction drawn for each run.",
@@ -35,14 +37,14 @@ from showc.cli.options import (
 )
 @given(
     "--runs",
-    type=click.IntRange(1, 10_000),
+    type=Whole(1, 10_000),
     metavar="N",
     default=10,
     help="How often the show is flown.",
 )
 @click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     metavar="N",
     default=0,
     help="Number that the gusts of all runs follow from.",

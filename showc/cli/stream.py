@@ -10,6 +10,7 @@ import click
 
 from showc.cli.options import (
     FILE,
+    Real,
     connected,
     flag,
     given,
@@ -24,28 +25,28 @@ from showc.cli.options import (
 @connected
 @given(
     "--rate",
-    type=click.FloatRange(min=10.0),
+    type=Real(min=10.0),
     metavar="HZ",
     default=20.0,
     help="Setpoints a second for each vehicle.",
 )
 @given(
     "--corridor",
-    type=click.FloatRange(min=0.1),
+    type=Real(min=0.1),
     metavar="METRES",
     default=3.0,
     help="Distance of a vehicle from its trajectory at which the show is stopped.",
 )
 @given(
     "--link-timeout",
-    type=click.FloatRange(min=0.1),
+    type=Real(min=0.1),
     metavar="SECONDS",
     default=1.0,
     help="Age of a vehicle's last position at which the show is stopped.",
 )
 @given(
     "--lead",
-    type=click.FloatRange(0.0, 1.0),
+    type=Real(0.0, 1.0),
     metavar="SECONDS",
     default=0.0,
     help="How much before its moment a setpoint leaves: the lag of the "

@@ -7,7 +7,15 @@ from pathlib import Path
 
 import click
 
-from showc.cli.options import FILE, connected, flag, given, json_option, quiet_option
+from showc.cli.options import (
+    FILE,
+    Real,
+    connected,
+    flag,
+    given,
+    json_option,
+    quiet_option,
+)
 
 
 @click.command(name="upload")
@@ -25,7 +33,7 @@ from showc.cli.options import FILE, connected, flag, given, json_option, quiet_o
 )
 @given(
     "--timeout",
-    type=click.FloatRange(min=0.1),
+    type=Real(min=0.1),
     metavar="SECONDS",
     default=30.0,
     help="Time in which a vehicle must show up.",
