@@ -47,6 +47,8 @@ DIRECTIONS = 360
 """Directions of a hull: its corners lie at most 0.004 % outside a circle."""
 NEAR = 2.0
 """Greatest radius of a piece's own way for which directions are looked at [m]."""
+ROUNDING = 1e-9
+"""How far a corner may be beyond a line, by rounding [m]."""
 GROUP = 8
 """Pieces that are looked at as one first."""
 BLOCK = 20_000
@@ -306,28 +308,33 @@ def hull(pieces: Pieces, footing: Footing) -> FloatArray:
 def corners_of(outward: FloatArray, reach: FloatArray) -> FloatArray:
     """Return the polygon of all points with ``outward . point <= reach``.
 
+    A square is cut by one line after the other (Sutherland and Hodgman 1974, Reentrant
+    polygon clipping), so that it is convex where bounds are not those of one set.
+
     Parameters
     ----------
     outward
         Unit vectors by increasing angle all around, shape (n, 2).
     reach
-        Support of a convex set in these directions, shape (n,) [m].
+        Support of a convex set in these directions, or more, shape (n,) [m].
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        A corner between each direction and the next; several may coincide.
+    ndarray, shape (corners, 2)
+        In order, counterclockwise.
     """
-    one, other = outward, np.roll(outward, -1, axis=0)
-    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    level, next_level = reach, np.roll(reach, -1)
-    return np.stack(
-        [
-            (level * other[:, 1] - next_level * one[:, 1]) / cross,
-            (next_level * one[:, 0] - level * other[:, 0]) / cross,
-        ],
-        axis=1,
-    )
+    far = 2.0 * float(np.abs(reach).max()) + 1.0
+    corners = far * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for normal, limit in zip(outward, reach.tolist(), strict=True):
+        off = corners @ normal - limit
+        after = np.roll(off, -1)
+        kept, crossed = off <= ROUNDING, (off > ROUNDING) != (after > ROUNDING)
+        share = off / np.where(crossed, off - after, 1.0)
+        cut = corners + share[:, None] * (np.roll(corners, -1, axis=0) - corners)
+        both = np.stack([corners, cut], axis=1)[np.stack([kept, crossed], axis=1)]
+        # What rounding would leave nothing of stays as it is.
+        corners = both if len(both) else corners
+    return corners
 
 
 def widened(corners: FloatArray, distance: float) -> FloatArray:

@@ -74,6 +74,23 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
     assert area(case.footprint) <= 1.05 * area(corners_of(outward, farthest))
 
 
+@pytest.mark.parametrize("size", [(20.0, 7.0), (5.0, 0.0), (0.0, 0.0)])
+def test_the_polygon_of_loose_bounds_is_convex_and_holds_what_they_hold(size):
+    rng = np.random.default_rng(3)
+    angle = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = 40.0 + rng.uniform(-1.0, 1.0, (50, 2)) * size
+    bound = (points @ outward.T).max(axis=0) + rng.uniform(0.0, 0.05, 360)
+    corners = corners_of(outward, bound)
+    way = np.roll(corners, -1, axis=0) - corners
+    next_way = np.roll(way, -1, axis=0)
+    turn = way[:, 0] * next_way[:, 1] - way[:, 1] * next_way[:, 0]
+    assert (turn >= -1e-6).all()
+    reach = (corners @ outward.T).max(axis=0)
+    assert (reach <= bound + 1e-6).all()
+    assert (reach >= (points @ outward.T).max(axis=0) - 1e-6).all()
+
+
 def test_the_flight_is_inside_its_geography(logged, show):
     case = safety_case(logged, show)
     places = sampled_states(logged, 4000, np.random.default_rng(2))[:, :2]
