@@ -96,7 +96,7 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
         enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
         wanted = STEM * _ROOM * (sketch.separation.distance if sketch.separation else 0)
         if wanted > stem > 0.0:
-            # So many places keep apart only in letters that are larger.
+            # That number of places keeps apart only in letters that are larger.
             larger = np.ceil(own.number("height") * wanted / stem)
             enough += f" and `height: {number_text(float(larger))}`"
         yield Diagnostic(
