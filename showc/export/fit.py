@@ -81,7 +81,7 @@ two may cost, up to ``STEPS[0]`` and beyond."""
 _BENT = 0.01
 """How much joining two pieces may change the mean acceleration of each [m/s²]."""
 
-_DRONES = 32
+TOGETHER = 32
 """Drones that are fitted together: what they take stays near the processor."""
 
 _POSITION_RESOLUTION, _VELOCITY_RESOLUTION, _ACCELERATION_RESOLUTION = 1e-4, 1e-3, 1e-2
@@ -212,8 +212,8 @@ def fit_fleet(
     return _together(
         side_by_side(
             [
-                partial(fit.made, chosen(exact, slice(low, low + _DRONES)), low)
-                for low in range(0, exact.drones, _DRONES)
+                partial(fit.made, chosen(exact, slice(low, low + TOGETHER)), low)
+                for low in range(0, exact.drones, TOGETHER)
             ]
         )
     )

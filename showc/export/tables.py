@@ -9,10 +9,18 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from showc.errors import ExportError
-from showc.export.fit import along, error_of, error_of_lines, states, tracks_of
+from showc.export.fit import (
+    TOGETHER,
+    FitError,
+    along,
+    error_of,
+    error_of_lines,
+    states,
+    tracks_of,
+)
 from showc.export.skyb import trajectory_block
 from showc.export.skyc import Entry, archive, drone_name, shared
-from showc.foreign.motion import derivative
+from showc.foreign.motion import chosen, derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers
 from showc.processes import side_by_side
@@ -22,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import ByteArray, FloatArray, IntArray
-    from showc.export.fit import FitError, FittedFleet
+    from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
 
 
@@ -152,13 +160,29 @@ def uniform(times: FloatArray, body: FloatArray) -> Tracks:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """Polynomial pieces of some drones."""
+
+    texts: list[bytes]
+    """One file each."""
+    error: FitError
+    """What they cost."""
+    step: int
+    """Length of a piece [ms]."""
+    end: float
+    """When the last one ends [s]."""
+
+
 def poly7_files(
     show: SolvedShow, lead: float, tolerance: float
 ) -> tuple[dict[str, bytes], FitError, float, int]:
-    """Return one file of polynomial pieces a drone, error, duration, pieces' length.
+    """Return one file of polynomial pieces a drone, error, duration, shortest piece.
 
     Pieces have the flight's position and velocity at both ends, and its acceleration
-    and jerk averaged over half a piece, so that the file has three derivatives.
+    and jerk averaged over half a piece, so that the file has three derivatives. Some
+    drones at a time have pieces of one length, the longest of ``POLY7_STEPS`` that
+    keeps.
 
     Raises
     ------
@@ -166,16 +190,31 @@ def poly7_files(
         If no length of the pieces keeps within ``tolerance`` [m].
     """
     exact = tracks_of(show)
-    worst = np.inf
-    for step in POLY7_STEPS:
-        times, body = _septics(exact, lead, step / 1000.0)
-        error = error_of(exact, uniform(times, body[..., :3]), lead)
-        worst = min(worst, error.position.upper)
-        if error.position.upper <= tolerance:
-            return _poly7_text(times, body), error, float(times[-1]), step
-    raise ExportError(
-        f"polynomial pieces of {POLY7_STEPS[-1]} ms miss the solved flight by "
-        f"{worst:.3f} m; wanted at most {tolerance:g} m: ask for less with --tolerance"
+
+    def some(low: int) -> _Pieces:
+        part, worst = chosen(exact, slice(low, low + TOGETHER)), np.inf
+        for step in POLY7_STEPS:
+            times, body = _septics(part, lead, step / 1000.0)
+            lines = uniform(times, body[..., :3])
+            error = error_of(part, lines, lead, first=low, jobs=1)
+            worst = min(worst, error.position.upper)
+            if error.position.upper <= tolerance:
+                return _Pieces(_poly7_texts(times, body), error, step, float(times[-1]))
+        raise ExportError(
+            f"polynomial pieces of {POLY7_STEPS[-1]} ms miss the solved flight by "
+            f"{worst:.3f} m; wanted at most {tolerance:g} m: ask for less with "
+            "--tolerance"
+        )
+
+    parts = side_by_side(
+        [partial(some, low) for low in range(0, show.drones, TOGETHER)]
+    )
+    texts = [text for part in parts for text in part.texts]
+    return (
+        {f"{drone_name(drone)}.csv": text for drone, text in enumerate(texts)},
+        FitError.worst([part.error for part in parts]),
+        max(part.end for part in parts),
+        min(part.step for part in parts),
     )
 
 
@@ -212,7 +251,8 @@ def _ends(
     return [first, second, third, fourth]
 
 
-def _poly7_text(times: FloatArray, body: FloatArray) -> dict[str, bytes]:
+def _poly7_texts(times: FloatArray, body: FloatArray) -> list[bytes]:
+    """Write pieces of some drones, coefficients (drones, n, 8, 4)."""
     powers = np.linalg.inv(bernstein_of_powers(DEGREE))
     width = np.diff(times)
     scale = width[:, None] ** np.arange(DEGREE + 1)
@@ -221,7 +261,7 @@ def _poly7_text(times: FloatArray, body: FloatArray) -> dict[str, bytes]:
         ["duration"]
         + [f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in range(8)]
     )
-    files = {}
+    texts = []
     for drone in range(body.shape[0]):
         rows = [heading]
         for duration, piece in zip(
@@ -231,8 +271,8 @@ def _poly7_text(times: FloatArray, body: FloatArray) -> dict[str, bytes]:
         ):
             values = ",".join(f"{value:.{DIGITS}g}" for value in piece)
             rows.append(f"{duration:.6g},{values}")
-        files[f"{drone_name(drone)}.csv"] = ("\n".join(rows) + "\n").encode("ascii")
-    return files
+        texts.append(("\n".join(rows) + "\n").encode("ascii"))
+    return texts
 
 
 def crazyflie_files(fitted: FittedFleet) -> dict[str, bytes]:
