@@ -20,8 +20,9 @@ import numpy as np
 from showc.errors import SolveError
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours
-from showc.fleet.deconfliction.flights import Move
-from showc.fleet.deconfliction.repair import Repair
+from showc.fleet.deconfliction.flights import FINE, Move
+from showc.fleet.deconfliction.repair import PRODUCTS, Repair
+from showc.fleet.deconfliction.untangling import quickest
 from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
     from showc.script.fence import Fence
+    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Separation
 
 
@@ -67,6 +69,10 @@ _ENOUGH_OF_MANY = 0.02
 is enough: nearer ones take as long as all before."""
 _FEW = 32
 """Drones up to which a try costs little."""
+_STEP = 0.02
+"""Share by which the time differs from what ways were found for, at first."""
+_SOON = 0.003
+"""Share of the least time by which the next time is longer at least."""
 _BOLD = 0.3
 """Where a flight in closed form is the best so far, share of the time between a failed
 one and it that is tried: that flight takes far longer than it needs."""
@@ -81,7 +87,7 @@ _TOGETHER = 0.9
 is tried: its drones would cut them."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
-_NONE: Mapping[int, Trajectory] = MappingProxyType({})
+_NONE: Mapping[int, PiecewisePolynomial] = MappingProxyType({})
 
 Found = Repair | WidenedFlights
 """Flights of all drones over one common time, and how they were found."""
@@ -127,6 +133,9 @@ class Search:
         self.counts: dict[str, float] = {}
         self.shortest: dict[int, Trajectory] = {}
         self.work = 0.0
+        # On which the crowd parts soonest, by row, and how much more time is tried.
+        self.ways = _NONE
+        self.step = 0.5 * _STEP
         self.detours = self._detours()
         # Drones that are in motion at an end fly no straight lines.
         self.shared = None
@@ -190,7 +199,7 @@ class Search:
             time = whole_milliseconds(least * (1.0 + gap))
             if best is not None and (time >= best.duration or self.spent):
                 break
-            repair = self.at(time, most=self._most(gap))
+            repair = self.at(time, self.ways, most=self._most(gap))
             if repair.done:
                 best = repair
                 break
@@ -209,9 +218,27 @@ class Search:
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
-            gap = min(self._growth(repair, gap) * gap, longest)
+            gap = min(self._later(repair, gap, least), longest)
         lowest = max(failed, limiting.time, _TOGETHER * least)
         return self._narrowed(best, lowest, limiting), limiting
+
+    def _later(self, repair: Repair, gap: float, least: float) -> float:
+        """Share of a least time [s] beyond it that is tried after one that failed.
+
+        First that in which the crowd parts soonest, then a little more each time.
+        Where others fly, or drones are in motion, ways are good for one time alone.
+        """
+        if self.ways:
+            self.step *= 2.0
+            return (1.0 + gap) * (1.0 + self.step) - 1.0
+        if repair.crowd is None or not repair.move.free:
+            return self._growth(repair, gap) * gap
+        found = repair.soonest
+        if found is None:
+            found = quickest(repair.crowd)
+            self.work += found.work / PRODUCTS
+        self.ways = repair.ways(found)
+        return max(found.duration / least - 1.0, gap + _SOON)
 
     def _most(self, gap: float) -> float:
         """Pairs that may be too near where a time is worth a search, early on."""
@@ -230,6 +257,7 @@ class Search:
 
     def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown."""
+        step = _STEP
         many = self.leg.drones.size > _MANY
         few = self.leg.drones.size <= _FEW
         part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
@@ -242,10 +270,14 @@ class Search:
             near = max(_CLOSE * limiting.time / self.options.effort, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
+            if self.ways and isinstance(best, Repair):
+                middle = max(middle, (1.0 - step) * best.duration)
             middle = whole_milliseconds(middle)
             if best.duration - failed < near or middle >= best.duration:
                 break
             bent = _NONE if many else best.bent
+            if isinstance(best, WidenedFlights) and self.ways:
+                bent = self.ways
             self.progress.note(
                 f"{self.leg.name}: found {best.duration:.3f} s, "
                 f"{max(100.0 * (best.duration / limiting.time - 1.0), 0.0):.1f} % over "
@@ -253,7 +285,7 @@ class Search:
             )
             repair = self.at(middle, bent)
             if repair.done:
-                best = repair
+                best, step = repair, 2.0 * step
             else:
                 failed = middle
         return best
@@ -274,7 +306,7 @@ class Search:
     def at(
         self,
         time: float,
-        bent: Mapping[int, Trajectory] = _NONE,
+        bent: Mapping[int, PiecewisePolynomial] = _NONE,
         shared: Profile | None = None,
         most: float = np.inf,
     ) -> Repair:
@@ -283,7 +315,7 @@ class Search:
         Parameters
         ----------
         bent
-            Flights over another time that kept apart, by row.
+            Ways over another time that kept apart, by row.
         shared
             The profile that drones share; None: the quickest one.
         most
@@ -306,6 +338,7 @@ class Search:
             rounds=self.options.repair_rounds,
             work=max(_AT_ONCE * self.left, _LEAST_WORK),
             bent=bent,
+            free=self._crossing() is not None and leg.drones.size < FINE,
             most=most,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)

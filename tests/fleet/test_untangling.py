@@ -10,14 +10,14 @@ from showc.fleet.single_drone.single import Aircraft
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 
-DURATION = 6.0
+DURATION, INTERVALS = 6.0, 20
 NONE = np.zeros(0, dtype=np.int64)
 FAR = Allowed.of(Aircraft(VEHICLE, LIMITS))
 NO_PLANES = Planes(NONE, NONE, np.zeros((0, 3)), np.zeros(0))
 
 
 def crowd_of(start, goal, separation, planes=NO_PLANES):
-    times = sampled(DURATION)
+    times = sampled(DURATION, INTERVALS)
     share = times / DURATION
     along = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     way = (goal - start)[:, None]
@@ -27,12 +27,13 @@ def crowd_of(start, goal, separation, planes=NO_PLANES):
     hovers = np.linalg.norm(goal - start, axis=1) < 1e-9
     pulls = np.gradient(speeds, times, axis=1)
     return Crowd(
+        times,
         places,
         speeds,
         pulls,
         np.gradient(pulls, times, axis=1),
         DURATION,
-        20,
+        INTERVALS,
         separation,
         give,
         hovers,
@@ -44,7 +45,7 @@ def crowd_of(start, goal, separation, planes=NO_PLANES):
 
 
 def flown(crowd, found):
-    times = sampled(DURATION)
+    times = sampled(DURATION, INTERVALS)
     return crowd.places + found.aside(np.arange(len(crowd.places)), times)
 
 
@@ -73,7 +74,7 @@ def test_a_line_that_swaps_about_one_that_hovers_leaves_it_in_place():
 
 def test_planes_hold_a_drone_that_makes_way():
     start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.0, 0.0]])
-    count = sampled(DURATION).size
+    count = sampled(DURATION, INTERVALS).size
     planes = Planes(
         np.zeros(count, dtype=np.int64),
         np.arange(count),

@@ -45,6 +45,8 @@ class Bending:
 
     def __init__(self, flights: Flights, work: Work, *, built: bool) -> None:
         self.flights, self.work, self.built = flights, work, built
+        self.missed: set[int] = set()
+        """Drones for which splines are not supple enough."""
         self._rigid: set[int] = set()
         """Drones that found no flight: their partners take the whole correction."""
 
@@ -75,7 +77,10 @@ class Bending:
         met = {row for pair in pairs for row in pair if row < count and not hovers[row]}
         busy = sorted(met | set(astray))
         walls, tried = self._walls(busy, active)
-        first = [tried[row] == 1 and not self.built for row in busy]
+        first = [
+            tried[row] == 1 and not self.built and row not in self.missed
+            for row in busy
+        ]
         tasks = [
             self._task(row, walls[row], tried[row], first=one)
             for row, one in zip(busy, first, strict=True)

@@ -13,6 +13,7 @@ import numpy as np
 
 from showc.fleet.shared_profile.flat import fly, joined, keeps_limits
 from showc.fleet.single_drone.basis import DEGREE
+from showc.fleet.single_drone.judgement import leads
 from showc.trajectory import (
     bernstein_basis,
     bernstein_basis_inverse,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from showc.flight import Trajectory
 
 
-_WIDEST = 0.12
+_WIDEST = 0.08
 """Widest interval [s]: on it, angles differ from the polynomials for them by so little
 that controls alone, integrated, were measured to miss positions by 1e-9 m."""
 _SAME = 1e-6
@@ -54,7 +55,7 @@ def fly_changed(
     -------
     list
         For each flight the changed one; None where that breaks a limit, or is not
-        smooth enough.
+        smooth enough, or turns too quickly for its polynomials.
     """
     alike: dict[bytes, list[int]] = {}
     for index, flight in enumerate(flights):
@@ -79,8 +80,10 @@ def fly_changed(
         flown = fly(aircraft.vehicle, aircraft.heading, fine, position)
         good = keeps_limits(aircraft.vehicle, aircraft.limits, flown) & joined(flown)
         rows = np.nonzero(good)[0].tolist()
-        for row in rows:
-            found[members[row]] = flown.trajectory(row)
+        sums = [flown.trajectory(row) for row in rows]
+        kept = leads(aircraft.vehicle, sums).tolist()
+        for row, flight, keeps in zip(rows, sums, kept, strict=True):
+            found[members[row]] = flight if keeps else None
     return found
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _LAG = 0.35
 """Time in which a drone changes its acceleration [s]: weighs jerk in the energy."""
+_JERK = 3
+"""Order of jerk."""
 _FOLLOWED, _EXCESS = 0.05, 0.15
 """Shares by which speeds and accelerations may lie beyond their limits in what is
 followed as it is, and in what is followed nearly."""
@@ -123,12 +125,14 @@ def excess(crowd: Crowd, used: FloatArray, flown: FloatArray) -> FloatArray:
     samples = crowd.places.shape[1]
     most = np.ones(used.shape[0])
     before, allowed = most.copy(), crowd.allowed
-    for order in range(1, used.shape[1] // samples):
-        part = slice(order * samples, (order + 1) * samples)
-        mine = allowed.order == order
-        for values, use in ((flown[:, part], most), (used[:, part], before)):
+    for whole, use in ((flown, most), (used, before)):
+        parts = np.split(whole, whole.shape[1] // samples, axis=1)
+        for order, values in enumerate(parts[1:], 1):
+            mine = allowed.order == order
             shares = values @ allowed.normal[mine].T / allowed.offset[mine]
             level = np.hypot(values[..., 0], values[..., 1]) / allowed.level[order]
-            np.maximum(use, shares.max(axis=(1, 2)), out=use)
+            np.maximum(use, shares.max(axis=(1, 2), initial=0.0), out=use)
             np.maximum(use, level.max(axis=1), out=use)
+        for share, _, _ in allowed.turned(*parts[2:]) if len(parts) > _JERK else ():
+            np.maximum(use, np.abs(share).max(axis=1), out=use)
     return np.asarray(most - before)

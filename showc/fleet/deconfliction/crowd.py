@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.fleet.shared_profile.profile import Profile
@@ -19,9 +19,14 @@ if TYPE_CHECKING:
 
 _SAMPLES = 0.15
 """Time between samples [s]. Between them, motion counts as straight."""
+_EACH = 3
+"""Samples for each interval at least."""
 _CLOSER = (0.25, 0.5)
 """Where there are more within the first and the last of them, as shares: there a pair
 that stands at the separation may draw nearer before it comes to rest."""
+_LEAST_LIFT = 0.1
+"""Thrust over the weight that is added, at right angles, where it turns the drone: what
+has no thrust has no direction."""
 _FALLING = 0.6
 """Share of gravity with which a drone is thought to fall: with less lift it hardly
 turns. A guess, which the flights themselves correct."""
@@ -46,21 +51,26 @@ class Allowed:
     """Limits as half-spaces ``normal . v >= offset``, f of them, and as discs."""
 
     order: IntArray
-    """Of what: 0 places, 1 velocities, 2 accelerations, 3 jerks; shape (f,)."""
+    """Of what: 0 places, 1 velocities, 2 accelerations; shape (f,)."""
     normal: FloatArray
     """Shape (f, 3)."""
     offset: FloatArray
     """Below zero for all but places, shape (f,), SI."""
     level: tuple[float, float, float, float]
-    """Greatest level size of each order, infinite where there is none, SI."""
+    """Greatest level size of each order and of jerk, infinite if there is none, SI."""
+    gravity: float
+    """[m/s²]."""
+    left: FloatArray
+    """To the left of the heading, shape (3,)."""
+    rates: tuple[float, float]
+    """Greatest rates of roll and pitch [rad/s]."""
 
     @classmethod
     def of(cls, aircraft: Aircraft) -> Allowed:
         """Return what an aircraft's limits allow.
 
         Tilt limits accelerations along and across the heading, the more the less the
-        drone lifts; of the vertical ones, thrust aside, the present limits count. Rates
-        of roll and pitch turn the thrust, here that of a hover, and so limit jerk.
+        drone lifts; of the vertical ones, thrust aside, the present limits count.
         """
         order, normal, offset = [], [], []
         limits, gravity = aircraft.limits, aircraft.vehicle.gravity
@@ -83,26 +93,77 @@ class Allowed:
         ahead = np.array([np.cos(aircraft.heading), np.sin(aircraft.heading), 0.0])
         left = np.array([-ahead[1], ahead[0], 0.0])
         roll, pitch = limits.body_rate[:2]
-        sides, rates = (ahead, -ahead, left, -left), (pitch, pitch, roll, roll)
-        for side, rate in zip(sides, rates, strict=True):
-            order += [2, 3]
-            normal += [side + tangent * np.eye(3)[2], side]
-            offset += [-tangent * gravity, -gravity * rate]
+        for side in (ahead, -ahead, left, -left):
+            order.append(2)
+            normal.append(side + tangent * np.eye(3)[2])
+            offset.append(-tangent * gravity)
         speed = limits.level_speed if limits.rounds_speed else np.inf
         return cls(
             np.array(order),
             np.array(normal),
             np.array(offset),
             (np.inf, speed, limits.acceleration or np.inf, limits.jerk or np.inf),
+            gravity,
+            left,
+            (roll, pitch),
         )
+
+    def turned(
+        self, pulls: FloatArray, jerks: FloatArray
+    ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Shares of the greatest rates that accelerations and jerks (..., 3) take.
+
+        With f the thrust over the mass, l to the left of the heading and yaw held, roll
+        is -asin(f . l / |f|) and pitch the angle of f about l. Their rates are
+        (j . f f . l - j . l f²) / (f² |l x f|) and j . (l x f) / |l x f|².
+
+        Yields
+        ------
+        tuple
+            Of roll, then of pitch: the share (...), how it changes with accelerations
+            and how with jerks, each (..., 3).
+        """
+        left = self.left
+        force = pulls + np.array([0.0, 0.0, self.gravity])
+        square = np.einsum("...a,...a->...", force, force)[..., None]
+        square += (_LEAST_LIFT * self.gravity) ** 2
+        aside, jerk_aside = force @ left[:, None], jerks @ left[:, None]
+        level = force - aside * left
+        across = np.sqrt(square - aside * aside)
+        along = np.einsum("...a,...a->...", jerks, force)[..., None]
+        turned = np.cross(left, force)
+        parts = (
+            (
+                along * aside - jerk_aside * square,
+                jerks * aside + along * left - 2.0 * jerk_aside * force,
+                force * aside - left * square,
+                square * across,
+                2.0 * force * across + square * level / across,
+            ),
+            (
+                np.einsum("...a,...a->...", jerks, turned)[..., None],
+                np.cross(jerks, left),
+                turned,
+                across * across,
+                2.0 * level,
+            ),
+        )
+        for rate, (size, by_pull, by_jerk, over, over_by_pull) in zip(
+            self.rates, parts, strict=True
+        ):
+            share = size / over
+            change = (by_pull - share * over_by_pull) / (over * rate)
+            yield share[..., 0] / rate, change, by_jerk / (over * rate)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crowd:
     """Flights that each drone would fly alone, and how far they may be changed."""
 
+    times: FloatArray
+    """Instants, as of :func:`sampled`, shape (m,) [s]."""
     places: FloatArray
-    """Positions at instants, as of :func:`sampled`, shape (n, m, 3) [m]."""
+    """Positions there, shape (n, m, 3) [m]."""
     speeds: FloatArray
     """Velocities there, shape (n, m, 3) [m/s]."""
     pulls: FloatArray
@@ -156,9 +217,17 @@ class Crowd:
         )
 
 
-def sampled(duration: float) -> FloatArray:
-    """Instants at which a crowd is looked at, shape (m,) [s]."""
+def sampled(duration: float, intervals: int) -> FloatArray:
+    """Instants at which a crowd is looked at, shape (m,) [s].
+
+    Parameters
+    ----------
+    intervals
+        Of its changes' splines: with fewer instants than three on each, changes break
+        limits between them.
+    """
     count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
+    count = max(count, _EACH * intervals)
     even = np.linspace(0.0, duration, count + 1)
     close = even[1] * np.array(_CLOSER)
     return np.sort(np.concatenate([even, close, duration - close]))

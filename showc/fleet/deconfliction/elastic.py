@@ -7,7 +7,9 @@ through each other's place are then beside each other. All that is wanted is a p
 the squared lack of distance of every pair between two samples, the squared share by
 which places, speeds and accelerations pass their limits, and a little of the energy
 that bends flights. The sum falls by quasi-Newton steps (L-BFGS; Liu, Nocedal 1989)
-while prices rise. Where no way is found, what comes out says by how much: it lacks
+while prices rise. The time may have a price as well: speeds fall with its first power,
+accelerations with its second, and flights settle where a shorter time would cost more.
+Where no way is found, what comes out says by how much: it lacks
 little where the time is nearly enough.
 """
 
@@ -23,7 +25,6 @@ from showc.fleet.deconfliction.changes import (
     excess,
     spline_values,
 )
-from showc.fleet.deconfliction.crowd import sampled
 from showc.fleet.deconfliction.neighbours import all_pairs
 from showc.fleet.single_drone.basis import DEGREE
 from showc.vehicle.metric import measure
@@ -35,16 +36,20 @@ if TYPE_CHECKING:
     from showc.fleet.deconfliction.crowd import Crowd
 
 
-_STAGES: tuple[tuple[float, float | None, int], ...] = (
-    (30.0, 0.0, 40),
-    (100.0, 0.01, 40),
-    (300.0, 0.1, 60),
-    (1000.0, 1.0, 80),
-    (3000.0, None, 120),
-    (30000.0, None, 150),
+_STAGES: tuple[tuple[float, float | None, float, int], ...] = (
+    (30.0, 0.0, 0.0, 40),
+    (100.0, 0.01, 0.0, 40),
+    (300.0, 0.1, 0.0, 60),
+    (1000.0, 1.0, 0.0, 80),
+    (3000.0, None, 3.0, 300),
+    (30000.0, None, 0.3, 300),
 )
-"""Price of squared lacks, price of the fourth coordinate, None where it is gone, and
-steps at most: what parts the crowds of the benchmarks, found by trial."""
+"""Price of squared lacks, price of the fourth coordinate, None where it is gone, price
+of the time over that of lacks where it is free, and steps at most: what parts the
+crowds of the benchmarks, found by trial."""
+_UNIT, _LONGEST = 0.03, 2.0
+"""Logarithm of the time over a unit of its variable: makes it as stiff as others are,
+found by trial; and its greatest value."""
 _LAST = 2
 """Of these stages, those that go on from ways that are known."""
 _HOPELESS = 0.02
@@ -57,7 +62,7 @@ _AIM, _CALM = 0.02, 0.2
 either end over which that rises from nothing: what following a way may cost."""
 _AGAIN = 4
 """Times that this share is added at most where a pair comes too near all the same."""
-_PULL = 0.3
+_PULL = 1.0
 """Acceleration with which a pair draws apart that stands at the separation [m/s²]."""
 _DEAREST = 0.03
 """Over what share of its price a lack costs at the ends."""
@@ -65,7 +70,7 @@ _ASIDE, _LIFT = 0.15, 0.6
 """Size of the random beginning, and that in the fourth coordinate, in separations."""
 _ENERGY = 1e-3
 """Price of the energy, over the time."""
-_INSIDE = 0.01
+_INSIDE = 0.05
 """Share by which flights stay within limits, for what lies between samples."""
 _REACH, _MOVED = 1.5, 0.2
 """Distance of pairs that are looked at, and by how much drones move until pairs are
@@ -105,7 +110,7 @@ class Elastic:
         self.distance = crowd.separation.distance
         self.square = crowd.separation.shape == "any-axis"
         self.scale = np.asarray(crowd.separation.metric_scale)
-        times = sampled(crowd.duration)
+        times = crowd.times
         self.factor = energy_factor(crowd.duration, crowd.intervals + DEGREE - 8)
         values = spline_values(crowd.duration, self.factor.shape[0], times)
         # Places, velocities, accelerations and jerks, one below the other.
@@ -134,18 +139,23 @@ class Elastic:
         self.again = np.clip(times - 1.0, 0.0, _AGAIN)
         self.limits = [self._limits(order) for order in range(len(parts))]
         self.looked: FloatArray | None = None
+        # Logarithm of the time over the crowd's, and by how many powers of the time
+        # each row of values falls.
+        self.slower = 0.0
+        self.order = np.repeat(np.arange(len(parts), dtype=np.float64), self.samples)
         # What is wrong with the outcome.
         self.lacking = np.inf
         self.work = 0.0
 
     def _limits(
-        self, order: int
+        self, order: int, *, free: bool = False
     ) -> tuple[FloatArray, FloatArray, float, FloatArray | None]:
         """Half-spaces of an order, over their limits, and the greatest level size.
 
-        What a drone uses when it flies alone it may use.
+        What a drone uses when it flies alone it may use, unless the time is free.
         """
         allowed, part = self.crowd.allowed, self._part(self.used, order)
+        part = 0.0 * part if free and order else part
         mine = allowed.order == order
         normal, offset = allowed.normal[mine], allowed.offset[mine]
         unit = np.abs(offset) if order else np.full(offset.size, self.distance)
@@ -159,27 +169,40 @@ class Elastic:
     def _part(self, values: FloatArray, order: int) -> FloatArray:
         return values[order * self.samples : (order + 1) * self.samples]
 
-    def run(self) -> Untangled:
-        """Let the sum of all prices fall, stage by stage."""
+    def run(self, slower: float | None = None) -> Untangled:
+        """Let the sum of all prices fall, stage by stage.
+
+        Parameters
+        ----------
+        slower
+            Where the time is free, what it is at first, over the crowd's.
+        """
         from scipy.optimize import minimize  # noqa: PLC0415 - for crowds alone
 
         stages, inner = _STAGES, self._beginning()
         if self.known is not None:
             stages = _STAGES[-_LAST:]
-        for price, lift, steps in stages:
+        self.slower = float(np.log(slower or 1.0))
+        if slower:
+            self.limits = [self._limits(order, free=True) for order in range(4)]
+        for price, lift, haste, steps in stages:
             if lift is None:
                 inner = np.ascontiguousarray(inner[..., :3])
             shape, self.looked = inner.shape, None
+            hurry = haste * price if slower else 0.0
             found = minimize(
                 self._cost,
-                inner.ravel(),
-                args=(shape, price, lift or 0.0),
+                np.append(inner.ravel(), self.slower / _UNIT),
+                args=(shape, price, lift or 0.0, hurry),
                 jac=True,
                 method="L-BFGS-B",
+                bounds=[(None, None)] * inner.size + [(0.0, _LONGEST / _UNIT)],
                 options={"maxiter": steps, "maxcor": _MEMORY},
             )
-            inner = found.x.reshape(shape)
-            if lift is None and float(found.fun) > _HOPELESS * price * self.drones:
+            inner = found.x[:-1].reshape(shape)
+            self.slower = _UNIT * float(found.x[-1])
+            hopeless = float(found.fun) > _HOPELESS * price * self.drones
+            if lift is None and hopeless and not slower:
                 break
         found = self._judged(np.einsum("kna,nab->nkb", inner, self.root))
         self.lacking = found.wrong
@@ -205,14 +228,21 @@ class Elastic:
         return np.asarray(inner)
 
     def _cost(
-        self, inner: FloatArray, shape: tuple[int, int, int], price: float, lift: float
+        self,
+        inner: FloatArray,
+        shape: tuple[int, int, int],
+        price: float,
+        lift: float,
+        hurry: float,
     ) -> tuple[float, FloatArray]:
-        """Sum of all prices, and its gradient."""
-        parts = inner.reshape(shape)
+        """Sum of all prices, and its gradient; the last variable is the time's."""
+        parts = inner[:-1].reshape(shape)
+        slower = _UNIT * float(inner[-1])
+        pace = np.exp(-slower * self.order)[:, None, None]
         count, drones, axes = shape
         flat = parts[..., :3]
         push = np.einsum("kna,nab->knb", flat, self.root).reshape(count, -1)
-        flown = self.used + (self.reach @ push).reshape(-1, drones, 3)
+        flown = pace * (self.used + (self.reach @ push).reshape(-1, drones, 3))
         points = self._part(flown, 0) * self.scale
         if axes > 3:
             fourth = self._part(self.reach, 0) @ parts[..., 3]
@@ -221,7 +251,14 @@ class Elastic:
         slope = np.zeros_like(flown)
         self._part(slope, 0)[:] = pull[..., :3] * self.scale
         cost += self._within(flown, slope, price)
+        cost += self._turning(flown, slope, price)
         cost += self._behind(flown, slope, price)
+        later = 0.0
+        if hurry:
+            later = hurry * np.exp(slower)
+            cost += later
+            later -= float(self.order @ np.einsum("mna,mna->m", slope, flown))
+        slope *= pace
         energy = _ENERGY * self.crowd.duration
         cost += 0.5 * energy * float((flat**2).sum())
         back = (self.reach.T @ slope.reshape(slope.shape[0], -1)).reshape(count, -1, 3)
@@ -235,7 +272,7 @@ class Elastic:
         gradient[:, ~self.moving] = 0.0
         self.work += 4.0 * self.reach.size * drones * axes + _OF_STEP
         self.work += _OF_PAIR * self.ahead.size
-        return cost, gradient.ravel()
+        return cost, np.append(gradient.ravel(), _UNIT * later)
 
     def _look(self, points: FloatArray) -> None:
         """Find pairs near each other between two samples."""
@@ -342,6 +379,18 @@ class Elastic:
                 toward[..., :2] += force[..., None] * part[..., :2]
         return cost
 
+    def _turning(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
+        """Price of rates that are passed; adds its slope."""
+        cost = 0.0
+        pulls, jerks = self._part(flown, 2), self._part(flown, 3)
+        for share, by_pull, by_jerk in self.crowd.allowed.turned(pulls, jerks):
+            more = np.maximum(0.0, np.abs(share) - (1.0 - _INSIDE))
+            cost += price * float((more * more).sum())
+            force = (2.0 * price * more * np.sign(share))[..., None]
+            self._part(slope, 2)[:] += force * by_pull
+            self._part(slope, 3)[:] += force * by_jerk
+        return cost
+
     def _behind(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
         """Price of planes that are passed; adds its slope."""
         planes = self.crowd.planes
@@ -358,7 +407,8 @@ class Elastic:
         """Say what the outcome lacks."""
         crowd = self.crowd
         values = np.einsum("mk,nka->nma", self.reach, inner)
-        used = self.used.transpose(1, 0, 2)
+        pace = np.exp(-self.slower * self.order)[:, None]
+        used, values = self.used.transpose(1, 0, 2) * pace, values * pace
         places = (used + values)[:, : self.samples].transpose(1, 0, 2)
         points = np.ascontiguousarray(places * self.scale)
         self._look(points)
@@ -377,7 +427,7 @@ class Elastic:
         np.maximum.at(worst, number, lack)
         worst = np.where(worst > _SLIGHT, np.minimum(worst / _DEEP, 1.0), 0.0)
         return Untangled(
-            crowd.duration,
+            crowd.duration * float(np.exp(self.slower)),
             self.factor @ inner,
             (pairs // self.drones, pairs % self.drones),
             float(worst.sum()),

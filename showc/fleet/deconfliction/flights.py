@@ -35,8 +35,11 @@ TOLERANCE = 1e-7
 """How much nearer than the separation a pair may come by rounding [m]."""
 _INTERVAL = 0.15
 """Length of a spline's interval [s], as far as their number allows."""
+FINE, _FINEST = 200, 36
+"""Drones below which changes have as many intervals as splines, and how many these are
+at most: a change that turns quickly takes short ones."""
 _FEWEST, _MOST = 10, 36
-"""Half the number of a spline's intervals: that of the changes of a crowd."""
+"""Half the number of a spline's intervals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,10 +70,12 @@ class Move:
     """Rounds of half-spaces at most."""
     work: float
     """What may be done at most, as :attr:`Work.done` counts it."""
-    bent: Mapping[int, Trajectory] = field(default_factory=dict)
-    """Flights, by row, that left their lines in another common time and kept apart."""
+    bent: Mapping[int, PiecewisePolynomial] = field(default_factory=dict)
+    """Ways, by row, that left their lines in another common time and kept apart."""
     others: Sequence[PiecewisePolynomial] = ()
     """Positions over the common time of drones that fly, and take no part."""
+    free: bool = False
+    """Whether ways would be as good in more time."""
     most: float = np.inf
     """Pairs too near, from which on this time is not worth a search."""
 
@@ -144,7 +149,10 @@ class Flights:
         """Positions over time of all that take no part; their rows are the last."""
         half = np.clip(np.ceil(0.5 * duration / _INTERVAL), _FEWEST, _MOST)
         self.intervals = 2 * int(half)
-        """Of splines; of changes half as many, so that both fit together."""
+        """Of splines."""
+        fine = len(move.start) < FINE and self.intervals <= _FINEST
+        self.changes = self.intervals // (1 if fine else 2)
+        """Of changes: as many, or half of them, so that both fit together."""
         self.hovers = np.linalg.norm(move.goal - move.start, axis=1) < STILL
         """Drones that do not move, and are flown around, shape (n,)."""
         for row, ends in enumerate(move.ends):
@@ -158,11 +166,13 @@ class Flights:
         self._sampled: dict[int, FloatArray] = {}
 
     @property
-    def bent(self) -> dict[int, Trajectory]:
-        """Flights that leave their lines, by row."""
+    def bent(self) -> dict[int, PiecewisePolynomial]:
+        """Ways that leave their lines, by row."""
         kinds = zip(self.flown, self.kind, strict=True)
         return {
-            row: flight for row, (flight, kind) in enumerate(kinds) if kind != STRAIGHT
+            row: flight.state.select(slice(0, 3))
+            for row, (flight, kind) in enumerate(kinds)
+            if kind != STRAIGHT
         }
 
     @property

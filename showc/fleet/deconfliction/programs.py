@@ -25,7 +25,6 @@ from showc.fleet.deconfliction.changes import (
     excess,
     spline_values,
 )
-from showc.fleet.deconfliction.crowd import sampled
 from showc.fleet.deconfliction.forces import Rows, distinct, raised, scales
 from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.single_drone.basis import DEGREE
@@ -114,7 +113,7 @@ class Programs:
         self.drones, self.samples = crowd.places.shape[:2]
         duration = crowd.duration
         count = crowd.intervals + DEGREE - 8
-        times = sampled(duration)
+        times = crowd.times
         self.share = times / duration
         factor = energy_factor(duration, count)
         self.factor = factor

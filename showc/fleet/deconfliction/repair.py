@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from showc.fleet.execution.pool import Workers
     from showc.flight import Trajectory
     from showc.progress import Progress
+    from showc.trajectory import PiecewisePolynomial
 
 
 _PATIENCE = 4
@@ -41,14 +42,17 @@ _FEW_LEFT, _FALLING, _LESS = 8, 0.1, 0.8
 """Conflicts up to which every one fewer counts, and a fifth less of what they lack; of
 more, a tenth has to go in half as many rounds. With this few left, single drones move
 around all others."""
-_DEEP = 0.1
-"""Share of the separation that few conflicts may lack on average, for that to help."""
+_SOME, _DEEP, _SLIGHT = 24, 0.1, 0.01
+"""Conflicts up to which that helps, share of the separation that they may lack on
+average, and for it to come before another round of all."""
 _ALONG = 0.8
 """How much less readily drones change along their ways: there they have no time."""
+_SOON = 0.003
+"""Share of more time that ways may take that are flown all the same."""
 _NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 """How far from parted a crowd counts whose flights did not follow their changes, and
 one of few drones: with these another time costs little."""
-_PRODUCTS = 5e8
+PRODUCTS = 5e8
 """Products of numbers in an untangling that take as long as one flight's solve."""
 _LEFT = 0.5
 """Share of the distance lacking that the first flights may leave: else time is too
@@ -100,6 +104,12 @@ class Repair:
         self.done = False
         self.tangled = 0.0
         """How far from parting the crowd its changes are: beyond 1 none was flown."""
+        self.crowd: Crowd | None = None
+        """What is first changed together."""
+        self.soonest: Untangled | None = None
+        """What parts it sooner than any other change, if that takes more time."""
+        self._first: list[FloatArray] = []
+        """Positions of the flights in it, each at the nodes."""
         self._stiff = np.ones(len(move.start))
         """How readily each drone is moved aside: less where it did not follow."""
         self._often: dict[tuple[int, int], int] = {}
@@ -111,8 +121,8 @@ class Repair:
         return tuple(self.flights.flown)
 
     @property
-    def bent(self) -> dict[int, Trajectory]:
-        """Flights that leave their lines, by row."""
+    def bent(self) -> dict[int, PiecewisePolynomial]:
+        """Ways that leave their lines, by row."""
         return self.flights.bent
 
     @property
@@ -176,7 +186,8 @@ class Repair:
             if number == 0:
                 first = lack
                 self.made.count("first_conflicts", len(found))
-            if not count:
+            slight = lack < _SLIGHT * self.separation.distance * count
+            if not count or (number and slight and self._settle()):
                 return True
             self.trouble = self.flights.wrong(found, astray)
             if number == self.move.rounds or self._spent():
@@ -227,16 +238,22 @@ class Repair:
             pairs = zip(met.first.tolist(), met.second.tolist(), strict=True)
             return self._bending.bend(list(pairs), self._often, astray)
         if round_ == 0:
-            found = untangle(self._crowd(met), self._known())
+            self.crowd = self._crowd(met)
+            paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
+            self._first = [path(self.flights.nodes) for path in paths]
+            found = untangle(self.crowd, self._known(), free=self.move.free)
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
             found = untangle_near(self._crowd(met), np.unique(wrong.astype(np.int64)))
         self.made.count("untangled")
-        self.made.done += found.work / _PRODUCTS
+        self.made.done += found.work / PRODUCTS
         flights, count = self.flights, len(self.flights.flown)
         many = sorted(each * count + more for each, more in _TANGLED)[1]
         few = count <= _FEW_DRONES
         many = max(many, count if count <= _DOZEN else _HARDLY)
+        if found.duration > (1.0 + _SOON) * self.duration:
+            self.soonest, self.tangled = found, _NOT_AT_ALL
+            return False
         if round_ == 0 and found.wrong > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
             self.tangled = _NOT_AT_ALL if few else found.wrong / many
@@ -261,7 +278,18 @@ class Repair:
             missed = np.abs(flights.sampled(row) - there).max()
             if missed > _MISSED * self.separation.distance:
                 self._stiff[row] *= _STIFFER
+                self._bending.missed.add(row)
         return done
+
+    def ways(self, found: Untangled) -> dict[int, PiecewisePolynomial]:
+        """Ways, by row, to which changes of the first crowd lead, in their time."""
+        rows = np.arange(len(self._first))
+        at = self.flights.nodes * (found.duration / self.duration)
+        aside = found.aside(rows, at.ravel()).reshape(rows.size, *at.shape, 3)
+        return {
+            row: interpolated(self._first[row] + change, found.duration)
+            for row, change in enumerate(aside)
+        }
 
     def _changed(self, rows: IntArray, found: Untangled) -> list[int]:
         """Fly changes as they are where that keeps all limits; return other rows."""
@@ -283,19 +311,18 @@ class Repair:
         """Return changes that kept all apart at another pace, at the crowd's times."""
         if not self.move.bent:
             return None
-        times = sampled(self.duration)
+        times = sampled(self.duration, self.flights.changes)
         flown, others = self.flights.flown, self.flights.others
         known = np.zeros((len(flown) + len(others), times.size, 3))
-        for row, flight in self.move.bent.items():
-            pace = flight.state.end / self.duration
-            there = flight.state.select(slice(0, 3))(times * pace)
-            known[row] = there - flown[row].state.select(slice(0, 3))(times)
+        for row, way in self.move.bent.items():
+            alone = flown[row].state.select(slice(0, 3))
+            known[row] = way(times * (way.end / self.duration)) - alone(times)
         return known
 
     def _crowd(self, found: Encounters) -> Crowd:
         """Flights of all drones as they are, for all to be changed together."""
         flights, move = self.flights, self.move
-        others, times = flights.others, sampled(self.duration)
+        others, times = flights.others, sampled(self.duration, flights.changes)
         state = [flight.state for flight in flights.flown]
         paths = [*(one.select(slice(0, 3)) for one in state), *others]
         speeds = [one.select(slice(3, 6)) for one in state]
@@ -313,12 +340,13 @@ class Repair:
         still = np.zeros(len(others), dtype=bool)
         supple = np.array([kind != OPTIMAL for kind in flights.kind])
         return Crowd(
+            times,
             places,
             rates,
             pulls,
             jerks,
             self.duration,
-            flights.intervals // 2,
+            flights.changes,
             self.separation,
             np.concatenate([give, np.zeros((len(others), 3, 3))]),
             np.append(flights.hovers, still),
@@ -369,7 +397,7 @@ class Repair:
             changed = False
             lack = self.separation.distance - found.distance
             deep = float(lack.mean()) > _DEEP * self.separation.distance
-            if len(found) > _FEW_LEFT or deep or self._spent():
+            if len(found) > _SOME or deep or self._spent():
                 return False
             for number in np.argsort(found.distance, kind="stable").tolist():
                 pair = int(found.first[number]), int(found.second[number])

@@ -34,15 +34,30 @@ _STARTS = 3
 _HOPELESS = 0.35
 """Wrong for each drone, from which on no other beginning is tried: the time is too
 short."""
+_MOST, _IN_VAIN, _BETTER, _SEARCH = 12, 3, 0.003, 5e10
+"""Beginnings at most where the time is free; how many of them in a row may be no better
+by such a share; and products of numbers after which there is no other."""
+_SLOWER = (1.1, 1.3)
+"""Times that these begin with, over the crowd's."""
+_WRONG = 1.0
+"""How much more time what is wrong with an outcome is thought to take, over its share
+of the drones."""
 _NEARLY, _HARDLY = 0.1, 3.0
 """Wrong for each drone, and at most, at which another search would not pay: what little
 is lacking is made good in flight."""
 
 
 def untangle(
-    crowd: Crowd, known: FloatArray | None = None, *, anew: bool = True
+    crowd: Crowd,
+    known: FloatArray | None = None,
+    *,
+    anew: bool = True,
+    free: bool = False,
 ) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, as gently as can be.
+
+    Where that takes more time, and more may be taken, it is what
+    :func:`quickest` finds.
 
     Parameters
     ----------
@@ -51,10 +66,13 @@ def untangle(
     known
         Changes at the crowd's instants to begin with, shape (n, m, 3) [m]: those of
         the same crowd at another pace.
+    free
+        Whether more time may be taken than the crowd's.
     """
     best, work = None, 0.0
+    free = free and known is None
     enough = min(_NEARLY * crowd.places.shape[0], _HARDLY)
-    for search in _searches(crowd, known, anew=anew):
+    for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
         # About others that fly already, what asks for too much tangles them anew.
@@ -65,11 +83,14 @@ def untangle(
         if found.wrong <= (enough if anew else 0.0):
             break
     assert best is not None  # noqa: S101 - there is a search
+    if free and best.wrong > enough:
+        best = quickest(crowd)
+        work += best.work
     return replace(best, work=work)
 
 
 def _searches(
-    crowd: Crowd, known: FloatArray | None, *, anew: bool
+    crowd: Crowd, known: FloatArray | None, *, anew: bool, free: bool
 ) -> Iterator[Programs | Elastic]:
     """Yield what is run until it parts the crowd."""
     many = crowd.places.shape[0] >= _MANY
@@ -81,7 +102,7 @@ def _searches(
     yield first
     if crowd.hovers.any():
         yield Programs(crowd, limited=False, gently=not anew)
-    if many:
+    if many or free or known is not None:
         return
     if not anew:
         yield Elastic(crowd, known=np.zeros_like(crowd.places))
@@ -91,6 +112,36 @@ def _searches(
         yield ways
         if ways.lacking > _HOPELESS * crowd.places.shape[0]:
             return
+
+
+def quickest(crowd: Crowd) -> Untangled:
+    """Change flights of a crowd until all pairs keep apart, in the least time.
+
+    Of some beginnings, each of which leads to other ways round, the best counts.
+
+    Returns
+    -------
+    Untangled
+        Its duration is at least the crowd's, and what it takes.
+    """
+    best, work, stalled = None, 0.0, 0
+    for seed in range(_MOST):
+        found = Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
+        work += found.work
+        stalled += 1
+        if best is None or _needed(found) < (1.0 - _BETTER) * _needed(best):
+            stalled = 0
+        if best is None or _needed(found) < _needed(best):
+            best = found
+        if work >= _SEARCH or stalled >= _IN_VAIN:
+            break
+    assert best is not None  # noqa: S101 - there is a beginning
+    return replace(best, work=work)
+
+
+def _needed(found: Untangled) -> float:
+    """Time that an outcome is thought to need, with what is wrong with it [s]."""
+    return found.duration * (1.0 + _WRONG * found.wrong / found.excess.size)
 
 
 def untangle_near(crowd: Crowd, rows: IntArray) -> Untangled:

@@ -96,9 +96,10 @@ class WidenedFlights:
         return f"all on one clock, widening by {self.widening:.3g} of a quarter circle"
 
     @property
-    def bent(self) -> dict[int, Trajectory]:
-        """Flights that leave their lines, by row."""
-        return dict(enumerate(self.trajectories)) if self.widening else {}
+    def bent(self) -> dict[int, PiecewisePolynomial]:
+        """Ways that leave their lines, by row."""
+        flights = enumerate(self.trajectories) if self.widening else ()
+        return {row: flight.state.select(slice(0, 3)) for row, flight in flights}
 
 
 def fly_widened(crossing: Crossing) -> WidenedFlights | None:

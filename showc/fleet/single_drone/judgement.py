@@ -14,14 +14,15 @@ from showc.fleet.single_drone.result import Result
 from showc.ocp.refinement.strategy import Strategy
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
-    from showc.arrays import FloatArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.programs import Programs
     from showc.fleet.single_drone.result import Status
     from showc.flight import Trajectory
     from showc.ocp.solution import Solution
+    from showc.vehicle import Quadrotor
 
 
 POSITION_ACCURACY = 4e-4
@@ -133,6 +134,14 @@ class Flights(Strategy[Verdict]):
         verdict = self.judged(solution)
         self.programs.found(verdict.found)
         return verdict
+
+
+def leads(vehicle: Quadrotor, trajectories: Sequence[Trajectory]) -> BoolArray:
+    """Whether the controls of each lead along its path, as near as a proof wants."""
+    flown = replay(vehicle, trajectories)
+    near = flown.position <= POSITION_ACCURACY
+    near &= flown.velocity <= VELOCITY_ACCURACY
+    return np.asarray(near & (flown.attitude <= ATTITUDE_ACCURACY))
 
 
 def judge(aircraft: Aircraft, trajectory: Trajectory) -> Verdict:

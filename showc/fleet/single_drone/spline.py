@@ -17,6 +17,7 @@ import numpy as np
 from showc.fleet.shared_profile.flat import FlatFlights, fly, use_of_limits
 from showc.fleet.single_drone.basis import DEGREE
 from showc.fleet.single_drone.convex_program import NO_WALLS, Aim, Program, Walls
+from showc.fleet.single_drone.judgement import leads
 from showc.trajectory import restrict
 
 if TYPE_CHECKING:
@@ -80,6 +81,8 @@ def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
         flight = _flown(aircraft, program.breaks, position)
         use = use_of_limits(aircraft.vehicle, aircraft.limits, flight)
         if use.greatest[0] <= 1.0:
+            if not leads(aircraft.vehicle, [flight.trajectory(0)]).all():
+                return None
             return SplineFlight(program.breaks, position, flight, count + 1)
         aim = aim.corrected(use)
         program.relinearise(position)
