@@ -6,18 +6,18 @@ import signal
 import threading
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from showc.errors import UsageError
 from showc.log.reader import read_log
 from showc.progress import Silent
-from showc.vehicle_link.conductor import Conductor, Stop, StreamOptions
+from showc.vehicle_link.conductor import Conductor
 from showc.vehicle_link.flown import FlownLog
 from showc.vehicle_link.network import Network
 from showc.vehicle_link.setpoints import stream_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from showc.progress import Progress
@@ -32,6 +32,55 @@ LEAST_RATE = 10.0
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What may end this program from outside while vehicles fly."""
+
+
+AfterStop = Literal["hold", "land", "return"]
+
+
+@dataclass(frozen=True, slots=True)
+class StreamOptions:
+    """How a show is streamed."""
+
+    rate: float = 20.0
+    """Setpoints a second for each vehicle [Hz]; at least 10."""
+    corridor: float = 3.0
+    """Farthest a vehicle may be from its trajectory [m]."""
+    link_timeout: float = 1.0
+    """Greatest age of a vehicle's position [s]."""
+    ready_timeout: float = 60.0
+    """Time in which all vehicles must be ready [s]."""
+    lead: float = 0.0
+    """How much earlier than its moment a setpoint leaves [s]: ArduCopter followed
+    position, velocity and acceleration within 0.02 s; a link's delay is to be added."""
+    after_stop: AfterStop = "hold"
+    """What a stopped fleet does: hover, land where it is, or fly back the way it came
+    and land on its pads."""
+    set_parameters: bool = False
+    """Whether parameters of ArduCopter that are too small for the show are raised."""
+    set_gains: bool = False
+    """Whether ArduCopter flies with the gains that the envelope was measured with:
+    those of a simulated quadrotor."""
+    systems: Mapping[int, int] | None = None
+    """MAVLink system id of a drone (counting from 1) where it is not its number."""
+    key: bytes | None = None
+    """Signing key of 32 bytes; None: messages are not signed."""
+
+    def system(self, drone: int) -> int:
+        """Return the system id of ``drone``, counting from 0."""
+        return (self.systems or {}).get(drone + 1, drone + 1)
+
+
+class Stop:
+    """A wish to stop that comes from outside: a signal."""
+
+    def __init__(self) -> None:
+        self.reason = ""
+        self.count = 0
+
+    def __call__(self, reason: str) -> None:
+        """Wish it."""
+        self.reason = self.reason or reason
+        self.count += 1
 
 
 @dataclass(frozen=True, slots=True)
