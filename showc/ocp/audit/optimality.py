@@ -223,8 +223,8 @@ class MinimumPrinciple:
         """
         reach = np.full(slope.shape, np.inf)
         affine = list(self.affine)
-        known = any(affine) and missed.max() < _TOLD and not self.phase.path_constraints
-        if not known:
+        told = missed.max() < _TOLD and missed.min() <= _RESOLVED
+        if not (told and any(affine)) or self.phase.path_constraints:
             return reach
         places = slope.shape[1] // missed.size
         second, bend = (np.asarray(a) for a in self._singular.map(slope.shape[1])(*at))
