@@ -7,11 +7,12 @@ verifier works it out again, and compares.
 from __future__ import annotations
 
 import hashlib
+import json
+from importlib import resources
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from showc.log import showc_pb2 as pb
-from showc.log.layout import layout_json
 from showc.log.sample import GRID, nanoseconds
 from showc.log.schema import FORMAT_VERSION, LAYOUT_NAME, MANIFEST_NAME
 
@@ -30,6 +31,9 @@ _MEDIA = {
     ".jpg": "image/jpeg",
     ".jpeg": "image/jpeg",
 }
+
+_SCENE = "3D!show"
+"""Name of the layout's panel that draws the show."""
 
 
 def sha256(content: bytes) -> str:
@@ -97,6 +101,24 @@ def attachments_of(show: Show, manifest: bytes, *, plots: bool) -> dict[str, byt
         MANIFEST_NAME: manifest,
         LAYOUT_NAME: layout_json(show, plots=plots),
     }
+
+
+def layout_json(show: Show, *, plots: bool) -> bytes:
+    """Return a layout for Foxglove and Lichtblick: the show in 3-D, plots of a drone.
+
+    With ``plots`` only where the log has samples per drone.
+    """
+    text = resources.files(__package__).joinpath("layout.json").read_text("utf-8")
+    layout = json.loads(text)
+    scene = layout["configById"][_SCENE]
+    low, high = show.site.volume_min, show.site.volume_max
+    size = max(b - a for a, b in zip(low, high, strict=True))
+    middle = [(a + b) / 2.0 for a, b in zip(low, high, strict=True)]
+    # From so far away the whole volume is seen at 45 degrees of view.
+    scene["cameraState"] |= {"distance": 1.6 * size, "targetOffset": middle}
+    if not plots:
+        layout |= {"configById": {_SCENE: scene}, "layout": _SCENE}
+    return (json.dumps(layout, indent=2) + "\n").encode()
 
 
 def manifest_of(

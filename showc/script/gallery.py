@@ -13,8 +13,7 @@ from showc.script.placing import colours_in, paint, transform, unit_vector
 from showc.script.scalars import no_such
 from showc.script.settings import Setting, Settings
 from showc.script.show import Effect, EffectKind, Mark, Music
-from showc.script.spacing import closest, crowded
-from showc.script.spreading import spread_apart
+from showc.script.spacing import closest, crowded, spread_apart
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
 """The aircraft: physical parameters, limits, presets, equations of motion."""
 
-from showc.vehicle.battery import Battery
-from showc.vehicle.body import Body
 from showc.vehicle.limits import Envelope, Limits, Separation, SeparationShape, Vector
+from showc.vehicle.power import Battery
 from showc.vehicle.presets import DEFAULT_PRESET, PRESETS, Preset
 from showc.vehicle.quadrotor import (
     CONTROL_NAMES,
     STANDARD_GRAVITY,
     STATE_NAMES,
+    Body,
     Quadrotor,
 )
 

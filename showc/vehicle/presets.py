@@ -7,10 +7,9 @@ from math import inf, radians, sqrt
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.vehicle.battery import Battery
-from showc.vehicle.body import Body
 from showc.vehicle.limits import Envelope, Limits
-from showc.vehicle.quadrotor import Quadrotor
+from showc.vehicle.power import Battery
+from showc.vehicle.quadrotor import Body, Quadrotor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

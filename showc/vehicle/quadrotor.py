@@ -32,6 +32,16 @@ CONTROL_NAMES = ("thrust", "torque_x", "torque_y", "torque_z")
 
 
 @dataclass(frozen=True, slots=True)
+class Body:
+    """What a fall depends on besides the mass."""
+
+    size: float
+    """Greatest size, from propeller tip to propeller tip [m]."""
+    drag_area: tuple[float, float]
+    """Least and greatest drag coefficient times area, however it tumbles [m²]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Quadrotor:
     """Physical parameters of one type of aircraft."""
 

@@ -12,8 +12,7 @@ from PIL import Image
 from showc.script.colours import linear_light
 from showc.script.formations.evenly import spread_evenly
 from showc.script.formations.skeleton import thinned, traced
-from showc.script.spacing import closest
-from showc.script.spreading import spread_apart
+from showc.script.spacing import closest, spread_apart
 from showc.vehicle import Separation
 
 
