@@ -89,7 +89,7 @@ def flat(kind: Items, node: Sequence) -> str:
     """Return a list of lists that was written as one of numbers, or nothing."""
     item = resolve(kind.item)
     texts = [one.text for one in node.items if isinstance(one, Scalar)]
-    if not isinstance(item, Items) or len(texts) != len(node.items):
+    if not isinstance(item, Items) or len(texts) != len(node.items) or kind.least > 1:
         return ""
     numbers = all(re.fullmatch(NUMBER, text) for text in texts)
     if not numbers or not item.least <= len(texts) <= item.most:
@@ -109,7 +109,8 @@ def about_brackets(kind: Items, node: Node) -> str:
     item = resolve(kind.item)
     words = not (isinstance(item, Section) and not item.short)
     if isinstance(node, Scalar) and words:
-        return f"a list of one is written `[{node.text}]`" if kind.least <= 1 else ""
+        one, more = f"a list of one is written `[{node.text}]`", f"`[{node.text}, …]`"
+        return one if kind.least <= 1 else f"a list is written {more}"
     if isinstance(node, Mapping) and isinstance(item, Section | Either):
         keys = ", ".join(f"{entry.key}: …" for entry in list(node)[:2])
         return f"a list of one is written `[{{{keys}}}]`"
