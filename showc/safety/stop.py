@@ -303,5 +303,6 @@ def time_to_rest(row: pb.AbortRow, period: float) -> float:
     Back along the plan it runs on after that.
     """
     rates = 1.0 + period * np.cumsum(row.changes)
-    rested = np.flatnonzero(rates < NEGLIGIBLE)
+    # But for the rounding of the sum.
+    rested = np.flatnonzero(rates < 1e-9)
     return period * float(rested[0] + 1 if rested.size else rates.size)

@@ -109,7 +109,8 @@ def test_the_table_is_in_the_log_beside_it_and_on_the_page(
     once = log.read_bytes()
     table = tmp_path / "swap-abort.json"
     rows = json.loads(table.read_text(encoding="utf-8"))["rows"]
-    assert len(rows) == len(run.out.splitlines()) - 1
+    said = [line for line in run.out.splitlines() if line.startswith("at ")]
+    assert len(rows) == len(said)
     logged = read_log(log)
     assert [row.time for row in logged.aborts.rows] == [row["time"] for row in rows]
     # What lies beside the log is for people; the page takes it from the log.
@@ -119,6 +120,7 @@ def test_the_table_is_in_the_log_beside_it_and_on_the_page(
     content = page.read_text(encoding="utf-8")
     assert "Abort table" in content
     assert all(f"{row['total']:.1f}" in content for row in rows)
+    assert all(f">{row['stop']:.2f}<" in content for row in rows)
     assert run_showc("abort", log, "--every", "15", "-q").code == 0
     assert log.read_bytes() == once
 
