@@ -485,3 +485,23 @@ def test_what_was_not_refined_is_not_taken_for_settled():
     off = abs(solution.objective / 19.4317814 - 1.0)
     assert off < 1e-6
     assert 0.1 * off < solution.error.objective
+
+
+def test_a_tank_that_half_the_feed_overfills_is_started_from_the_least_feed():
+    problem = ocp.Problem("fed batch")
+    phase = problem.phase(duration=20.0)
+    cells = phase.state("cells", 0.0, None, start=1.0)
+    sugar = phase.state("sugar", 0.0, None, start=10.0)
+    volume = phase.state("volume", 1.0, 5.0, start=1.0)
+    feed = phase.control("feed", 0.0, 1.0)
+    growth = 0.4 * sugar / (0.1 + sugar + sugar**2 / 20.0) * cells
+    phase.derivative(cells, growth - feed / volume * cells)
+    phase.derivative(sugar, -2.0 * growth + feed / volume * (20.0 - sugar))
+    phase.derivative(volume, feed)
+    problem.maximise(phase.final(cells) * phase.final(volume))
+    solution = ocp.solve(problem, options=ocp.Options(meshes=2))
+    assert solution.result.usable
+    # All sugar that there is and that the tank has room for becomes cells.
+    assert solution.objective == pytest.approx(
+        1.0 + 0.5 * (10.0 + 4.0 * 20.0), rel=1e-5
+    )

@@ -4,8 +4,8 @@ Where durations are free, a search from a poor start may shrink them to nothing 
 infeasible. A trajectory of the least effort in a given time is found far more often: it
 then starts the search for the objective itself.
 
-Where all states start from given values, the guessed controls can be flown. What the
-integrator's steps tell of fast beginnings and layers makes the mesh.
+Where all states start from given values, controls can be flown. What the integrator's
+steps tell of fast beginnings and layers makes the mesh.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from showc.ocp.audit.residuals import PhaseAuditor
+    from showc.ocp.guess import Curve
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.recorder import Recorder
@@ -120,6 +121,20 @@ class FirstMesh:
             yield "a start with waves", partial(solve, mesh, start)
         if found := flown(self.problem, guess or Guess(), table, parameters):
             yield "what the guessed controls fly", partial(solve, *found)
+        # A full tank at half throttle: where the middle leads beyond a bound.
+        for side, words in enumerate(("least", "greatest") if guess is None else ()):
+            if found := flown(self.problem, self._extreme(side), table, parameters):
+                yield f"what the {words} controls fly", partial(solve, *found)
+
+    def _extreme(self, side: int) -> Guess:
+        """Guess every control at its lower (0) or upper (1) bound, where it has one."""
+        curves: dict[str, Curve] = {}
+        for phase in self.problem.phases:
+            for name in phase.controls:
+                bound = self.attempts.table["bounds", phase.name, name][side]
+                if np.isfinite(bound):
+                    curves[f"{phase.name}.{name}"] = bound
+        return Guess(curves=curves)
 
     def _calm_ways(
         self, mesh: Mesh, number: int, factors: tuple[float, ...]
