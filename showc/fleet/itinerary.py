@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.script.show import Show
 
-SMALL, LARGE = 128, 2000
+SMALL, LARGE = 128, 500
 """Drones up to which a leg of several is one task, on a cluster and on one machine. Two
 legs side by side keep two cores busier than the drones of one do, for most of a leg's
-work is on all of them; beyond, several legs at once would take too much memory."""
+work is on all of them. Beyond, several crowded legs at once would take too much memory:
+2.8 GiB for two of 1,000 drones that stand as near as they may."""
 LONE = 8
 """Drones up to which a leg that is missing alone is solved here: starting processes
 takes longer than they would save."""
