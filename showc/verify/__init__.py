@@ -11,10 +11,4 @@ from showc.verify.proofs import verify_log
 from showc.verify.records import DamagedLogError
 from showc.verify.report import Check, Place, Verification
 
-__all__ = [
-    "Check",
-    "DamagedLogError",
-    "Place",
-    "Verification",
-    "verify_log",
-]
+__all__ = ["Check", "DamagedLogError", "Place", "Verification", "verify_log"]

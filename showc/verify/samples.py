@@ -31,12 +31,7 @@ from showc.log.sample import (
     quaternion,
     sample_times,
 )
-from showc.log.scene import (
-    fleet_transforms,
-    point_cloud,
-    root_transform,
-    scene_update,
-)
+from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import basis
 from showc.verify.report import Place, checked

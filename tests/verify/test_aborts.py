@@ -1,9 +1,11 @@
 """The abort table in a log is proved: each lie in it is found by its check."""
 
+import hashlib
 import shutil
 
 import numpy as np
 import pytest
+from lies import Log
 
 from showc.log import showc_pb2 as pb
 from showc.log.additions import add, digest_of
@@ -238,6 +240,20 @@ def test_a_table_of_another_log_is_found_whatever_it_says(aborted, tmp_path):
     table.data_sha256, table.legs[0].name = "0" * 64, digest
     add(log, ABORT_NAME, table.SerializeToString(), digest)
     assert "VRF108" in verify_log(log, missions=False).failures()
+
+
+def test_a_table_before_the_data_that_it_is_of_is_found(aborted, tmp_path):
+    """It names all bytes before it, and these are not the log."""
+    log, whole = tmp_path / aborted.name, Log.read(aborted.read_bytes())
+    entry = whole.attachment(ABORT_NAME)
+    log.write_bytes(whole.bytes())
+    at = next(one for one in open_log(log).attachments if one.name == ABORT_NAME)
+    table = pb.AbortTable.FromString(entry[3])
+    before = log.read_bytes()[: at.position]
+    table.data_sha256 = hashlib.sha256(before).hexdigest()
+    entry[3] = table.SerializeToString(deterministic=True)
+    log.write_bytes(whole.bytes())
+    assert verify_log(log, missions=False).failures() == {"VRF108"}
 
 
 @pytest.mark.parametrize("lie", LIES)

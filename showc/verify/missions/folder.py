@@ -29,11 +29,7 @@ from showc.verify.missions.law import PARAMETERS, fastest_level, parameter_file
 from showc.verify.missions.legs import fleet_legs, to_show_frame
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
-from showc.verify.specification.compare import (
-    LARGEST_DOCUMENT,
-    read_json,
-    unlike,
-)
+from showc.verify.specification.compare import LARGEST_DOCUMENT, read_json, unlike
 from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
@@ -127,12 +123,7 @@ class Missions:
             f"{name}: {'only' if name in listed else 'not'} in the manifest"
             for name in sorted(set(listed) ^ set(self.names()))
         ]
-        return [
-            *checks,
-            agreement("VRF403", odd),
-            *self._lines(),
-            self._autopilot(),
-        ]
+        return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _same_manifest(self) -> Check:
         wrong = []
@@ -311,11 +302,7 @@ def _wrong_rows(mission: Mission, show: LoggedShow) -> Iterator[str]:
 
 
 def check_plan(
-    content: bytes,
-    mission: Mission,
-    site: Site,
-    script: Show,
-    whose: tuple[str, str],
+    content: bytes, mission: Mission, site: Site, script: Show, whose: tuple[str, str]
 ) -> Iterator[str]:
     """Yield where a plan differs from its mission, the script and its site's fence.
 
@@ -371,19 +358,10 @@ def _entry(number: int, item: Item) -> dict[str, Any]:
         "command": item.command,
         "doJumpId": number,
         "frame": item.frame,
-        "params": [
-            *item.parameters,
-            item.latitude / 1e7,
-            item.longitude / 1e7,
-            height,
-        ],
+        "params": [*item.parameters, item.latitude / 1e7, item.longitude / 1e7, height],
     }
     if item.frame != MISSION:
-        entry |= {
-            "AMSLAltAboveTerrain": None,
-            "Altitude": height,
-            "AltitudeMode": 1,
-        }
+        entry |= {"AMSLAltAboveTerrain": None, "Altitude": height, "AltitudeMode": 1}
     return entry
 
 

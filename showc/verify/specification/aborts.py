@@ -58,10 +58,11 @@ _LEGS = {
 
 
 def bound_to(log: LogFile, added: list[str]) -> Check:
-    """Hold each thing that was ``added`` against the log that it names."""
+    """Hold each thing that was ``added`` against the log that it names, and follows."""
     begin = min(one.position for one in log.attachments if one.name in added)
+    behind = all(chunk.span[1] <= begin for chunk in log.chunks)
     wanted = hashlib.sha256(log.view[:begin]).hexdigest()
-    other = [name for name in added if _named(log, name) != wanted]
+    other = [name for name in added if _named(log, name) != wanted or not behind]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
     note = "simulated flights are an estimate: nothing of them is proved"
     return replace(found, notes=(*found.notes, *[note] * (WIND_NAME in added)))

@@ -610,10 +610,7 @@ def limits_message(limits: Limits) -> pb.Limits:
 
 
 def _rules(
-    show: Show,
-    formations: dict[str, FloatArray],
-    limits: list[Limits],
-    duration: float,
+    show: Show, formations: dict[str, FloatArray], limits: list[Limits], duration: float
 ) -> pb.Rules:
     """Return the rules that a log of the show must carry."""
     fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
