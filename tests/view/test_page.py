@@ -210,6 +210,16 @@ def test_records_that_compare_refuses_view_refuses_alike(tmp_path, run_showc):
     assert run.code == 2 and "has no position between 0 and" in run.err
 
 
+def test_the_layout_for_other_viewers_is_the_one_in_the_log(
+    tmp_path, run_showc, compiled
+):
+    log, layout = compiled("swap"), tmp_path / "layout.json"
+    page = ("--no-verify", "-o", tmp_path / "page.html")
+    run = run_showc("view", log, *page, "--layout", layout)
+    assert run.code == 0 and "import it in Foxglove" in run.out
+    assert layout.read_bytes() == read_log(log).attachments["layout.json"]
+
+
 def test_the_second_of_a_great_fleet_has_fewer_frames(gliding_log, monkeypatch):
     monkeypatch.setattr("showc.view.second_fleet.BUDGET", 16 * 200)
     times = frame_times(gliding_log)
