@@ -13,7 +13,8 @@ import numpy as np
 from mcap.reader import make_reader
 
 from showc.errors import DamagedFileError
-from showc.export.fit import error_of, tracks_of
+from showc.export.error import error_of
+from showc.export.fit import tracks_of
 from showc.export.lights import TOLERANCE as FADE
 from showc.export.pictures import RATE
 from showc.export.solved import solved_show

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from showc.documents.gltf import FLOAT, MAGIC
-from showc.export.fit import error_of_lines
+from showc.export.error import error_of_lines
 from showc.export.lights import LightNodes, light_nodes
 from showc.export.skyc import drone_name, shared
 from showc.export.tables import Samples
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import FloatArray
-    from showc.export.fit import FitError, FittedFleet
+    from showc.export.error import FitError
+    from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
     from showc.safety.case import SafetyCase
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
-from showc.export.fit import TOLERANCE, YAW_STEP, FitError, FittedFleet, fit_fleet
+from showc.export.fit import TOLERANCE, YAW_STEP, FittedFleet, fit_fleet
 from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
 from showc.export.pictures import glb_file, kml_file, vviz_file
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from showc.export.error import FitError
     from showc.export.solved import SolvedShow
     from showc.log.showc_pb2 import Separation
     from showc.verify.report import Check

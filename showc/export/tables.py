@@ -9,15 +9,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from showc.errors import ExportError
-from showc.export.fit import (
-    TOGETHER,
-    FitError,
-    along,
-    error_of,
-    error_of_lines,
-    states,
-    tracks_of,
-)
+from showc.export.error import FitError, error_of, error_of_lines
+from showc.export.fit import TOGETHER, along, states, tracks_of
 from showc.export.skyb import trajectory_block
 from showc.export.skyc import Entry, archive, drone_name, shared
 from showc.foreign.motion import chosen, derivative

@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from showc.errors import ExportError
-from showc.export.fit import error_of, error_of_lines, fit_fleet, tracks_of
+from showc.export.error import error_of, error_of_lines
+from showc.export.fit import fit_fleet, tracks_of
 from showc.export.stage import FORMATS, WAITING, ExportOptions, export
 from showc.export.tables import (
     HEADING,
