@@ -24,9 +24,9 @@ CLOCK_KNOWN = 10.0
 """Time of positions after which the least delay of the link is known [s]: the first
 ones may have waited for the link."""
 
-CLOCK_DRIFT = 1e-3
-"""How much slower than ours a vehicle's clock may run: twice what a simulated one lost
-on a busy computer, 0.12 s in four minutes; crystals lose 50 ppm."""
+CLOCK_DRIFT = 8e-4
+"""How much slower than ours a vehicle's clock may run: a simulated one lost 0.12 s in
+250 s on a busy computer; crystals lose 5e-5."""
 
 ARDUPILOT = 3
 """MAV_AUTOPILOT of ArduPilot."""
