@@ -17,7 +17,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.shared_profile.flat import SLACK, fly, use_of_limits
-from showc.fleet.single_drone.judgement import POSITION_ACCURACY
+from showc.fleet.single_drone.judgement import (
+    ATTITUDE_ACCURACY,
+    POSITION_ACCURACY,
+    VELOCITY_ACCURACY,
+)
 from showc.fleet.single_drone.replay import replay
 from showc.trajectory import bernstein_basis
 
@@ -55,7 +59,8 @@ class MovingFlight:
     error: float
     """Greatest distance from the motion that was measured [m]."""
     missed: float
-    """Greatest distance of a replay of the controls [m]."""
+    """Greatest error of a replay of the controls, as a share of what a proof allows of
+    position, velocity or attitude."""
 
     def trouble(self, drones: IntArray) -> str:
         """Say which limit the motion breaks, and what to do; empty if none.
@@ -95,10 +100,10 @@ class MovingFlight:
             )
         if use.weak.any():
             return "the motion asks for less thrust than there must be; make it slower"
-        if not (self.error <= _CLOSE and self.missed <= POSITION_ACCURACY):
+        if not (self.error <= _CLOSE and self.missed <= 1.0):
             return (
                 f"the motion is too quick to be followed: off by {self.error:.1e} m, "
-                f"its controls by {self.missed:.1e} m; make it slower"
+                f"its controls by {self.missed:.2f} of what is allowed; make it slower"
             )
         return ""
 
@@ -110,7 +115,7 @@ def fly_motion(leg: Leg, aircraft: Aircraft, duration: float) -> MovingFlight:
         found = _flown(leg, aircraft, duration, width)
         if width < _TIGHT and found.use.greatest.max() > _HOPELESS:
             return found
-        fine = found.error <= _CLOSE and found.missed <= _SAFE * POSITION_ACCURACY
+        fine = found.error <= _CLOSE and found.missed <= _SAFE
         if fine and found.use.greatest.max() <= 1.0:
             return found
         width *= 0.5
@@ -155,7 +160,12 @@ def _flown(leg: Leg, aircraft: Aircraft, duration: float, width: float) -> Movin
     use = use_of_limits(aircraft.vehicle, leg.limits, flights)
     missed = np.inf
     if use.greatest.max() <= _HOPELESS:
-        missed = float(replay(aircraft.vehicle, trajectories).position.max())
+        replayed = replay(aircraft.vehicle, trajectories)
+        missed = max(
+            float(replayed.position.max()) / POSITION_ACCURACY,
+            float(replayed.velocity.max()) / VELOCITY_ACCURACY,
+            float(replayed.attitude.max()) / ATTITUDE_ACCURACY,
+        )
     return MovingFlight(trajectories, flights, use, error, missed)
 
 
