@@ -13,7 +13,6 @@ MANY = {
     "script/reader.py": {"say"},
     # Parts of one worker's task, and of one mesh's audit.
     "fleet/single_drone/avoiding.py": {"avoid"},
-    "fleet/single_drone/following.py": {"follow"},
     "fleet/single_drone/staying.py": {"stay_apart"},
     "ocp/refinement/judgement.py": {"judge"},
 }

@@ -12,6 +12,7 @@ from showc.safety.energy import Energy, flight_energy
 from showc.safety.failure import Failures, failures
 from showc.safety.fall import Fall
 from showc.safety.ground import (
+    ROUNDING,
     Footing,
     Stopping,
     boxes_of,
@@ -117,9 +118,13 @@ class _Assessment:
         self.stopping, self.failing = stopping, failing
         self.risk: Risk = show.site.risk
         boxes = boxes_of(pieces, self.risk.ground)
-        self.highest = float(boxes.height_high.max())
-        speed = float(boxes.speed_high.max())
-        climbs = float(boxes.climb_low.min()), float(boxes.climb_high.max())
+        # Parts of pieces may leave their hull by rounding.
+        self.highest = float(boxes.height_high.max()) + ROUNDING
+        speed = float(boxes.speed_high.max()) + ROUNDING
+        climbs = (
+            float(boxes.climb_low.min()) - ROUNDING,
+            float(boxes.climb_high.max()) + ROUNDING,
+        )
         self.falls = FallTable.covering(fall, climbs, speed, self.highest)
         self.impact_speed = float(self.falls.impact_speed(boxes).max())
         self.flying = Flying(

@@ -48,7 +48,7 @@ DIRECTIONS = 360
 NEAR = 2.0
 """Greatest radius of a piece's own way for which directions are looked at [m]."""
 ROUNDING = 1e-9
-"""How far a corner may be beyond a line, by rounding [m]."""
+"""How far corners and parts of pieces may be beyond what holds them [m, m/s]."""
 GROUP = 8
 """Pieces that are looked at as one first."""
 BLOCK = 20_000
@@ -171,11 +171,14 @@ def boxes_of(pieces: Pieces, ground: float) -> Boxes:
     middle = 0.5 * (level.min(axis=1) + level.max(axis=1))
     spread = np.linalg.norm(level - middle[:, None], axis=2).max(axis=1)
     speed = np.linalg.norm(middle, axis=1)
+    # A polynomial is no faster than the fastest of its control points, whatever the
+    # ball about them holds: a group of pieces stays in the bounds that its pieces set.
+    fastest = np.linalg.norm(level, axis=2).max(axis=1)
     return Boxes(
         climb.min(axis=1),
         climb.max(axis=1),
         np.maximum(speed - spread, 0.0),
-        speed + spread,
+        np.minimum(speed + spread, fastest),
         height.min(axis=1),
         height.max(axis=1),
     )

@@ -12,8 +12,16 @@ from safety.falls import landings
 from showc.log.reader import read_log
 from showc.safety import codes
 from showc.safety.assessment import safety_case, show_of
-from showc.safety.ground import Footing, area, corners_of, hull, least, outside
-from showc.safety.pieces import flight_pieces
+from showc.safety.ground import (
+    Footing,
+    area,
+    boxes_of,
+    corners_of,
+    hull,
+    least,
+    outside,
+)
+from showc.safety.pieces import Pieces, flight_pieces
 from showc.script.show import Audience, Building, Risk
 from showc.vehicle.power import SEA_LEVEL, air_density
 
@@ -72,6 +80,19 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
     assert (farthest <= reach).all()
     assert (reach <= 1.05 * farthest).all()
     assert area(case.footprint) <= 1.05 * area(corners_of(outward, farthest))
+
+
+def test_a_group_of_pieces_that_turn_is_no_faster_than_its_fastest_piece():
+    angle = np.linspace(0.0, np.pi, 33)
+    state = np.zeros((8, 5, 12))
+    for piece in range(8):
+        turned = angle[4 * piece : 4 * piece + 5]
+        state[piece, :, 3:5] = 5.0 * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+    none = np.zeros(8)
+    pieces = Pieces(none.astype(int), none, none, state, np.zeros((8, 2, 4)))
+    whole = boxes_of(pieces.groups(8), 0.0)
+    assert whole.speed_high.max() <= boxes_of(pieces, 0.0).speed_high.max()
+    assert whole.speed_high.max() == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("size", [(20.0, 7.0), (5.0, 0.0), (0.0, 0.0)])

@@ -163,13 +163,15 @@ def test_what_did_not_change_is_not_worked_out_again(monkeypatch):
 
 
 @pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "any-axis", "all-axes"])
-def test_the_nearest_pair_on_lines_is_where_it_is_said_to_be(shape):
+def test_the_nearest_pair_on_lines_is_where_it_is_said_to_be(shape, monkeypatch):
     from showc.vehicle.metric import measure
 
+    # Several blocks of rows, the last of them shorter.
+    monkeypatch.setattr("showc.plan.assignment._BLOCK", 5)
     random = np.random.default_rng(5)
     start, goal = random.uniform(-9, 9, (2, 12, 3))
     separation = Separation(1.0, shape, 2.0)
-    found = nearest_on_lines(start, goal, separation, block=5)
+    found = nearest_on_lines(start, goal, separation)
     place = start + found.share * (goal - start)
     own = measure(place[found.first] - place[found.second], separation)
     assert own == pytest.approx(found.distance, abs=1e-9)
