@@ -170,7 +170,7 @@ def failures(
     # A way of half a step on both sides of its middle, and the size of both drones.
     room = 0.5 * STEP * fastest + size
     per_second = round(SECOND / (0.5 * STEP))
-    found: list[tuple[int, int, int]] = []
+    found = [np.empty((0, 3), dtype=np.int64)]
     for number in range(times.size):
         first = number * per_second
         cones = _fall(flown[first], fall)
@@ -179,11 +179,9 @@ def failures(
             falling = np.flatnonzero(cone.high > ground)
             if not falling.size:
                 break
-            found += [
-                (number, *pair)
-                for pair in _meetings(cone, falling, flown[tick, :, :3], room)
-            ]
-    pairs = np.unique(np.array(found, dtype=np.int64).reshape(-1, 3), axis=0)
+            pairs = _meetings(cone, falling, flown[tick, :, :3], room)
+            found.append(np.insert(pairs, 0, number, axis=1))
+    pairs = np.unique(np.concatenate(found), axis=0)
     met = np.zeros((times.size, len(states)), dtype=np.int64)
     np.add.at(met, (pairs[:, 0], pairs[:, 1]), 1)
     return Failures(times, met, pairs)
@@ -221,16 +219,19 @@ def _fall(state: FloatArray, fall: Fall) -> list[_Cones]:
 
 def _meetings(
     cone: _Cones, falling: IntArray, places: FloatArray, room: float
-) -> list[tuple[int, int]]:
-    """Pairs of a falling drone and another that it may meet."""
-    away = places[None, :, :2] - cone.centre[falling, None]
-    reach = (cone.radius[falling] + room)[:, None]
-    height = places[None, :, 2]
-    near = (
-        (away[..., 0] ** 2 + away[..., 1] ** 2 <= reach**2)
-        & (height >= (cone.low[falling] - room)[:, None])
-        & (height <= (cone.high[falling] + room)[:, None])
-    )
-    first, other = np.nonzero(near)
-    own = falling[first] != other
-    return list(zip(falling[first][own].tolist(), other[own].tolist(), strict=True))
+) -> IntArray:
+    """Pairs of a falling drone and another that it may meet, shape (m, 2)."""
+    # Only drones at the cone's heights: few, where a fleet is spread in height, and few
+    # steps of a fall, where it is not.
+    order = np.argsort(places[:, 2], kind="stable")
+    height = places[order, 2]
+    lowest = np.searchsorted(height, cone.low[falling] - room, side="left")
+    beyond = np.searchsorted(height, cone.high[falling] + room, side="right")
+    count = np.maximum(beyond - lowest, 0)
+    first = np.repeat(falling, count)
+    within = np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
+    other = order[np.repeat(lowest, count) + within]
+    away = places[other, :2] - cone.centre[first]
+    reach = cone.radius[first] + room
+    near = (away[:, 0] ** 2 + away[:, 1] ** 2 <= reach**2) & (first != other)
+    return np.stack([first[near], other[near]], axis=1)
