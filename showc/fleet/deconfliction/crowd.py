@@ -224,7 +224,7 @@ def sampled(duration: float, intervals: int) -> FloatArray:
     ----------
     intervals
         Of its changes' splines: with fewer instants than three on each, changes break
-        limits between them.
+        limits between them. 0: so many that this seldom happens.
     """
     count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
     count = max(count, _EACH * intervals)

@@ -150,7 +150,9 @@ class Flights:
         half = np.clip(np.ceil(0.5 * duration / _INTERVAL), _FEWEST, _MOST)
         self.intervals = 2 * int(half)
         """Of splines."""
-        fine = len(move.start) < FINE and self.intervals <= _FINEST
+        self.few = len(move.start) < FINE
+        """Whether time is left to look at every drone more closely."""
+        fine = self.few and self.intervals <= _FINEST
         self.changes = self.intervals // (1 if fine else 2)
         """Of changes: as many, or half of them, so that both fit together."""
         self.hovers = np.linalg.norm(move.goal - move.start, axis=1) < STILL

@@ -187,7 +187,8 @@ class Repair:
                 first = lack
                 self.made.count("first_conflicts", len(found))
             slight = lack < _SLIGHT * self.separation.distance * count
-            if not count or (number and slight and self._settle()):
+            settles = number and slight and self.flights.few
+            if not count or (settles and self._settle()):
                 return True
             self.trouble = self.flights.wrong(found, astray)
             if number == self.move.rounds or self._spent():
@@ -278,7 +279,10 @@ class Repair:
             missed = np.abs(flights.sampled(row) - there).max()
             if missed > _MISSED * self.separation.distance:
                 self._stiff[row] *= _STIFFER
-                self._bending.missed.add(row)
+                # In a great crowd they are better changed again: many more follow
+                # together than one by one around what others left.
+                if flights.few:
+                    self._bending.missed.add(row)
         return done
 
     def ways(self, found: Untangled) -> dict[int, PiecewisePolynomial]:
@@ -311,7 +315,7 @@ class Repair:
         """Return changes that kept all apart at another pace, at the crowd's times."""
         if not self.move.bent:
             return None
-        times = sampled(self.duration, self.flights.changes)
+        times = self._instants()
         flown, others = self.flights.flown, self.flights.others
         known = np.zeros((len(flown) + len(others), times.size, 3))
         for row, way in self.move.bent.items():
@@ -319,10 +323,15 @@ class Repair:
             known[row] = way(times * (way.end / self.duration)) - alone(times)
         return known
 
+    def _instants(self) -> FloatArray:
+        """Instants at which the crowd is looked at, shape (m,) [s]."""
+        flights = self.flights
+        return sampled(self.duration, flights.changes if flights.few else 0)
+
     def _crowd(self, found: Encounters) -> Crowd:
         """Flights of all drones as they are, for all to be changed together."""
         flights, move = self.flights, self.move
-        others, times = flights.others, sampled(self.duration, flights.changes)
+        others, times = flights.others, self._instants()
         state = [flight.state for flight in flights.flown]
         paths = [*(one.select(slice(0, 3)) for one in state), *others]
         speeds = [one.select(slice(3, 6)) for one in state]
@@ -397,7 +406,8 @@ class Repair:
             changed = False
             lack = self.separation.distance - found.distance
             deep = float(lack.mean()) > _DEEP * self.separation.distance
-            if len(found) > _SOME or deep or self._spent():
+            some = _SOME if self.flights.few else _FEW_LEFT
+            if len(found) > some or deep or self._spent():
                 return False
             for number in np.argsort(found.distance, kind="stable").tolist():
                 pair = int(found.first[number]), int(found.second[number])
