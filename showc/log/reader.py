@@ -1,63 +1,38 @@
 """Read a trajectory log back, for pictures, reports, streams and comparisons.
 
-This reader belongs to the planner's side: it trusts what a log of showc says once its
-checksums hold. The verifier has a reader of its own, which trusts nothing.
+What a log says is trusted here once its container is whole; :mod:`showc.log.container`
+sees to that, for the verifier too, which goes on and trusts nothing of it.
 """
 
 from __future__ import annotations
 
 import json
-import struct
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from io import BytesIO
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Chunk, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
-from zstandard import ZstdError
 
-from showc.errors import DamagedFileError, UsageError
-from showc.files import UnreadableFileError, open_file, reason_of
+from showc.errors import DamagedFileError
 from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
-from showc.log.additions import data_digest, names
+from showc.log.additions import names
+from showc.log.container import open_log
+from showc.log.records import Damage
 from showc.log.sample import NANOSECONDS, PLACE, POINT, nanoseconds
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
+    from showc.log.container import LogFile
     from showc.script import LoadResult
-
-
-_HEAD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
-_DAMAGE = (
-    McapError,
-    CRCValidationError,
-    ZstdError,
-    DecodeError,
-    MemoryError,
-    OverflowError,
-    UnicodeDecodeError,
-    ValueError,
-    IndexError,
-    KeyError,
-    struct.error,
-)
-"""All that the libraries below raise on bytes that are not what they claim."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +192,16 @@ class LoggedShow:
         return Trajectory(concatenate(state), concatenate(control))
 
 
-def read_log(source: Path | bytes) -> LoggedShow:
-    """Read a whole log, checking the sums of its chunks and of its data section.
+def read_log(source: Path | bytes, rate: float | None = None) -> LoggedShow:
+    """Read a whole log; every byte of its container is looked at.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    rate
+        How many samples of the fleet a second are kept at most [Hz]: those of 1,000
+        drones over 200 s take 0.4 GB; None: all.
 
     Raises
     ------
@@ -227,144 +210,94 @@ def read_log(source: Path | bytes) -> LoggedShow:
     DamagedFileError
         If it is no log of showc, or not what it was when it was written.
     """
-    if isinstance(source, bytes):
-        return _Reading("log", BytesIO(source), len(source)).read()
-    try:
-        with open_file(source) as stream:
-            return _Reading(str(source), stream, source.stat().st_size).read()
-    except (UnreadableFileError, OSError) as error:
-        reason = getattr(error, "reason", None) or reason_of(error)
-        raise UsageError(
-            f"{source}: cannot be read ({reason}); give a log of 'showc compile'"
-        ) from None
-
-
-class _Reading:
-    """Collects what a log holds while its records go by."""
-
-    def __init__(self, name: str, stream: BinaryIO, size: int) -> None:
-        self.name, self.stream, self.size = name, stream, size
-        self.topics: dict[int, str] = {}
-        self.attachments: dict[str, bytes] = {}
-        self.added: dict[str, bytes] = {}
-        self.metadata: dict[str, str] = {}
-        self.rules: pb.Rules | None = None
-        self.segments: list[pb.Segment] = []
-        self.flights: dict[tuple[int, int], bytes] = {}
-        self.fleet_times: dict[str, list[int]] = {
-            schema.FLEET: [],
-            schema.PREDICTED: [],
-        }
-        self.fleet_bytes = {topic: bytearray() for topic in self.fleet_times}
-
-    @contextmanager
-    def _guarded(self) -> Iterator[None]:
+    log = open_log(source)
+    with log.reported():
         try:
-            yield
-        except _DAMAGE as error:
-            reason = str(error) or type(error).__name__
-            raise DamagedFileError(
-                f"{self.name}: damaged near byte {self.stream.tell()} of {self.size}: "
-                f"{reason}; wanted a whole log of showc. 'showc verify' says more; "
-                "compile the show again, or fetch the file again"
-            ) from error
+            return _show(log, 0.0 if rate is None else NANOSECONDS / rate)
+        except (DecodeError, ValueError, LookupError) as error:
+            text = str(error) or type(error).__name__
+            raise Damage(0, f"its messages make no show ({text})") from error
 
-    def read(self) -> LoggedShow:
-        with self._guarded():
-            reader = StreamReader(
-                self.stream,
-                emit_chunks=True,
-                validate_crcs=True,
-                record_size_limit=self.size,
-            )
-            for record in reader.records:
-                if isinstance(record, Chunk):
-                    self._chunk(record)
-                elif isinstance(record, Attachment):
-                    late = record.name in schema.ADDITIONS and self.topics
-                    (self.added if late else self.attachments)[record.name] = (
-                        record.data
-                    )
-                elif (
-                    isinstance(record, Metadata) and record.name == schema.METADATA_NAME
-                ):
-                    self.metadata = record.metadata
-            if self.added:
-                # What was added to another log says nothing of this one.
-                digest = data_digest(self.stream)
-                self.added = {
-                    name: content
-                    for name, content in self.added.items()
-                    if names(name, content) == digest
-                }
-            return self._show()
 
-    def _chunk(self, chunk: Chunk) -> None:
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        data = memoryview(stream.read(size))
-        offset = 0
-        while offset < size:
-            opcode, length = _HEAD.unpack_from(data, offset)
-            offset += _HEAD.size
-            body = data[offset : offset + length]
-            offset += length
-            if opcode == Opcode.MESSAGE:
-                channel, _, time, _ = _MESSAGE.unpack_from(body)
-                self._message(self.topics[channel], time, body[_MESSAGE.size :])
-            elif opcode == Opcode.CHANNEL:
-                number, _, named = struct.unpack_from("<HHI", body)
-                self.topics[number] = bytes(body[8 : 8 + named]).decode()
-
-    def _message(self, topic: str, time: int, body: memoryview) -> None:
-        if topic in self.fleet_times:
-            self.fleet_times[topic].append(time)
-            self.fleet_bytes[topic] += PointCloud.FromString(bytes(body)).data
+def _show(log: LogFile, gap: float) -> LoggedShow:
+    """Gather what messages and attachments say, samples no nearer than ``gap`` [ns]."""
+    topics = {number: channel.topic for number, channel in log.channels.items()}
+    rules: pb.Rules | None = None
+    segments: list[pb.Segment] = []
+    flights: dict[tuple[int, int], bytes] = {}
+    fleet = {schema.FLEET: _Points(gap), schema.PREDICTED: _Points(gap)}
+    single = {n for n, topic in topics.items() if topic.endswith("/state")}
+    single -= {n for n, topic in topics.items() if topic in fleet}
+    for message in log.messages(topics.keys() - single):
+        topic, data = topics[message.channel], message.data
+        if topic in fleet:
+            fleet[topic].take(message.time, PointCloud.FromString(data).data)
         elif topic.endswith("/trajectory"):
-            message = pb.Trajectory.FromString(payload := bytes(body))
-            self.flights[message.segment, message.drone] = payload
+            found = pb.Trajectory.FromString(data)
+            flights[found.segment, found.drone] = data
         elif topic == schema.RULES:
-            self.rules = pb.Rules.FromString(bytes(body))
+            rules = pb.Rules.FromString(data)
         elif topic == schema.SEGMENTS:
-            self.segments.append(pb.Segment.FromString(bytes(body)))
+            segments.append(pb.Segment.FromString(data))
+    metadata = dict(log.metadata).get(schema.METADATA_NAME, {})
+    if rules is None or not metadata:
+        text = f"it has no rules or no metadata record named {schema.METADATA_NAME!r}"
+        raise Damage(0, f"this is not a log of showc: {text}")
+    legs = tuple(
+        LoggedSegment(one, tuple(flights[one.index, drone] for drone in one.drones))
+        for one in segments
+    )
+    epoch = int(metadata["epoch_ns"])
+    times, samples = fleet[schema.FLEET].read(POINT, epoch, rules.drones)
+    predicted = fleet[schema.PREDICTED].read(PLACE, epoch, rules.drones)
+    if not legs or not times.size:
+        raise ValueError("it has no segments or no samples")
+    if nanoseconds(rules.duration) != round(times[-1] * NANOSECONDS):
+        raise ValueError("its samples do not reach the end of the show")
+    attachments = {one.name: log.attachment(one.name) or b"" for one in log.attachments}
+    late = [one for one in schema.ADDITIONS if one in attachments]
+    added = {name: attachments.pop(name) for name in late}
+    # What was added to another log says nothing of this one.
+    digest = log.before(late) if late else ""
+    return LoggedShow(
+        source=str(log.path),
+        rules=rules,
+        segments=legs,
+        times=times,
+        samples=samples,
+        predicted_times=predicted[0],
+        predicted=predicted[1],
+        attachments=attachments,
+        metadata=metadata,
+        added={key: one for key, one in added.items() if names(key, one) == digest},
+    )
 
-    def _show(self) -> LoggedShow:
-        if self.rules is None or not self.metadata:
-            raise DamagedFileError(
-                f"{self.name}: not a log of showc: it has no rules or no metadata "
-                f"record named {schema.METADATA_NAME!r}; wanted a file that "
-                "'showc compile' has written"
-            )
-        segments = tuple(
-            LoggedSegment(
-                message,
-                tuple(self.flights[message.index, drone] for drone in message.drones),
-            )
-            for message in self.segments
-        )
-        epoch = int(self.metadata["epoch_ns"])
-        times, samples = self._fleet(schema.FLEET, POINT, epoch)
-        predicted_times, predicted = self._fleet(schema.PREDICTED, PLACE, epoch)
-        if not segments or not times.size:
-            raise ValueError("it has no segments or no samples")
-        if nanoseconds(self.rules.duration) != round(times[-1] * NANOSECONDS):
-            raise ValueError("its samples do not reach the end of the show")
-        return LoggedShow(
-            source=self.name,
-            rules=self.rules,
-            segments=segments,
-            times=times,
-            samples=samples,
-            predicted_times=predicted_times,
-            predicted=predicted,
-            attachments=self.attachments,
-            metadata=self.metadata,
-            added=self.added,
-        )
 
-    def _fleet(
-        self, topic: str, kind: np.dtype[np.void], epoch: int
+class _Points:
+    """Points of a fleet's messages, one after the other, no nearer than ``gap`` [ns].
+
+    They grow in one place: as objects of their own they would leave holes in memory.
+    """
+
+    def __init__(self, gap: float) -> None:
+        self.gap = gap
+        self.times: list[int] = []
+        self.data = bytearray()
+        self.last = 0
+
+    def take(self, time: int, points: bytes) -> None:
+        """Add a message's; the last one is always kept, as yet."""
+        if len(self.times) > 1 and self.times[-1] - self.times[-2] < self.gap:
+            self.times.pop()
+            del self.data[len(self.data) - self.last :]
+        self.times.append(time)
+        self.data += points
+        self.last = len(points)
+
+    def read(
+        self, kind: np.dtype[np.void], epoch: int, drones: int
     ) -> tuple[FloatArray, NDArray[np.void]]:
-        times = np.array(self.fleet_times[topic], dtype=np.int64) - epoch
-        drones = self.rules.drones if self.rules is not None else 0
-        points = np.frombuffer(self.fleet_bytes[topic], dtype=kind)
+        """Return times (n,) [s], and points (n, drones)."""
+        times = np.array(self.times, dtype=np.int64) - epoch
+        points = np.frombuffer(self.data, dtype=kind)
         return times / NANOSECONDS, points.reshape(times.size, drones)

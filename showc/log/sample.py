@@ -30,6 +30,13 @@ quaternion from body to map, body rates [rad/s], thrust [N] and torques [N m].""
 PLACE = np.dtype([(name, POINT[name]) for name in (POINT.names or ())[:7]])
 """A point of /fleet/predicted: position and colour alone."""
 
+PREDICTED_COLOUR = (128, 128, 128)
+"""Screen colour of the predicted fleet: grey, which is no light of a show."""
+SMALL_FLEET = 100
+"""Fleets up to this size are logged drone by drone as well."""
+TRANSFORM_RATE = 5.0
+"""Frames of single drones per second [Hz]: viewers draw straight lines in between, 5 cm
+off at 10 m/s²."""
 NANOSECONDS = 1_000_000_000
 """Per second."""
 GRID = {
@@ -151,6 +158,7 @@ def _message(number: int, names: tuple[str, ...]) -> list[tuple[str, str]]:
     return fields
 
 
+# Fields of a ``showc.DroneState`` by their numbers in the schema, with those inside.
 _STATE_FIELDS = (
     (1, ("x", "y", "z")),
     (2, ("vx", "vy", "vz")),

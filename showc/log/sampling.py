@@ -66,7 +66,10 @@ class _Bundle:
             part = slice(begin, begin + BLOCK)
             basis = _bernstein(self.degree, fraction[part])
             for k in range(self.degree + 1):
-                result[part] += basis[k][:, None] * self.coefficients[k, index[part]]
+                # Taken, not indexed: other threads go on meanwhile.
+                taken = self.coefficients[k].take(index[part], axis=0)
+                taken *= basis[k][:, None]
+                result[part] += taken
         return result.reshape(time.size, self.rows.size, components)
 
 

@@ -37,12 +37,11 @@ if TYPE_CHECKING:
 GRID_SPACING = 10.0
 """Distance between the lines on the ground [m]."""
 PAD_SIZE = 0.5
-"""Edge of the square that marks a pad [m]."""
-FENCE_COLOUR = (1.0, 0.45, 0.1, 0.9)
-GROUND_COLOUR = (0.35, 0.4, 0.5, 0.35)
-PAD_COLOUR = (0.6, 0.65, 0.75, 0.6)
-NORTH_COLOUR = (0.9, 0.2, 0.2, 0.9)
+"""Edge of the square that marks a pad [m]: about that of a show drone."""
+FENCE_COLOUR, GROUND_COLOUR = (1.0, 0.45, 0.1, 0.9), (0.35, 0.4, 0.5, 0.35)
 """Red, green, blue and opacity, 0 to 1: distinct on dark and light ground."""
+PAD_COLOUR, NORTH_COLOUR = (0.6, 0.65, 0.75, 0.6), (0.9, 0.2, 0.2, 0.9)
+"""Pads stay behind drones; north is red, as on a compass needle."""
 
 
 def stamp(ns: int) -> Timestamp:
@@ -91,12 +90,12 @@ def fleet_transforms(
     ns: int, points: NDArray[np.void], drones: Iterable[int]
 ) -> FrameTransforms:
     """Frames of some drones; ``points`` (fleet,) of ``POINT``."""
-    names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+    names = ["x", "y", "z", "qx", "qy", "qz", "qw"]
     time = stamp(ns)
     transforms = []
-    for drone in drones:
-        x, y, z, *rotation = (float(points[drone][name]) for name in names)
-        qx, qy, qz, qw = rotation
+    chosen = list(drones)
+    rows = points[chosen][names].tolist()
+    for drone, (x, y, z, qx, qy, qz, qw) in zip(chosen, rows, strict=True):
         transforms.append(
             FrameTransform(
                 timestamp=time,

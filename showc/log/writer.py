@@ -6,7 +6,8 @@ is fixed, and the compression has one thread and one level.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,9 @@ from showc.log.sample import (
     NANOSECONDS,
     PLACE,
     POINT,
+    PREDICTED_COLOUR,
+    SMALL_FLEET,
+    TRANSFORM_RATE,
     nanoseconds,
     pack_drone_states,
     pack_places,
@@ -47,6 +51,7 @@ from showc.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from concurrent.futures import Future
 
     from google.protobuf.message import Message
     from numpy.typing import NDArray
@@ -59,8 +64,6 @@ if TYPE_CHECKING:
 
 SAMPLES = 100_000
 """Samples (times x drones) that are evaluated and held at a time."""
-PREDICTED_COLOUR = (128, 128, 128)
-"""Screen colour of the predicted fleet."""
 
 
 class PositionSource(Protocol):
@@ -126,12 +129,17 @@ class Windows:
         self._length = max(1, SAMPLES // show.drones)
 
     def __iter__(self) -> Iterator[Window]:
-        """Evaluate one after the other."""
+        """Evaluate one after the other, the next one while the last is written."""
         sampler = FleetSampler(self._flight)
         lights = self._lights or LightProgram.of(self._flight)
-        for begin in range(0, self.times.size, self._length):
-            times = self.times[begin : begin + self._length]
-            yield self._window(times, sampler, lights)
+        with ThreadPoolExecutor(1) as ahead:
+            waiting: deque[Future[Window]] = deque()
+            for begin in range(0, self.times.size, self._length):
+                times = self.times[begin : begin + self._length]
+                waiting.append(ahead.submit(self._window, times, sampler, lights))
+                if len(waiting) > 1:
+                    yield waiting.popleft().result()
+            yield waiting.popleft().result()
 
     def _window(
         self, times: IntArray, sampler: FleetSampler, lights: LightProgram
@@ -166,10 +174,6 @@ class Windows:
 
 CHUNK_SIZE = 1 << 20
 """Uncompressed bytes after which a chunk is closed."""
-SMALL_FLEET = 100
-"""Fleets up to this size are logged drone by drone as well."""
-TRANSFORM_RATE = 5.0
-"""Frames of single drones per second [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)

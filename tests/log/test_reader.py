@@ -55,7 +55,7 @@ def test_missing_file_is_a_usage_error(tmp_path):
 
 @pytest.mark.parametrize("size", [0, 1, 8, 100, 3000, len(SMALL) - 9, len(SMALL) - 1])
 def test_torn_file_is_damaged(size):
-    with pytest.raises(DamagedFileError, match=r"damaged near byte \d+ of"):
+    with pytest.raises(DamagedFileError, match=r"at byte [\d,]+"):
         read_log(SMALL[:size])
 
 
@@ -84,3 +84,14 @@ def test_any_flipped_bit_of_the_data_is_found(bit):
     damaged[bit // 8] ^= 1 << (bit % 8)
     with pytest.raises(DamagedFileError):
         read_log(bytes(damaged))
+
+
+def test_fewer_samples_are_those_of_the_log_from_end_to_end(compiled):
+    whole = read_log(compiled("swap"))
+    some = read_log(compiled("swap"), 2.5)
+    assert some.times[0] == whole.times[0]
+    assert some.times[-1] == whole.times[-1]
+    assert (np.diff(some.times)[:-1] >= 0.4 - 1e-9).all()
+    assert np.diff(some.times).max() < 0.5
+    rows = np.searchsorted(whole.times, some.times)
+    assert (whole.samples[rows] == some.samples).all()

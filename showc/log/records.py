@@ -10,8 +10,7 @@ from contextlib import suppress
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from showc.errors import DamagedFileError
-from showc.verify.report import printable
+from showc.errors import DamagedFileError, escaped
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -81,7 +80,7 @@ class DamagedLogError(DamagedFileError):
             else f"the data before that are whole up to {good_until:.3f} s of the show"
         )
         super().__init__(
-            printable(
+            escaped(
                 f"{path}: {text}, at byte {offset:,}; {whole}. "
                 "Compile the show again, or fetch the file again."
             )

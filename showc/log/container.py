@@ -1,4 +1,4 @@
-"""The container: every byte of an MCAP file accounted for.
+"""The container: every byte of an MCAP file accounted for, by any reader of a log.
 
 Reads the file from the first byte to the last and believes nothing that it has not
 worked out anew: magics, lengths, CRCs, message indexes, sequence numbers, order in
@@ -15,6 +15,7 @@ from collections import Counter, defaultdict
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +24,7 @@ import zstandard
 
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, open_file
-from showc.verify.records import (
+from showc.log.records import (
     MAGIC,
     Attachment,
     Channel,
@@ -38,7 +39,7 @@ from showc.verify.records import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from showc.arrays import IntArray
 
@@ -151,6 +152,11 @@ class LogFile:
         parts = [chunk.time[chunk.channel == channel] for chunk in self.chunks]
         return np.concatenate([*parts, np.empty(0, dtype=np.int64)])
 
+    def before(self, names: Collection[str]) -> str:
+        """SHA-256 of all bytes before the first attachment of these ``names``, hex."""
+        begin = min(one.position for one in self.attachments if one.name in names)
+        return sha256(self.view[:begin]).hexdigest()
+
     def messages(
         self, channels: set[int], share: int = 0, shares: int = 1
     ) -> Iterator[Message]:
@@ -216,8 +222,8 @@ def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
     return data
 
 
-def open_log(path: Path) -> LogFile:
-    """Read every byte of the file and return it with all its contents located.
+def open_log(source: Path | bytes) -> LogFile:
+    """Read every byte of a file, or of a log in memory, with all its contents located.
 
     Raises
     ------
@@ -226,8 +232,10 @@ def open_log(path: Path) -> LogFile:
     DamagedLogError
         If anything in it is not as its writer must have left it.
     """
+    if isinstance(source, bytes):
+        return _walked(LogFile(Path("log"), memoryview(source)))
     try:
-        with open_file(path) as stream:
+        with open_file(source) as stream:
             size = stream.seek(0, 2)
             mapped = (
                 mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
@@ -235,13 +243,16 @@ def open_log(path: Path) -> LogFile:
     except (OSError, ValueError, UnreadableFileError) as error:
         reason = getattr(error, "reason", None) or getattr(error, "strerror", error)
         raise UsageError(
-            f"{path}: cannot be read ({reason}); name a log that showc compiled"
+            f"{source}: cannot be read ({reason}); name a log that showc compiled"
         ) from error
     if size > LARGEST_FILE:
-        raise UsageError(f"{path}: it has {size:,} bytes, more than a log can have")
-    walk = _Walk(LogFile(Path(path), memoryview(mapped)))
-    with walk.log.reported():
-        return walk.run()
+        raise UsageError(f"{source}: it has {size:,} bytes, more than a log can have")
+    return _walked(LogFile(Path(source), memoryview(mapped)))
+
+
+def _walked(log: LogFile) -> LogFile:
+    with log.reported():
+        return _Walk(log).run()
 
 
 class _Walk:
