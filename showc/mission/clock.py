@@ -13,7 +13,7 @@ ANY = -1.0
 """An hour that is left open."""
 
 SAME = 1e-6
-"""Instants that are nearer are one [s]."""
+"""Instants that are nearer are one [s]: missions count milliseconds."""
 
 
 @dataclass(frozen=True, slots=True)

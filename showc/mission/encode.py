@@ -66,6 +66,9 @@ class Encoder:
         self._takeoff(writers, home)
         for scheduled in self.timeline.legs:
             self._leg(writers, scheduled)
+        staying, until = self.timeline.waiting
+        for drone in staying.tolist():
+            writers[drone].stay(until)
         for drone, row in zip(
             self.timeline.land.drones,
             range(self.timeline.land.drones.size),
@@ -220,6 +223,12 @@ class _Writer:
     def waypoint(self, stored: GlobalPoints, row: int) -> None:
         """One straight leg."""
         self._position(Command.NAV_WAYPOINT, stored, row)
+
+    def stay(self, until: float) -> None:
+        """Stay where it is until a slot."""
+        place = next(one for one in reversed(self.items) if one.frame != Frame.MISSION)
+        self._wait(until)
+        self.items.append(place)
 
     def show(self, colour: IntArray) -> None:
         """Change colour at once."""

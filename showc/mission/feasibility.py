@@ -20,8 +20,8 @@ from showc.mission.fleet import builder_of, cue_notes, items_of
 from showc.progress import Silent
 from showc.schedule.course import Course
 from showc.schedule.encodings import choose_encoding
+from showc.schedule.layout import build_timeline
 from showc.schedule.surroundings import Surroundings
-from showc.schedule.timeline import build_timeline
 from showc.script.missions import (
     ALWAYS,
     UNMOVED,

@@ -20,7 +20,7 @@ from showc.mission.plan_file import PlanSettings, fence_corners, plan_file
 from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.progress import Silent
 from showc.schedule.course import Course
-from showc.schedule.timeline import MANY, build_timeline
+from showc.schedule.layout import MANY, build_timeline
 from showc.script.operations import BATTERY
 
 if TYPE_CHECKING:

@@ -131,6 +131,8 @@ class PredictedFlight:
                 ended[stage.drones] = own
                 left = track.along - track.places(track.ended + line.landing_pause)
                 off[stage.drones] = OFF_HEIGHT * np.abs(left[:, 2])
+        staying, until = line.waiting
+        ended[staying] = until
         least, most = (
             self.pad_legs(np.maximum(off + by, 0.0)) for by in (-ROUNDED, ROUNDED)
         )

@@ -7,8 +7,8 @@ time, and the mission files beside it. ``showc/docs/verify.md`` says what is pro
 with which error bounds.
 """
 
+from showc.log.records import DamagedLogError
 from showc.verify.proofs import verify_log
-from showc.verify.records import DamagedLogError
 from showc.verify.report import Check, Place, Verification
 
 __all__ = ["Check", "DamagedLogError", "Place", "Verification", "verify_log"]

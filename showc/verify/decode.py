@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections import Counter, defaultdict
 from fractions import Fraction
+from importlib import resources
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -17,7 +19,10 @@ from foxglove_schemas_protobuf import (
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
+from showc.log.container import Message as LoggedMessage
+from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
+from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.show import (
     CONTROL_COMPONENTS,
     LARGEST,
@@ -26,14 +31,12 @@ from showc.verify.kernel.show import (
     PieceTable,
     Segment,
 )
-from showc.verify.mcap import Message as LoggedMessage
-from showc.verify.records import Damage
 from showc.verify.report import agreement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.verify.mcap import LogFile
+    from showc.log.container import LogFile
     from showc.verify.report import Check
 
 Parsed = TypeVar("Parsed", bound=Message)
@@ -55,22 +58,12 @@ _TYPES: dict[str, type[Message]] = {
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
 
-MOST_SAMPLES = 2_000_000
-"""Steps from which a log is refused: a day at the usual rate."""
-
-MOST_DRONES = 65_535
-"""A channel's number has two bytes."""
-
-MOST_KNOTS = 1_000
-"""Knots from which a witness is refused: twenty times what a compile writes."""
+CAPS: dict[str, int] = tomllib.loads(
+    resources.files(__package__).joinpath("caps.toml").read_text(encoding="utf-8")
+)
+"""Sizes from which something is refused."""
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
-
-_MOST_PIECES = 10_000
-"""Mesh intervals from which a trajectory is refused: far more than are written."""
-
-_LARGEST_DEGREE = 60
-"""Beyond it binomials lose digits; no useful polynomial has it."""
 
 
 def check_schemas(log: LogFile) -> Check:
@@ -153,32 +146,31 @@ def _rules(log: LogFile) -> tuple[pb.Rules, int]:
     rules = _parsed(pb.Rules, found[0])
     # What else they say must be what the script says.
     version, steps = rules.format_version, rules.duration * rules.log_rate
-    known = version == FORMAT_VERSION and rules.drones <= MOST_DRONES
-    if not (known and 0.0 <= steps <= MOST_SAMPLES):
+    known = version == FORMAT_VERSION and rules.drones <= CAPS["drones"]
+    if not (known and 0.0 <= steps <= CAPS["samples"]):
         raise Damage(
             found[0].offset,
             f"the log has format version {version}, {rules.drones:,} drones and "
             f"{steps:g} samples of each; known are version {FORMAT_VERSION}, up to "
-            f"{MOST_DRONES:,} drones and {MOST_SAMPLES:,} samples",
+            f"{CAPS['drones']:,} drones and {CAPS['samples']:,} samples",
         )
     return rules, found[0].time
 
 
 def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
-    """Return what the log says of each segment, by their indexes."""
-    found: dict[int, pb.Segment] = {}
+    """Return what the log says of each segment, in order."""
+    found: list[pb.Segment] = []
     for logged in log.messages(_on(log, SEGMENTS)):
-        message = _parsed(pb.Segment, logged)
+        message, offset = _parsed(pb.Segment, logged), logged.offset
         if not _sound(message, rules):
-            raise Damage(logged.offset, f"segment {message.name!r} contradicts itself")
-        if message.index in found:
-            raise Damage(logged.offset, f"segment {message.index} is there twice")
-        if logged.time != epoch + round(Fraction(message.start) * 10**9):
-            raise Damage(logged.offset, f"segment {message.name!r} is not at its start")
-        found[message.index] = message
-    if sorted(found) != list(range(len(found))) or not found:
+            raise Damage(offset, f"segment {message.name!r} contradicts itself")
+        time = epoch + round(Fraction(message.start) * 10**9)
+        if (message.index, logged.time) != (len(found), time):
+            raise Damage(offset, f"segment {message.name!r} is not in its turn")
+        found.append(message)
+    if not found:
         raise Damage(0, "segments are missing")
-    return [found[index] for index in sorted(found)]
+    return found
 
 
 def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
@@ -194,7 +186,10 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
         and all(abs(number) < LARGEST for number in numbers)
         and message.start >= 0.0
         and message.duration > 0.0
-        and len(certificate.witness.knots) <= MOST_KNOTS
+        and all(
+            len(one.witness.knots) <= CAPS["knots"]
+            for one in (certificate, *(move.certificate for move in message.moves))
+        )
         and math.isfinite(certificate.dual_bound)
         and math.isfinite(certificate.single_drone_minimum)
     )
@@ -228,9 +223,9 @@ def read_aborts(
         and all(_sound(leg, rules) for leg in table.legs)
         and all(leg < len(table.legs) for row in table.rows for leg in row.legs)
         and all(abs(n) < LARGEST for n in numbers)
-        and len(numbers) <= MOST_SAMPLES
+        and len(numbers) <= CAPS["samples"]
         and 0.0 < table.period < LARGEST
-        and rules.duration / MOST_SAMPLES <= table.every < LARGEST
+        and rules.duration / CAPS["samples"] <= table.every < LARGEST
     ):
         raise Damage(offset, "the abort table contradicts itself")
     return table, tuple(_segment(m, flights[k]) for k, m in enumerate(table.legs))
@@ -261,14 +256,13 @@ def _flown(
     for logged in log.messages(set(channels)):
         found, offset = _parsed(pb.Trajectory, logged), logged.offset
         index, drone = found.segment, found.drone
-        if drone != channels[logged.channel]:
-            raise Damage(offset, "a trajectory is on another drone's channel")
         if index >= len(messages) or index in whole or drone in flights[index]:
             raise Damage(
                 offset, f"drone {drone + 1} flies segment {index} twice, or it is none"
             )
-        if logged.time != epoch + round(Fraction(messages[index].start) * 10**9):
-            raise Damage(offset, "a trajectory is not at its segment's start")
+        time = epoch + round(Fraction(messages[index].start) * 10**9)
+        if (drone, logged.time) != (channels[logged.channel], time):
+            raise Damage(offset, "a trajectory is another drone's, or at another time")
         flights[index][drone] = _table(found, offset)
         if len(flights[index]) == rules.drones:
             # Joined at once, so that the parts can go.
@@ -288,8 +282,8 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
         (found.state, found.state_degree + 1, STATE_COMPONENTS),
         (found.control, found.control_degree + 1, CONTROL_COMPONENTS),
     )
-    if not 0 < pieces <= _MOST_PIECES or any(
-        terms > _LARGEST_DEGREE + 1 or len(numbers) != pieces * terms * components
+    if not 0 < pieces <= CAPS["pieces"] or any(
+        terms > CAPS["degree"] + 1 or len(numbers) != pieces * terms * components
         for numbers, terms, components in parts
     ):
         raise Damage(offset, "a trajectory contradicts itself")
@@ -307,14 +301,17 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
 
 
 def _segment(message: pb.Segment, flights: dict[int, PieceTable]) -> Segment:
-    """Join flights of the same two degrees."""
-    groups: dict[tuple[int, int], list[PieceTable]] = defaultdict(list)
-    for _, one in sorted(flights.items()):
-        groups[one.state.shape[1], one.control.shape[1]].append(one)
-    tables = []
-    for _, some in sorted(groups.items()):
-        first = np.cumsum([0, *(len(one.state) for one in some)])
-        names = ("drones", "start", "end", "state", "control")
-        joined = {n: np.concatenate([getattr(one, n) for one in some]) for n in names}
-        tables.append(PieceTable(first=first, **joined))
-    return Segment(message, tuple(tables), np.array(message.goals).reshape(-1, 3))
+    """Join flights; those of lower degrees are written in the greatest ones.
+
+    That is exact to a few roundings a degree, at ends of intervals to the bit.
+    """
+    some, joined = [one for _, one in sorted(flights.items())], {}
+    for name in ("drones", "start", "end", "state", "control"):
+        parts = [getattr(one, name) for one in some]
+        if name in {"state", "control"}:
+            degree = max(part.shape[1] for part in parts) - 1
+            parts = [elevate(part, degree) for part in parts]
+        joined[name] = np.concatenate(parts)
+    first = np.cumsum([0, *(len(one.state) for one in some)])
+    goals = np.array(message.goals).reshape(-1, 3)
+    return Segment(message, PieceTable(first=first, **joined), goals)

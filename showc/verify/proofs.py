@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.log.schema import ABORT_NAME, ADDITIONS
+from showc.log.container import open_log
+from showc.log.records import Damage
+from showc.log.schema import ABORT_NAME, ADDITIONS, METADATA_NAME
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
 from showc.verify.decode import check_schemas, read_show
@@ -18,9 +20,7 @@ from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.mcap import open_log
 from showc.verify.missions import Missions
-from showc.verify.records import Damage
 from showc.verify.report import Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
@@ -31,8 +31,8 @@ from showc.verify.specification.demands import hold_against
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from showc.verify.kernel.show import LoggedShow, Statement
-    from showc.verify.mcap import LogFile
+    from showc.log.container import LogFile
+    from showc.verify.kernel.show import Statement
     from showc.verify.report import Check
 
 
@@ -72,7 +72,7 @@ def verify_log(
         If the log cannot be read.
     DamagedFileError
         If it is cut, altered, or not a log of showc's; as
-        :class:`showc.verify.records.DamagedLogError`, with the byte offset.
+        :class:`showc.log.records.DamagedLogError`, with the byte offset.
     """
     watch = progress or Silent()
     watch.stage("reading every byte")
@@ -91,7 +91,9 @@ def _proved(
     script: Path | None,
 ) -> Verification:
     """Prove what a log says, every byte of which is accounted for."""
-    metadata = _metadata(log)
+    metadata = dict(log.metadata).get(METADATA_NAME)
+    if metadata is None:
+        raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
     anchor = read_anchor(log, metadata, script)
     show, asked = read_show(log), anchor.show
     checks, lights = list(anchor.checks), None
@@ -120,8 +122,15 @@ def _proved(
             "samples": samples.parts(),
         }
         found = _done(work, jobs, watch)
-        checks += _flight_checks(show, found)
-        checks += [_check(one) for one in found["choreography"][0]]
+        radii, encounters = found["physics"], found["separation"]
+        stated = [
+            *ties(show, radii),
+            *kept(show, radii, found["limits"]),
+            separated(show, radii, closest_of(encounters)),
+            *certified(show, found["bounds"], encounters),
+            *found["choreography"][0],
+        ]
+        checks += map(_check, stated)
         if aborts is not None:
             rows, stated = aborts.checks(found["aborts"])
             checks += [rows, *map(_check, stated)]
@@ -137,7 +146,7 @@ def _proved(
         show.rules.name,
         show.drones,
         show.duration,
-        str(anchor),
+        anchor.said,
         tuple(checks),
     )
 
@@ -163,13 +172,6 @@ def _done(
     return {name: list(islice(results, len(some))) for name, some in work.items()}
 
 
-def _metadata(log: LogFile) -> dict[str, str]:
-    found = [content for name, content in log.metadata if name == "showc"]
-    if not found:
-        raise Damage(0, "the metadata record 'showc' is missing")
-    return found[0]
-
-
 def _integrity(log: LogFile) -> Check:
     messages = sum(chunk.time.size for chunk in log.chunks)
     whole = (
@@ -178,16 +180,6 @@ def _integrity(log: LogFile) -> Check:
     )
     size = float(len(log.view))
     return checked("VRF101", "pass", size, unit="bytes", notes=(whole,))
-
-
-def _flight_checks(show: LoggedShow, found: dict[str, list[Any]]) -> list[Check]:
-    """Join what the parts found, in the order of the segments."""
-    radii, encounters = found["physics"], found["separation"]
-    limits = kept(show, radii, found["limits"])
-    apart = separated(show, radii, closest_of(encounters))
-    claims = certified(show, found["bounds"], encounters)
-    stated = [*ties(show, radii), *limits, apart, *claims]
-    return [_check(one) for one in stated]
 
 
 def _check(statement: Statement) -> Check:

@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from showc.errors import escaped
 from showc.verify.codes import GROUPS, codes
 
 if TYPE_CHECKING:
@@ -33,20 +34,6 @@ _NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413", "VRF504"}
 """Checks whose value is a distance that drones keep: their figure stands for all."""
 
 
-def printable(text: str) -> str:
-    """Return text in which nothing can move a cursor, end a line or hide.
-
-    Whatever is not printable (control characters, line ends, marks of direction) is
-    written as a backslash and its number.
-    """
-    return "".join(
-        letter
-        if letter.isprintable()
-        else letter.encode("unicode_escape", "backslashreplace").decode("ascii")
-        for letter in text
-    )
-
-
 @dataclass(frozen=True, slots=True)
 class Place:
     """Where in the show, or in the file, something was found; unknown parts None."""
@@ -59,20 +46,17 @@ class Place:
     """Name of the segment."""
     time: float | None = None
     """Show time [s]."""
-    offset: int | None = None
-    """Byte offset in the file."""
     file: str | None = None
     """Name of another file than the log."""
 
     def __str__(self) -> str:
-        pair, time, offset = self.pair, self.time, self.offset
+        pair, time = self.pair, self.time
         parts = (
             self.file,
             pair and f"drones {pair[0]} and {pair[1]}",
             self.drone and f"drone {self.drone}",
             self.segment and f"“{self.segment}”",
             None if time is None else f"at {time:.3f} s",
-            None if offset is None else f"byte {offset:,}",
         )
         return ", ".join(part for part in parts if part)
 
@@ -203,10 +187,7 @@ class Verification:
 
     def check(self, code: str) -> Check:
         """Return the first check of that code; KeyError if there is none."""
-        for check in self.checks:
-            if check.code == code:
-                return check
-        raise KeyError(code)
+        return {check.code: check for check in reversed(self.checks)}[code]
 
     def failures(self) -> frozenset[str]:
         """Return the codes of all checks that failed."""
@@ -214,23 +195,12 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole result as a dictionary that JSON can hold."""
-        said = {
-            "format_version": FORMAT_VERSION,
-            "log": self.path,
-            "show": self.title,
-            "drones": self.drones,
-            "duration": self.duration,
-            "anchor": self.anchor,
-            "verdict": self.verdict,
-            "trajectories": self.trajectories,
-            "missions": self.missions,
-            "proved": self.proved,
-            "passed": self.passed,
-            "exit_code": self.exit_code,
-        }
-        return dict(_plain(said)) | {
-            "checks": [check.to_json() for check in self.checks]
-        }
+        said = {"format_version": FORMAT_VERSION, "log": self.path, "show": self.title}
+        same = ("drones", "duration", "anchor", "verdict", "trajectories", "missions")
+        for name in (*same, "proved", "passed", "exit_code"):
+            said[name] = getattr(self, name)
+        checks = [check.to_json() for check in self.checks]
+        return {**_plain(said), "checks": checks}
 
     def __str__(self) -> str:
         return json.dumps(self.to_json(), indent=1)
@@ -291,7 +261,7 @@ def figure(check: Check) -> str:
 def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds
     """Value that JSON can hold: texts printable, numbers finite or None."""
     if isinstance(value, str):
-        return printable(value)
+        return escaped(value)
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, (tuple, list)):

@@ -11,10 +11,11 @@ log's own encoders make of them is compared.
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import groupby, islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -27,6 +28,9 @@ from showc.log.sample import (
     GRID,
     PLACE,
     POINT,
+    PREDICTED_COLOUR,
+    SMALL_FLEET,
+    TRANSFORM_RATE,
     pack_drone_states,
     quaternion,
     sample_times,
@@ -42,28 +46,16 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message as ProtobufMessage
     from numpy.typing import NDArray
 
-    from showc.arrays import ByteArray, FloatArray, IntArray
+    from showc.arrays import FloatArray, IntArray
     from showc.light.program import LightProgram
+    from showc.log.container import LogFile, Message
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
-    from showc.verify.mcap import LogFile, Message
     from showc.verify.missions.separation import Tubes
     from showc.verify.report import Check
 
-SMALL_FLEET = 100
-"""Fleets up to this size have topics for each drone."""
-
-FRAME_RATE = 5.0
-"""Frames of single drones per second [Hz]."""
-
 SHARES = 32
 """Parts of the file whose samples can be compared side by side."""
-
-COLOUR_ERROR = 1
-"""How far a colour byte may be off: the rounding of another library's powers."""
-
-PREDICTED_COLOUR = (128, 128, 128, 255)
-"""Screen colour of the predicted fleet."""
 
 _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
@@ -78,6 +70,9 @@ _TEMPLATE = pack_drone_states(
     np.zeros((1, 1, 12)), np.zeros((1, 1, 4)), np.zeros((1, 1, 3))
 )[0]
 """A ``showc.DroneState`` of zeros: what stands between the numbers."""
+
+_ENCODERS = {"VRF122": srgb_bytes, "VRF123": drive_bytes}
+"""How light becomes colour bytes, on the screen and on the lamps."""
 
 _STEPS = np.array(list(GRID.values()))
 """Of position, velocity, attitude, rates, thrust and torques."""
@@ -97,9 +92,9 @@ def flown(show: LoggedShow, times: FloatArray) -> FloatArray:
     number = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
     for chosen in np.unique(number).tolist():
         at = np.flatnonzero(number == chosen)
-        for table in show.segments[chosen].tables:
-            found = evaluate(table, times[at] - starts[chosen])
-            result[:, at[:, None], table.drones] = found
+        result[:, at] = evaluate(
+            show.segments[chosen].table, times[at] - starts[chosen]
+        )
     return result
 
 
@@ -175,18 +170,6 @@ class Compared:
         )
 
 
-class _Sampled(NamedTuple):
-    """Numbers that are shown, each of some drone at some time."""
-
-    times: FloatArray
-    """Show times, shape (n,) [s]."""
-    drones: IntArray
-    values: FloatArray
-    """State and control, shape (16, n), or with a quaternion (14, n)."""
-    colours: FloatArray
-    """Colour bytes, shape (3, n), or with an alpha that hides nothing (4, n)."""
-
-
 Found = dict[str, Compared]
 """What was found, by the code of the check."""
 
@@ -243,7 +226,7 @@ class Samples:
         drones = range(1, self.show.drones + 1)
         small = self.show.drones <= SMALL_FLEET
         start = np.array([self.show.epoch])
-        stride = max(1, round(self.show.rules.log_rate / FRAME_RATE))
+        stride = max(1, round(self.show.rules.log_rate / TRANSFORM_RATE))
         frames = np.concatenate([start, self.times[::stride]]) if small else start
         wanted = {RULES: start, SCENE: start, TRANSFORMS: frames, FLEET: self.times}
         wanted |= {f"/drone/{n:04d}/state": self.times for n in drones if small}
@@ -298,46 +281,46 @@ class Samples:
     def clouds(self, share: int) -> Found:
         """Compare what is drawn of whole fleets in one share of the file."""
         found: Found = defaultdict(Compared)
-        for topic, look in ((FLEET, self._fleet), (PREDICTED, self._predicted)):
+        for topic, code, layout, look in (
+            (FLEET, "VRF122", POINT, self._fleet),
+            (PREDICTED, "VRF127", PLACE, self._predicted),
+        ):
             messages = self._messages(topic, share=share, shares=SHARES)
             while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
-                look(found, some)
+                points = self._points(some, layout)
+                if points is None:
+                    found[code].odd.append(_OTHERWISE)
+                else:
+                    look(found, points, self._since(some))
         return found
 
-    def _fleet(self, found: Found, messages: list[Message]) -> None:
-        """Compare messages of the whole fleet."""
-        points = self._points(messages, POINT)
-        if points is None:
-            found["VRF122"].odd.append(_OTHERWISE)
-            return
+    def _fleet(self, found: Found, points: NDArray[np.void], times: FloatArray) -> None:
+        """Compare points (n, drones) of the fleet at times (n,) [s]."""
         numbers, colours = (
             np.stack([points[name].ravel() for name in names], dtype=np.float64)
             for names in (_NUMBERS, _COLOURS)
         )
-        some = _Sampled(*self._every(messages), numbers, colours)
-        self._compare(found, "VRF122", some, srgb_bytes)
+        self._compare(found, "VRF122", self._every(times), numbers, colours)
 
-    def _predicted(self, found: Found, messages: list[Message]) -> None:
-        """Compare messages of the predicted fleet."""
-        points = self._points(messages, PLACE)
-        if points is None:
-            found["VRF127"].odd.append(_OTHERWISE)
-            return
-        colours = zip(_COLOURS, PREDICTED_COLOUR, strict=True)
+    def _predicted(
+        self, found: Found, points: NDArray[np.void], times: FloatArray
+    ) -> None:
+        """Compare points (n, drones) of the predicted fleet at times (n,) [s]."""
+        colours = zip(_COLOURS, (*PREDICTED_COLOUR, 255), strict=True)
         if any(np.any(points[name] != value) for name, value in colours):
             found["VRF127"].odd.append("it has another colour")
         if self.tubes is not None:
             drawn = np.stack([points[name] for name in "xyz"])
-            off = self.tubes.outside(self._since(messages), drawn).reshape(1, -1)
-            found["VRF421"].see(off, *self._every(messages))
+            off = self.tubes.outside(times, drawn).reshape(1, -1)
+            found["VRF421"].see(off, *self._every(times))
 
     def _since(self, messages: list[Message]) -> FloatArray:
         """Show times (n,) of messages [s]."""
         return np.array([one.time - self.show.epoch for one in messages]) / 1e9
 
-    def _every(self, messages: list[Message]) -> tuple[FloatArray, IntArray]:
-        """Show time [s] and drone of each point of messages of the whole fleet."""
-        times, fleet = self._since(messages), np.arange(self.show.drones)
+    def _every(self, times: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Show time [s] and drone of each point of the whole fleet."""
+        fleet = np.arange(self.show.drones)
         return np.repeat(times, fleet.size), np.tile(fleet, times.size)
 
     def states(self, share: int) -> Found:
@@ -358,8 +341,7 @@ class Samples:
                 continue
             values = np.stack([table[name] for name in _STATE])
             light = 255.0 * values[16:]
-            sampled = _Sampled(times, drones, values[:16], light)
-            self._compare(found, "VRF123", sampled, drive_bytes)
+            self._compare(found, "VRF123", (times, drones), values[:16], light)
         return found
 
     def frames(self) -> Found:
@@ -394,24 +376,31 @@ class Samples:
         self, messages: list[Message], layout: np.dtype[np.void]
     ) -> NDArray[np.void] | None:
         """Points (n, drones) of messages; None if they are not what showc writes."""
-        found = []
+        found, size = [], self.show.drones * layout.itemsize
         for message in messages:
-            points = points_of(message.data, layout)
-            again = _bytes(point_cloud(message.time, points))
-            if points.size != self.show.drones or again != message.data:
-                return None
-            found.append(points)
-        return np.stack(found)
+            with suppress(DecodeError):
+                content = PointCloud.FromString(message.data).data
+                points = np.frombuffer(content if len(content) == size else b"", layout)
+                if points.size and _bytes(point_cloud(message.time, points)) == (
+                    message.data
+                ):
+                    found.append(points)
+        return np.stack(found) if len(found) == len(messages) else None
 
     def _compare(
         self,
         found: Found,
         code: str,
-        some: _Sampled,
-        encode: Callable[[FloatArray], ByteArray],
+        where: tuple[FloatArray, IntArray],
+        values: FloatArray,
+        shown: FloatArray,
     ) -> None:
-        """Compare samples; ``encode`` makes colour bytes of light."""
-        times, drones, values, shown = some
+        """Compare numbers, each at a show time of a drone (n,), ``where``.
+
+        ``values`` are states and controls (16, n), or with a quaternion (17, n);
+        ``shown`` are colour bytes (3, n), or with an alpha that hides nothing (4, n).
+        """
+        (times, drones), encode = where, _ENCODERS[code]
         moments, index = np.unique(times, return_inverse=True)
         ratio = _ratio(values, flown(self.show, moments)[:, index, drones])
         late = np.flatnonzero(ratio.max(axis=0) > 1.0)
@@ -424,20 +413,11 @@ class Samples:
         found[code].see(ratio, times, drones)
         wanted = np.full(shown.shape, 255.0)
         wanted[:3] = encode(self.lights.linear(moments))[index, drones].T
-        off = np.abs(shown - wanted) / COLOUR_ERROR
+        # A byte may be off by one: the rounding of another library's powers.
+        off = np.abs(shown - wanted)
         # What hides something is no rounding.
         off[3:] *= 2.0
         found["VRF125"].see(np.where(np.isnan(off), np.inf, off), times, drones)
-
-
-def points_of(data: bytes, layout: np.dtype[np.void]) -> NDArray[np.void]:
-    """Points of a message, in its order; none if it holds no whole ones."""
-    try:
-        content = PointCloud.FromString(data).data
-    except DecodeError:
-        return np.empty(0, layout)
-    whole = len(content) % layout.itemsize == 0
-    return np.frombuffer(content if whole else b"", layout)
 
 
 def _bytes(message: ProtobufMessage) -> bytes:

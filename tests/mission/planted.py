@@ -6,12 +6,12 @@ import hashlib
 import json
 from collections import Counter
 
+from showc.log.container import open_log
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
 from showc.pipeline.compile import build_manifest
 from showc.verify.decode import read_show
-from showc.verify.mcap import open_log
 from showc.verify.missions import Missions
 from showc.verify.samples import Samples, join
 from showc.verify.specification.demands import hold_against
@@ -127,16 +127,33 @@ class Case:
         return {name: ("\n".join(lines) + "\n").encode()}
 
     def alike(self, drone, change):
-        """Mission and plan of a drone with rows changed in one way, none inserted."""
+        """Mission and plan of a drone with rows changed, put in or taken out alike."""
         changed = self.with_row(drone, change)
         (text,) = changed.values()
         plan = f"missions/drone_{drone:04d}.plan"
         document = json.loads(self.files[plan])
         rows = [line.split("\t") for line in text.decode().splitlines()[1:]]
-        items = document["mission"]["items"]
-        for item, row in zip(items, rows[len(rows) - len(items) :], strict=True):
-            item["params"] = [float(number) for number in row[4:11]]
-            if "Altitude" in item:
-                item["Altitude"] = float(row[10])
+        # PX4's missions have no row for a home.
+        homes = len(self.files[plan.replace("plan", "waypoints")].splitlines()) - 1
+        homes -= len(document["mission"]["items"])
+        document["mission"]["items"] = [
+            entry(number, row) for number, row in enumerate(rows[homes:], 1)
+        ]
         document["fleetToken"] = fleet_token({**self.files, **changed})
         return {**changed, plan: json.dumps(document).encode()}
+
+
+def entry(number, row):
+    """A row as a plan has it."""
+    found = {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": int(row[3]),
+        "doJumpId": number,
+        "frame": int(row[2]),
+        "params": [float(field) for field in row[4:11]],
+    }
+    if found["frame"] == 3:
+        height = float(row[10])
+        found |= {"AMSLAltAboveTerrain": None, "Altitude": height, "AltitudeMode": 1}
+    return found

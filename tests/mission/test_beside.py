@@ -17,8 +17,8 @@ from showc.mission.fleet import builder_of
 from showc.plan import build_itinerary
 from showc.progress import Silent
 from showc.schedule.course import Course
+from showc.schedule.layout import build_timeline
 from showc.schedule.surroundings import fleet_motions
-from showc.schedule.timeline import build_timeline
 from showc.script import read_show
 from showc.vehicle_link.course import course_of
 

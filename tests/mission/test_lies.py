@@ -327,6 +327,12 @@ def test_every_key_of_a_plan_is_caught(case):
         lambda m: m["missions"]["prediction"]["legs"][0].update(more=1),
         lambda m: m["missions"]["prediction"]["legs"][0].update(name="\x1b[2J"),
         lambda m: m["missions"]["prediction"]["legs"][0].update(leg=99),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(encoding="\x1b[2J"),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(slots={"a": 1}),
+        lambda m: m["missions"]["prediction"]["legs"][0].update(delays=[[1.0]]),
+        lambda m: m["missions"]["prediction"]["legs"][0]["closest"].update(more=1),
+        lambda m: m["missions"]["prediction"]["launch"].update(proved="wholly"),
+        lambda m: m["missions"]["prediction"]["land"].pop("time"),
         lambda m: m["missions"]["files"].pop(MISSION),
         lambda m: m["missions"]["files"].update({"../x": "0" * 64}),
         lambda m: m.update(fleet="0" * 64),
@@ -639,3 +645,95 @@ def test_a_mission_in_other_bytes_is_refused_though_it_says_the_same(case, other
     assert changed != case.files[MISSION]
     with pytest.raises(MissionFormatError):
         read_mission(changed)
+
+
+def taken(rows, which, to):
+    """Rows with some of them carried to before another one."""
+    rest = [one for number, one in enumerate(rows) if number not in which]
+    at = to - sum(number < to for number in which)
+    return [*rest[:at], *(rows[number] for number in which), *rest[at:]]
+
+
+def lights(rows, which):
+    """Numbers of the light items of one group: those that follow each other."""
+    found = [n for n, one in enumerate(rows) if one[3] == "183"]
+    starts = [n for n in found if n - 1 not in found]
+    begin = starts[which]
+    return [
+        n for n in found if begin <= n < begin + 3 and {*range(begin, n)} <= {*found}
+    ]
+
+
+def carried(which, to):
+    """Carry a group of lights to before the item that ``to`` finds."""
+    return lambda rows: taken(rows, lights(rows, which), to(rows))
+
+
+def later(rows):
+    """The colour of the first move comes on the slot of the second."""
+    found = taken(rows, lights(rows, 1), index(rows, 16, 3))
+    return [one for one in found if one[3] != "112"]
+
+
+def blinked(rows):
+    """A group of lights shows another colour first."""
+    first = lights(rows, 2)[0]
+    other = [*rows[first][:5], "1500", *rows[first][6:]]
+    return [*rows[:first], other, *rows[first:]]
+
+
+def repeated(rows):
+    last = lights(rows, 2)[-1]
+    return [*rows[: last + 1], list(rows[last]), *rows[last + 1 :]]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        carried(2, lambda rows: index(rows, 21)),
+        carried(2, lambda rows: index(rows, 16, 4)),
+        carried(3, lambda rows: index(rows, 16, 3)),
+        later,
+        blinked,
+        repeated,
+        lambda rows: [*rows[:2], *rows[3:]],
+        lambda rows: [*rows[:4], *rows[5:]],
+    ],
+)
+def test_lights_on_the_legs_of_another_move_are_caught(case, change):
+    """Mission and plan agree, and the colours come in their order."""
+    assert case.caught(case.alike(2, lambda rows: rows)) == set()
+    assert "VRF409" in case.caught(case.alike(2, change))
+
+
+def test_a_way_round_of_many_legs_is_caught(case):
+    def change(rows):
+        slot, place = index(rows, 93, 2), index(rows, 16, 3)
+        more = []
+        for second in (19, 20, 21):
+            again, here = list(rows[slot]), list(rows[place])
+            again[7] = str(second)
+            more += [again, here]
+        return [*rows[: place + 1], *more, *rows[place + 1 :]]
+
+    assert "VRF404" in case.caught(case.alike(2, change))
+
+
+def test_lights_that_would_change_after_their_leg_are_caught(case):
+    """An autopilot that waits with an item drops it at the end of the leg."""
+    late = moved(112, 4, lambda _: "60")
+    assert "VRF410" in case.caught(case.alike(2, late))
+
+
+@pytest.mark.parametrize("second", [19, 26])
+def test_a_slot_of_lights_that_has_passed_is_caught(case, second):
+    """A vehicle that comes too late for a slot waits for the next hour."""
+
+    def change(rows):
+        slot, light = list(rows[index(rows, 93, 4)]), rows[lights(rows, 3)[0]]
+        slot[7] = str(second)
+        at = lights(rows, 2)[-1] + 1
+        rest = [one for one in rows[at:] if one is not light]
+        return [*rows[:at], slot, light, *rest]
+
+    assert "VRF408" in case.caught(case.alike(2, change))

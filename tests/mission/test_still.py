@@ -57,3 +57,71 @@ def test_what_stands_above_the_pads_is_held_and_lands_dark(case):
 
     assert "VRF405" in case.caught(case.with_row(1, sooner))
     assert "VRF409" in case.caught(case.with_row(1, lit))
+
+
+STAYS = """\
+showc: 1
+drones: 3
+mission: {wanted: true}
+pads: {type: points, points: [[0, 0, 0], [-8, 0, 0], [16, 0, 0]]}
+launch: {altitude: 10, hold: 2}
+formations:
+  high: {type: points, points: [[0, 4, 14], [8, 0, 6], [16, 4, 14]]}
+  home: {type: points, points: [[0, 0, 10], [4, 0, 3], [16, 4, 14]]}
+transitions:
+  - {to: high, hold: 2, assignment: fixed}
+  - {to: home, hold: 10, assignment: fixed}
+landing: {altitude: 10, assignment: fixed}
+"""
+
+
+@pytest.fixture(scope="module")
+def stays(tmp_path_factory):
+    flight = formula_flight(build_itinerary(read_show(STAYS.encode()).show))
+    return Case(tmp_path_factory.mktemp("stays"), flight)
+
+
+def test_a_drone_above_its_pad_lands_with_the_others(stays):
+    """Drone 1 has no way in the last leg: it waits for a slot where it stands."""
+    assert stays.failures() == set()
+    first, second = (
+        rows(stays.files[f"missions/drone_000{drone}.waypoints"]) for drone in (1, 2)
+    )
+    assert [row[3] for row in first[-3:]] == [16, 93, 21]
+    assert first[-3][8:10] == first[-1][8:10]
+
+    def last_slot(table):
+        found = [row for row in table if row[3] == 93 and row[4] == -1]
+        return 60 * found[-1][6] + found[-1][7]
+
+    assert last_slot(first) > last_slot(second)
+
+
+def test_a_drone_that_lands_while_others_hold_is_caught(stays):
+    def early(fields):
+        # Its own way to the last formation is its last.
+        kept = [number for number, row in enumerate(fields) if row[3] == "16"]
+        return [*fields[: kept[-2] + 1], *fields[-2:]]
+
+    assert "VRF408" in stays.caught(stays.alike(1, early))
+
+
+def test_a_drone_that_leaves_a_formation_before_all_have_come_is_caught(stays):
+    def sooner(fields):
+        slots = [n for n, row in enumerate(fields) if row[3:5] == ["93", "-1"]]
+        fields[slots[1]][7] = str(int(fields[slots[1]][7]) - 3)
+        return fields
+
+    found = [stays.caught(stays.alike(drone, sooner)) for drone in (1, 2, 3)]
+    assert all("VRF408" in one for one in found)
+
+
+def test_a_drone_that_lands_on_the_way_of_another_is_caught(stays):
+    """Drone 2 passes beneath the place of drone 1, whose slot comes seconds sooner."""
+
+    def sooner(fields):
+        at = [n for n, row in enumerate(fields) if row[3:5] == ["93", "-1"]][-1]
+        fields[at][7] = str(int(fields[at][7]) - 6)
+        return fields
+
+    assert stays.caught(stays.alike(1, sooner)) == {"VRF417"}

@@ -1089,6 +1089,8 @@ def words(_: Log) -> Iterator[Lie]:
     for name, change in (
         ("an assignment of a number", lambda m: m["segments"][2].update(assignment=5)),
         ("an assignment of its own", lambda m: m["segments"][2].update(assignment={})),
+        ("a version of words", lambda m: m["versions"].update({"proved by": "1.0"})),
+        ("no version of numpy", lambda m: m["versions"].pop("numpy")),
         ("a version of escapes", lambda m: m["versions"].update(numpy="\x1b[2J")),
         ("a version of many", lambda m: m["versions"].update(numpy={"a": [1]})),
         ("a version of lists", lambda m: m["versions"].update(numpy=_nested(800))),
@@ -1124,7 +1126,12 @@ def words(_: Log) -> Iterator[Lie]:
             found.messages.append(replace(message, topic="/fleet/predicted"))
         found.messages.sort(key=lambda message: message.time)
 
+    def unknown(found):
+        foretold(found)
+        found.manifest(lambda m: m["missions"].update(autopilot="px4"))
+
     yield Lie("no missions, whose fleet is drawn", "VRF107", foretold)
+    yield Lie("missions whose flight is not known are drawn", "VRF107", unknown)
 
 
 def codings(log: Log) -> Iterator[Lie]:
@@ -1375,6 +1382,7 @@ def finest_claims(_: Log) -> Iterator[Lie]:
         ("a name that ends it", lambda m: setattr(m, "name", m.name + "\0"), "VRF204"),
         ("a name of escapes", lambda m: setattr(m, "name", "\x1b[2J"), "VRF204"),
         ("moves of groups", lambda m: m.moves.add(name=m.name), "VRF204"),
+        ("a group's witness of 100,000 knots", _many_knots, DAMAGE),
         ("a group's motion", lambda m: setattr(m, "kind", pb.Segment.MOTION), "VRF204"),
     ):
         plant = _edited(leg, 2, pb.Segment, change)
@@ -1442,6 +1450,10 @@ def _met(message, distance) -> None:
 
 def _met_at(message, time) -> None:
     message.certificate.closest.time = time
+
+
+def _many_knots(message) -> None:
+    message.moves.add().certificate.witness.knots.extend(np.linspace(0.0, 1.0, 100_000))
 
 
 def _placed(message, place) -> None:

@@ -9,11 +9,11 @@ from lies import Log
 
 from showc.log import showc_pb2 as pb
 from showc.log.additions import add, digest_of
+from showc.log.container import open_log
 from showc.log.reader import read_log
 from showc.log.schema import ABORT_NAME
 from showc.verify import DamagedLogError, verify_log
 from showc.verify.decode import read_show
-from showc.verify.mcap import open_log
 from showc.verify.specification.aborts import Aborts
 from showc.verify.specification.cover import read_anchor
 
@@ -261,6 +261,25 @@ def test_a_lie_in_the_table_is_found(aborted, tmp_path, lie):
     code, change = LIES[lie]
     _, holds = told(aborted, tmp_path, change)
     assert holds[code] is False
+
+
+@pytest.mark.parametrize(
+    ("way", "duration", "right"),
+    [(0, 0.0, True), (0, 1e8, False), (0, -5.0, False), (9, 0.0, False)],
+)
+def test_a_row_on_the_ground_takes_no_time(aborted, tmp_path, way, duration, right):
+    file = open_log(aborted)
+    with file.reported():
+        end = read_show(file).duration
+
+    def landed(table):
+        row = table.rows[-1]
+        row.way, row.duration, row.rest = way, duration, end
+        row.changes[:] = [0.0] * int(2.0 + (end - row.time) / table.period)
+        del row.legs[:]
+
+    _, holds = told(aborted, tmp_path, landed)
+    assert holds["VRF351"] is right
 
 
 def test_a_lie_in_the_table_makes_the_verdict_not_proved(aborted, tmp_path):

@@ -29,7 +29,7 @@ def failures(show):
 
 def moved(show, number, component, shift, *, drone=1, begin=True, end=True):
     """Change the first or last coefficients of one drone's state."""
-    table = show.segments[number].tables[0]
+    table = show.segments[number].table
     state = table.state.copy()
     if begin:
         state[table.first[drone], 0, component] += shift
@@ -87,7 +87,7 @@ def test_a_segment_that_is_shorter_than_it_says(show):
 
 
 def test_a_jump_inside_a_segment(show):
-    table = show.segments[2].tables[0]
+    table = show.segments[2].table
     middle = 0.5 * table.end[0]
     count = table.drones.size
     state = np.repeat(table.state, 2, axis=0)
@@ -106,7 +106,7 @@ def test_a_jump_inside_a_segment(show):
 
 
 def test_yaw_that_moves_though_held(show):
-    table = show.segments[2].tables[0]
+    table = show.segments[2].table
     state = table.state.copy()
     state[1, 2, 8] += 1e-4
     assert failures(with_table(show, 2, state=state)) == {YAW}
@@ -116,7 +116,7 @@ def test_free_yaw_may_move_between_hovers(show):
     rules = pb.Rules()
     rules.CopyFrom(show.rules)
     rules.yaw_held = False
-    table = show.segments[2].tables[0]
+    table = show.segments[2].table
     state = table.state.copy()
     state[1, 2, 8] += 1.0
     free = with_table(replace(show, rules=rules), 2, state=state)

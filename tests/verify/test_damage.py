@@ -249,7 +249,7 @@ def test_a_bomb_is_not_unpacked(whole, tmp_path):
     ["LARGEST_UNPACKED", "LARGEST_ATTACHED", "MOST_MESSAGES", "MOST_RECORDS"],
 )
 def test_a_log_beyond_all_sizes_is_refused(log_path, monkeypatch, limit):
-    monkeypatch.setattr(f"showc.verify.mcap.{limit}", 3)
+    monkeypatch.setattr(f"showc.log.container.{limit}", 3)
     with pytest.raises(DamagedLogError, match=r"more than|too large in sum"):
         verify_log(log_path, missions=False)
 

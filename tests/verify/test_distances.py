@@ -39,8 +39,11 @@ def standing(places):
     legs = np.repeat(places, 3, axis=0)
     none = np.zeros(len(legs))
     flights = Profiles(*[none] * len(Profiles.__dataclass_fields__))
-    first = np.arange(0, len(legs) + 1, 3)
-    return FleetLegs(first, legs, legs, np.full(len(legs), np.nan), flights, none)
+    first, alone = np.arange(0, len(legs) + 1, 3), np.empty((0, 2))
+    never = np.full(len(legs), np.nan)
+    return FleetLegs(
+        first, legs, legs, never, flights, none, alone, none[: len(places)]
+    )
 
 
 @given(

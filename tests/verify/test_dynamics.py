@@ -109,12 +109,12 @@ def tumbling(vehicle=VEHICLE, seed=1, intervals=8, degree=13):
         np.stack(controls),
     )
     message = pb.Segment(name="tumble", duration=1.2, drones=[0])
-    return Segment(message, (table,), np.zeros((1, 3)))
+    return Segment(message, table, np.zeros((1, 3)))
 
 
 def with_state(segment, state):
-    table = replace(segment.tables[0], state=state)
-    return replace(segment, tables=(table,))
+    table = replace(segment.table, state=state)
+    return replace(segment, table=table)
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.1275])
@@ -139,7 +139,7 @@ def test_the_tube_holds_the_true_flight(seed, size, component):
     """Logged polynomials are spoilt at random; the truth stays within the tube."""
     rng = np.random.default_rng(seed)
     exact = tumbling(seed=seed % 7, intervals=3, degree=9)
-    table = exact.tables[0]
+    table = exact.table
     state = table.state.copy()
     state[:, 1:, component] += size * rng.uniform(-1.0, 1.0, state[:, 1:, 0].shape)
     nodes = np.linspace(0.0, 1.0, 12)
@@ -156,7 +156,7 @@ def test_the_tube_holds_the_true_flight(seed, size, component):
 @pytest.mark.parametrize("row", [0, 3, 7])
 def test_no_state_moves_by_two_tolerances_on_any_interval(component, row):
     exact = tumbling()
-    state = exact.tables[0].state.copy()
+    state = exact.table.state.copy()
     # The middle of one interval alone, raised by just over two tolerances.
     bump = basis(state.shape[1] - 1, 0.5)
     state[row, 1:-1, component] += 2.05 * TOLERANCES[component] / bump[1:-1].sum()
@@ -168,7 +168,7 @@ def test_defects_that_cancel_are_not_added_up():
     """A wave in the velocity moves the position by far less than its size."""
     exact = tumbling(degree=7, intervals=12)
     found = radius(exact, VEHICLE)[0]
-    state = exact.tables[0].state.copy()
+    state = exact.table.state.copy()
     wave = 1e-4 * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     state[:, :, 3] += wave
     spoilt = radius(with_state(exact, state), VEHICLE)[0]
@@ -195,7 +195,7 @@ def test_the_tube_holds_the_flight_of_clipped_controls(seed):
     weak.CopyFrom(VEHICLE)
     weak.rotor_speed_max = 870.0
     exact = tumbling(seed=seed % 5, intervals=3, degree=9)
-    table = exact.tables[0]
+    table = exact.table
     nodes = np.linspace(0.0, 1.0, 9)
     breaks = np.append(table.start, table.end[-1])
     true = flown_elsewhere(weak, table.control, breaks, nodes)
@@ -218,7 +218,7 @@ def test_the_tube_holds_the_flight_of_clipped_controls(seed):
 )
 def test_each_lie_about_states_is_named(log_and_show, code, spoil):
     _, show = log_and_show
-    state = show.segments[0].tables[0].state.copy()
+    state = show.segments[0].table.state.copy()
     spoil(state)
     spoilt = with_table(show, 0, state=state)
     radii = [radius(segment, show.rules.vehicle) for segment in spoilt.segments]
@@ -229,7 +229,7 @@ def test_each_lie_about_states_is_named(log_and_show, code, spoil):
 def test_a_control_between_the_nodes_counts(log_and_show):
     """A spike in thrust that averages out over an interval still bends the path."""
     _, show = log_and_show
-    control = show.segments[0].tables[0].control.copy()
+    control = show.segments[0].table.control.copy()
     control[0, 1, 0] += 0.5
     control[0, 2, 0] -= 0.5
     spoilt = with_table(show, 0, control=control)
@@ -239,7 +239,7 @@ def test_a_control_between_the_nodes_counts(log_and_show):
 @pytest.mark.parametrize(("few", "many"), [(8, 9), (8, 10), (9, 21)])
 def test_meshes_of_different_sizes_fly_together(few, many):
     first, second = tumbling(seed=4, intervals=few), tumbling(seed=5, intervals=many)
-    a, b = first.tables[0], second.tables[0]
+    a, b = first.table, second.table
     table = PieceTable(
         np.array([0, 1]),
         np.array([0, few, few + many]),
@@ -248,21 +248,21 @@ def test_meshes_of_different_sizes_fly_together(few, many):
         np.concatenate([a.state, b.state]),
         np.concatenate([a.control, b.control]),
     )
-    both = radius(replace(first, tables=(table,), goals=np.zeros((2, 3))), VEHICLE)
+    both = radius(replace(first, table=table, goals=np.zeros((2, 3))), VEHICLE)
     alone = [radius(one, VEHICLE)[0] for one in (first, second)]
     np.testing.assert_allclose(both, alone, rtol=1e-6, atol=1e-12)
 
 
 def test_a_jump_between_intervals_is_part_of_the_deviation():
     exact = tumbling()
-    state = exact.tables[0].state.copy()
+    state = exact.table.state.copy()
     state[4:, :, 1] += 2e-3
     assert radius(with_state(exact, state), VEHICLE)[0, 1] >= 2e-3
 
 
 def test_a_flight_to_infinity_is_not_proved(log_and_show):
     _, show = log_and_show
-    state = show.segments[0].tables[0].state.copy()
+    state = show.segments[0].table.state.copy()
     state[:, :, 9:] = 1e200
     spoilt = with_table(show, 0, state=state)
     with np.errstate(all="ignore"):

@@ -83,7 +83,7 @@ def nearest(segment, rules, fence, margin=0.0):
 def test_a_flight_over_the_missing_quarter_is_found(log_and_show):
     """Ends lie inside, the way between does not."""
     _, show = log_and_show
-    state = show.segments[0].tables[0].state.copy()
+    state = show.segments[0].table.state.copy()
     state[0, :, :2] = np.linspace([0.0, 8.0], [8.0, 0.0], state.shape[1])
     spoilt = with_table(show, 0, state=state)
     assert nearest(show.segments[0], show.rules, ELL + 2.0)[1].upper < 0.0

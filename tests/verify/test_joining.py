@@ -83,7 +83,7 @@ def test_a_pair_that_would_meet_on_the_way_is_parted(logged):
 
 def acceleration(show, segment, drone, *, end):
     """What thrust and attitude give at an end of a segment [m/s²]."""
-    (table,) = (one for one in segment.tables if drone in one.drones)
+    table = segment.table
     column = int(np.searchsorted(table.drones, drone))
     row = int(table.first[column + 1]) - 1 if end else int(table.first[column])
     state, control = (
@@ -136,11 +136,11 @@ def test_a_script_that_asks_for_rest_is_not_flown_by_arriving_in_motion(
 def with_state(logged, number, change):
     """Change a copy of the coefficients of the first table of a segment."""
     segments = list(logged.segments)
-    table = segments[number].tables[0]
+    table = segments[number].table
     state = table.state.copy()
     change(state, int(table.first[1]) - 1)
-    tables = (replace(table, state=state), *segments[number].tables[1:])
-    segments[number] = replace(segments[number], tables=tables)
+    table = replace(table, state=state)
+    segments[number] = replace(segments[number], table=table)
     return replace(logged, segments=tuple(segments))
 
 
@@ -178,7 +178,7 @@ def test_a_bound_for_hovers_is_none_for_a_drone_that_arrives_in_motion(logged):
     assert bounds(logged)
     number = MOVES[0]
     witness = logged.segments[number].message.certificate.witness
-    (table,) = logged.segments[number].tables
+    table = logged.segments[number].table
     column = int(np.searchsorted(table.drones, witness.drone))
     last = int(table.first[column + 1]) - 1
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from verified import loaded
 
+from showc.fleet.pace import straight_time
 from showc.light.program import LightProgram
 from showc.log import showc_pb2 as pb
 from showc.pipeline.compile import CompileOptions, compile_script
@@ -34,13 +35,16 @@ LEG = 2
 """Position of the leg of all three moves."""
 
 
+def compiled_in(folder, script):
+    """Compile a script in a folder, without missions."""
+    file = folder / "lanes.yaml"
+    file.write_text(script)
+    return compile_script(file, folder / "output.mcap", CompileOptions(missions=False))
+
+
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lanes")
-    script = folder / "lanes.yaml"
-    script.write_text(SCRIPT)
-    log = folder / "output.mcap"
-    return compile_script(script, log, CompileOptions(missions=False))
+    return compiled_in(tmp_path_factory.mktemp("lanes"), SCRIPT)
 
 
 def judged(compiled, change):
@@ -57,17 +61,15 @@ def judged(compiled, change):
 
 def delayed(leg, drones, start, end, delay):
     """Let drones fly later what they fly between two times of the leg."""
-    tables = []
-    for table in leg.tables:
-        begins, ends = table.start.copy(), table.end.copy()
-        mine = np.isin(table.owner, drones)
-        inside = (table.start >= start - 1e-6) & (table.end <= end + 1e-6) & mine
-        begins[inside] += delay
-        ends[inside] += delay
-        ends[mine & (np.abs(table.end - start) < 1e-6)] += delay
-        begins[mine & (np.abs(table.start - end) < 1e-6)] += delay
-        tables.append(replace(table, start=begins, end=ends))
-    return replace(leg, tables=tuple(tables))
+    table = leg.table
+    begins, ends = table.start.copy(), table.end.copy()
+    mine = np.isin(table.owner, drones)
+    inside = (table.start >= start - 1e-6) & (table.end <= end + 1e-6) & mine
+    begins[inside] += delay
+    ends[inside] += delay
+    ends[mine & (np.abs(table.end - start) < 1e-6)] += delay
+    begins[mine & (np.abs(table.start - end) < 1e-6)] += delay
+    return replace(leg, table=replace(table, start=begins, end=ends))
 
 
 def test_every_group_keeps_its_own_times_and_all_is_proved(compiled):
@@ -138,14 +140,22 @@ def test_a_claim_of_other_times_than_are_flown_is_found(compiled):
     assert "“up -> down” is flown from" in judged(compiled, lie).times[0]
 
 
+def test_a_drone_of_no_group_that_leaves_its_place_is_found(compiled):
+    def lie(leg):
+        state = leg.table.state.copy()
+        state[leg.table.owner == 2, 1:-1, 2] += 0.01
+        return replace(leg, table=replace(leg.table, state=state))
+
+    (found,) = judged(compiled, lie).places
+    assert found.endswith("drones of no group do not stay where they are")
+
+
 def test_a_group_sent_elsewhere_on_the_way_is_found(compiled):
     def lie(leg):
-        tables = []
-        for table in leg.tables:
-            state = table.state.copy()
-            state[np.isin(table.owner, [0, 1]), :, 1] += 0.5
-            tables.append(replace(table, state=state))
-        return replace(leg, tables=tuple(tables))
+        table = leg.table
+        state = table.state.copy()
+        state[np.isin(table.owner, [0, 1]), :, 1] += 0.5
+        return replace(leg, table=replace(table, state=state))
 
     (found,) = judged(compiled, lie).places
     assert "a goal is no place" in found
@@ -218,10 +228,7 @@ landing: {altitude: 10}
 
 @pytest.fixture(scope="module")
 def dance(tmp_path_factory):
-    script = tmp_path_factory.mktemp("dance") / "lanes.yaml"
-    script.write_text(DANCE)
-    log = script.parent / "output.mcap"
-    return compile_script(script, log, CompileOptions(missions=False))
+    return compiled_in(tmp_path_factory.mktemp("dance"), DANCE)
 
 
 def test_groups_that_hold_in_motion_while_others_fly_are_proved(dance):
@@ -256,16 +263,105 @@ def test_groups_join_and_leave_motions_at_times_of_their_own(dance):
         )
 
 
+LOOSE = """\
+showc: 1
+drones: 3
+pads: {type: grid, rows: 1, step: 4, count: 3}
+launch: {altitude: 10, hold: 2}
+groups: {a: 1, b: 2, c: 3}
+formations:
+  left: {type: points, points: [[-8, 0, 14]]}
+  middle: {type: points, points: [[0, 4, 14]]}
+  right: {type: points, points: [[8, 0, 14]]}
+transitions:
+  - {to: left, group: a, start: 9, hold: 5, motion: [{orbit: {radius: 0.5, period: 6}}]}
+  - {to: middle, group: b, start: 11, prefer: 2, hold: 1}
+  - {to: right, group: c, duration: 6, hold: 3}
+landing: {altitude: 10}
+"""
+
+
+@pytest.fixture(scope="module")
+def loose(tmp_path_factory):
+    """Groups that say only when they leave, or how long they take."""
+    return compiled_in(tmp_path_factory.mktemp("loose"), LOOSE)
+
+
+def test_a_group_that_says_only_when_it_leaves_takes_what_it_prefers(loose):
+    report = verify_log(loose.log)
+    assert report.proved, report.to_json()
+    leg = loose.flight.legs[LEG]
+    left, held, middle, right = leg.parts
+    assert (left.leg.depart, middle.leg.depart) == (9.0, 11.0)
+    # Half as long again as its quickest straight flight, and twice as long.
+    for part, pace in ((left, 1.5), (middle, 2.0)):
+        quickest = straight_time(part.leg, loose.flight.itinerary.show)
+        assert part.duration == pytest.approx(pace * quickest, abs=1e-3)
+    assert (right.leg.depart, right.duration) == (loose.flight.starts[LEG], 6.0)
+    # The fleet flies on when the last group has been held.
+    assert held.duration == 5.0
+    ends = loose.flight.starts[LEG] + leg.duration
+    assert ends == pytest.approx(9.0 + left.duration + 5.0)
+
+
+def test_a_group_that_takes_another_time_than_the_script_says_is_found(loose):
+    _, logged = loaded(loose.log)
+    given = read_show(LOOSE.replace("duration: 6", "duration: 5").encode()).show
+    assert hold_against(given, logged).legs == ["“launch -> right” takes 6.000 s"]
+
+
+@pytest.fixture(scope="module")
+def taken_over(tmp_path_factory):
+    """What the whole fleet flies next takes over a group that is left in motion."""
+    circle = "  wheel: {type: circle, radius: 7, centre: [0, 0, 20]}\ntransitions:"
+    later = "  - {to: wheel, at: 34, hold: 1}\nlanding:"
+    script = (
+        DANCE.replace("transitions:", circle)
+        .replace("landing:", later)
+        .replace("     arrive: moving}\n", "     arrive: moving, leave: moving}\n")
+    )
+    return compiled_in(tmp_path_factory.mktemp("over"), script)
+
+
+def test_a_group_is_left_in_motion_by_what_the_whole_fleet_flies_next(taken_over):
+    report = verify_log(taken_over.log)
+    assert report.proved, report.to_json()
+    leg, after = taken_over.flight.legs[LEG : LEG + 2]
+    assert after.leg.name == "up + out -> wheel"
+    # There is no hold between: the motion lasts until the fleet leaves.
+    start = leg.leg.depart + leg.duration
+    assert start == pytest.approx(34.0 - after.duration)
+    speeds = [np.linalg.norm(one.state(0.0)[3:6]) for one in after.trajectories]
+    assert min(speeds[:2]) > 0.1
+    assert speeds[2] == 0.0
+
+
+def test_a_leg_in_lanes_that_lasts_longer_than_the_script_says_is_found(taken_over):
+    script = (taken_over.log.parent / "lanes.yaml").read_text()
+    _, logged = loaded(taken_over.log)
+    given = read_show(script.replace("wheel, at: 34, ", "wheel, ").encode()).show
+    assert any("s too long" in one for one in hold_against(given, logged).legs)
+
+
+def test_a_drone_that_is_not_left_in_motion_rests_before_the_fleet_flies(taken_over):
+    def lie(leg):
+        table = leg.table
+        state = table.state.copy()
+        state[table.first[1:][table.drones == 2] - 1, -1, 3] += 0.01
+        return replace(leg, table=replace(table, state=state))
+
+    (found,) = judged(taken_over, lie).places
+    assert "drones that are not left in motion do not rest" in found
+
+
 def still(leg, drone, start, end):
     """Let a drone stand where it is between two times of the leg."""
-    tables = []
-    for table in leg.tables:
-        state = table.state.copy()
-        rows = (table.start >= start - 1e-6) & (table.end <= end + 1e-6)
-        rows &= table.owner == drone
-        state[rows] = state[rows][:1, :1]
-        tables.append(replace(table, state=state))
-    return replace(leg, tables=tuple(tables))
+    table = leg.table
+    state = table.state.copy()
+    rows = (table.start >= start - 1e-6) & (table.end <= end + 1e-6)
+    rows &= table.owner == drone
+    state[rows] = state[rows][:1, :1]
+    return replace(leg, table=replace(table, state=state))
 
 
 def test_a_group_that_stands_where_it_is_to_move_is_found(dance):

@@ -116,7 +116,7 @@ def test_a_limit_broken_between_nodes_alone_is_found(log_and_show):
     rules.CopyFrom(show.rules)
     for limits in rules.limits:
         limits.tilt = tilt
-    table = show.segments[0].tables[0]
+    table = show.segments[0].table
     state = table.state.copy()
     # A quintic that is zero at 0, 1/2 and 1 and has a bump on each side.
     shares = np.linspace(0.0, 1.0, 6)
@@ -250,7 +250,7 @@ def test_a_jerk_beyond_the_limit_and_a_thrust_that_jumps_are_found(tmp_path):
         (0, 0, 0),
         (len(show.segments) - 1, -1, -1),
     ):
-        control = show.segments[number].tables[0].control.copy()
+        control = show.segments[number].table.control.copy()
         control[row, column, 0] += 2e-6
         lie = stated(with_table(show, number, control=control))
         assert not lie["VRF334"].holds
@@ -276,7 +276,7 @@ def test_a_log_that_hides_its_scripts_limit_of_jerk_is_found(tmp_path):
 
 def test_thrust_may_jump_where_jerk_is_not_limited(log_and_show):
     _, show = log_and_show
-    control = show.segments[2].tables[0].control.copy()
+    control = show.segments[2].table.control.copy()
     control[0] *= 1.001
     found = joined_up(with_table(show, 2, control=control))
     assert "VRF334" not in {one.code for one in found}

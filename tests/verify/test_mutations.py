@@ -75,7 +75,7 @@ def fitting(log, chance):
 
 def tables(path):
     _, show = loaded(path)
-    return [table for segment in show.segments for table in segment.tables]
+    return [segment.table for segment in show.segments]
 
 
 @pytest.mark.parametrize("share", range(SHARES))

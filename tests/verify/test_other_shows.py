@@ -223,6 +223,19 @@ def with_goals(which, shift):
     return lie
 
 
+def crept(trajectory, pieces=401, step=2e-4):
+    """Hover, go a step aside at once, hover again; and back in the second half."""
+    steps = np.array([step, -step])[2 * np.arange(pieces) // pieces]
+    steps *= np.arange(pieces) % 2
+    state = np.tile(trajectory.state.coefficients[0, 0], (pieces, 2, 1))
+    state[:, :, 0] += np.cumsum([0.0, *steps])[[[k, k + 1] for k in range(pieces)]]
+    breaks = np.linspace(0.0, trajectory.state.breaks[-1], pieces + 1)
+    control = np.tile(trajectory.control.coefficients[0, :1], (pieces, 1, 1))
+    return Trajectory(
+        PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
+    )
+
+
 def spliced(flight):
     """The second half of the flight of a script that asks for a longer hold."""
     script = script_of(DRONES).replace(b"hold: 1.5", b"hold: 2.5")
@@ -279,6 +292,7 @@ FLIGHTS = {
         "VRF337",
         flown([3], lambda p: [moved(o, AWAY) for o in p]),
     ),
+    "a hold crept 2 cm aside": ("VRF301", flown([3], lambda p: [crept(p[0]), p[1]])),
     "a show 5 cm too high": ("VRF205", with_goals(EVERY, AWAY)),
     "a show 2 mm beside its places": ("VRF205", with_goals(EVERY, [0.002, 0.0, 0.0])),
     "a show 1 um beside its places": ("VRF205", with_goals(EVERY, [1e-6, 0.0, 0.0])),

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from showc.cli.findings import render_text
+from showc.errors import escaped
 from showc.verify import Check, Place, Verification, verify_log
-from showc.verify.report import printable
 
 GOOD = Check("VRF321", "separation", "apart", "pass", 1.5, 1.0, "m")
 MISSION = Check("VRF411", "missions", "apart", "pass", 1.2, 0.97, "m")
@@ -86,7 +86,7 @@ def test_names_cannot_move_the_cursor_or_begin_a_line(text):
 
 
 def test_what_is_printable_stays_as_it_is():
-    assert printable("Grüße – “Ring” 東京") == "Grüße – “Ring” 東京"
+    assert escaped("Grüße – “Ring” 東京") == "Grüße – “Ring” 東京"
 
 
 def test_a_proof_does_not_depend_on_the_number_of_processes(log_path):

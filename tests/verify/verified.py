@@ -8,12 +8,12 @@ import numpy as np
 from synthetic import vertical_flight, vertical_formations
 
 from showc.log import showc_pb2 as pb
+from showc.log.container import open_log
 from showc.log.writer import write_log
 from showc.pipeline.compile import build_manifest
 from showc.script import read_show as read_script
 from showc.verify.decode import read_show
 from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
-from showc.verify.mcap import open_log
 
 SCRIPT = """\
 showc: 1
@@ -92,11 +92,10 @@ def loaded(path):
 
 
 def with_table(show: LoggedShow, number: int, **changes) -> LoggedShow:
-    """Return the same show with the first table of one segment changed."""
+    """Return the same show with the table of one segment changed."""
     segment = show.segments[number]
-    tables = (replace(segment.tables[0], **changes), *segment.tables[1:])
     segments = list(show.segments)
-    segments[number] = replace(segment, tables=tables)
+    segments[number] = replace(segment, table=replace(segment.table, **changes))
     return replace(show, segments=tuple(segments))
 
 
@@ -137,7 +136,7 @@ def show_of(
             duration=duration,
             drones=range(drones),
         )
-        segments.append(Segment(message, (table,), np.zeros((drones, 3))))
+        segments.append(Segment(message, table, np.zeros((drones, 3))))
     rules = pb.Rules(
         drones=drones,
         duration=max(segment.end for segment in segments),

@@ -53,9 +53,10 @@ def elevate(coefficients: FloatArray, target: int) -> FloatArray:
     One degree after the other; Farouki 2012, section 4.
     """
     for degree in range(coefficients.shape[1], target + 1):
-        share = np.arange(degree + 1)[:, None] / degree
-        padded = np.pad(coefficients, ((0, 0), (1, 1), (0, 0)))
-        coefficients = share * padded[:, :-1] + (1.0 - share) * padded[:, 1:]
+        share = np.arange(1, degree)[:, None] / degree
+        inside = share * coefficients[:, :-1] + (1.0 - share) * coefficients[:, 1:]
+        ends = coefficients[:, :1], coefficients[:, -1:]
+        coefficients = np.concatenate([ends[0], inside, ends[1]], axis=1)
     return coefficients
 
 
@@ -88,28 +89,21 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
 
 
 def square_sum(coefficients: FloatArray) -> FloatArray:
-    """Coefficients of the sum of the squared components, (pieces, 2 degree + 1).
-
-    Takes shape (pieces, degree + 1, components); Farouki 2012, equation 44.
-    """
-    pieces, count, _ = coefficients.shape
-    degree = count - 1
-    one, both = binomials(degree), binomials(2 * degree)
-    order = np.arange(count)
-    weights = np.outer(one, one) / both[np.add.outer(order, order)]
-    gram = np.matmul(coefficients, np.swapaxes(coefficients, 1, 2)) * weights
-    result = np.zeros((pieces, 2 * degree + 1))
-    for i in range(count):
-        result[:, i : i + count] += gram[:, i]
-    return result
+    """Coefficients of the sum of the squared components, (pieces, 2 degree + 1)."""
+    return product(coefficients, coefficients)
 
 
 def product(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Coefficients of products, (pieces, degrees + 1); Farouki 2012, equation 44."""
+    """Coefficients of scalar products, (pieces, sum of degrees + 1).
+
+    Takes shapes (pieces, degree + 1, components); Farouki 2012, equation 44.
+    """
+    gram = np.matmul(one, np.swapaxes(other, 1, 2))
     m, n = one.shape[1] - 1, other.shape[1] - 1
+    gram *= np.outer(binomials(m), binomials(n))
     result = np.zeros((one.shape[0], m + n + 1))
-    for i, weight in enumerate(binomials(m)):
-        result[:, i : i + n + 1] += weight * one[:, i : i + 1] * binomials(n) * other
+    for i in range(m + 1):
+        result[:, i : i + n + 1] += gram[:, i]
     return np.asarray(result / binomials(m + n))
 
 

@@ -327,12 +327,9 @@ def certified(
         if near is not None and (said.HasField("closest") or not one.holds):
             closest.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
     return [
-        worst(Statement(code, None, None, limit, unit), found)
-        for code, limit, unit, found in (
-            ("VRF341", TOLERANCE, "s", bounds),
-            ("VRF342", TOLERANCE, "s", order),
-            ("VRF343", DISTANCE_TOLERANCE, "m", closest),
-        )
+        worst(Statement("VRF341", None, None, TOLERANCE, "s"), bounds),
+        worst(Statement("VRF342", None, None, TOLERANCE, "s"), order),
+        worst(Statement("VRF343", None, None, DISTANCE_TOLERANCE, "m"), closest),
     ]
 
 
@@ -345,9 +342,10 @@ def excess(show: LoggedShow, segment: Segment) -> float:
     """By how much a claimed bound is beyond what its witness proves [s]."""
     certificate, proved = segment.message.certificate, False
     witness = certificate.witness
-    if certificate.HasField("witness") and witness.drone < show.drones:
-        ends = np.stack([states[witness.drone] for states in segment.ends()])
-        way = segment.goals[witness.drone] - ends[0, :3]
+    own = np.flatnonzero(segment.table.drones == witness.drone)
+    if certificate.HasField("witness") and own.size:
+        ends = np.concatenate([states[own] for states in segment.ends()])
+        way = segment.goals[own[0]] - ends[0, :3]
         proved = refuted(segment.message, show.rules, way, ends)
     return certificate.dual_bound - witness.time if proved else np.inf
 
@@ -365,9 +363,6 @@ def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
     time = np.full(2, segment.start + closest.time)
     tracks = Tracks.of(segment)
     place = tracks.between(tracks.at(pair, time), time, time)[:, 0]
-    distance = min(
-        float(measure(measure.space(place[1] - place[0])))
-        for measure in measures(show.rules.separation)
-    )
-    claimed = closest.distance
-    return max(abs(distance - claimed), abs(nearest.upper - claimed))
+    both = [m(m.space(place[1] - place[0])) for m in measures(show.rules.separation)]
+    said = [float(min(both)), nearest.upper]
+    return float(np.abs(np.subtract(said, closest.distance)).max())

@@ -40,30 +40,27 @@ AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
 
 def joined_up(show: LoggedShow) -> list[Statement]:
     """State everything about how the show joins up."""
-    found = (
+    found = [
         ("VRF331", JOINT, "SI", _hover),
         ("VRF332", JOINT, "rad", _heading),
         ("VRF333", REACHED, "m", _goals),
         ("VRF335", JOINT, "SI", _inside),
         ("VRF336", MOMENT, "s", _gaps),
         ("VRF337", JOINT, "SI", _jumps),
-        *[("VRF334", JOINT, "N", _thrusts)]
-        * any(one.jerk for one in show.rules.limits),
-    )
-    return [
-        *(
-            worst(Statement(code, None, None, limit, unit), seen(show))
-            for code, limit, unit, seen in found
-        ),
-        _ground(show),
     ]
+    if any(one.jerk for one in show.rules.limits):
+        found.append(("VRF334", JOINT, "N", _thrusts))
+    stated = [
+        worst(Statement(code, None, None, limit, unit), seen(show))
+        for code, limit, unit, seen in found
+    ]
+    return [*stated, _ground(show)]
 
 
 def _hover(show: LoggedShow) -> Iterator[Seen]:
-    """At every joint but those with a formation that moves: see VRF207 and VRF337."""
+    """At every joint but those with a formation that moves: see VRF204 to VRF207."""
     fleet = np.arange(show.drones)
-    moves = [one.message.kind == pb.Segment.MOTION for one in show.segments]
-    moves = [False, *moves, False]
+    moves = [False, *(_moves(one.message) for one in show.segments), False]
     for index, one in enumerate(show.segments):
         name = one.message.name
         for side, (time, state) in enumerate(
@@ -71,20 +68,27 @@ def _hover(show: LoggedShow) -> Iterator[Seen]:
         ):
             if not any(moves[index + side : index + side + 2]):
                 yield Seen(name, time, fleet, np.abs(state[:, AT_REST]).max(axis=1))
-        for table in one.tables if one.holds else ():
+        if one.holds:
+            table = one.table
             restless = np.abs(table.state[:, :, AT_REST]).max(axis=(1, 2))
             yield Seen(name, one.start + table.start, table.owner, restless)
+
+
+def _moves(leg: pb.Segment) -> bool:
+    """Tell whether a formation moves, or a group may be left moving at the end."""
+    end = leg.start + leg.duration - MOMENT
+    late = [one.kind for one in leg.moves if one.start + one.duration >= end]
+    return pb.Segment.MOTION in (leg.kind, *late)
 
 
 def _heading(show: LoggedShow) -> Iterator[Seen]:
     """Yaw at hovers, and always if it is held, by the hull of its coefficients."""
     heading = show.rules.heading
     for one in show.segments:
-        name = one.message.name
+        name, table = one.message.name, one.table
         if show.rules.yaw_held:
-            for table in one.tables:
-                off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
-                yield Seen(name, one.start + table.start, table.owner, off)
+            off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
+            yield Seen(name, one.start + table.start, table.owner, off)
             continue
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
             off = _turn(state[:, 8] - heading)
@@ -96,28 +100,24 @@ def _turn(angle: FloatArray) -> FloatArray:
     return np.abs(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def _distances(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.sum((first - second) ** 2, axis=1)))
-
-
 def _goals(show: LoggedShow) -> Iterator[Seen]:
     for one in show.segments:
-        off = _distances(one.ends()[1][:, :3], one.goals)
+        off = np.linalg.norm(one.ends()[1][:, :3] - one.goals, axis=1)
         yield Seen(one.message.name, one.end, np.arange(show.drones), off)
 
 
 def _inside(show: LoggedShow) -> Iterator[Seen]:
     """State across the mesh intervals of each segment, and their cover of its time."""
     for one in show.segments:
-        for table in one.tables:
-            first, last = table.first[:-1], table.first[1:] - 1
-            later = np.setdiff1d(np.arange(table.start.size), first)
-            jump = np.abs(table.state[later, 0] - table.state[later - 1, -1])
-            name, time = one.message.name, one.start + table.start
-            yield Seen(name, time[later], table.owner[later], jump.max(axis=1))
-            edge = np.abs(table.end[last] - one.duration)
-            edge = np.maximum(np.abs(table.start[first]), edge)
-            yield Seen(name, time[first], table.drones, edge)
+        table = one.table
+        first, last = table.first[:-1], table.first[1:] - 1
+        later = np.setdiff1d(np.arange(table.start.size), first)
+        jump = np.abs(table.state[later, 0] - table.state[later - 1, -1])
+        name, time = one.message.name, one.start + table.start
+        yield Seen(name, time[later], table.owner[later], jump.max(axis=1))
+        edge = np.abs(table.end[last] - one.duration)
+        edge = np.maximum(np.abs(table.start[first]), edge)
+        yield Seen(name, time[first], table.drones, edge)
 
 
 def _thrusts(show: LoggedShow) -> Iterator[Seen]:
@@ -125,12 +125,12 @@ def _thrusts(show: LoggedShow) -> Iterator[Seen]:
     weight = show.rules.vehicle.mass * show.rules.vehicle.gravity
     before = np.full(show.drones, weight)
     for one in show.segments:
-        for table in one.tables:
-            earlier = np.roll(table.control[:, -1, 0], 1)
-            earlier[table.first[:-1]] = before[table.drones]
-            before[table.drones] = table.control[table.first[1:] - 1, -1, 0]
-            jump = np.abs(table.control[:, 0, 0] - earlier)
-            yield Seen(one.message.name, one.start + table.start, table.owner, jump)
+        table = one.table
+        earlier = np.roll(table.control[:, -1, 0], 1)
+        earlier[table.first[:-1]] = before
+        before = table.control[table.first[1:] - 1, -1, 0]
+        jump = np.abs(table.control[:, 0, 0] - earlier)
+        yield Seen(one.message.name, one.start + table.start, table.owner, jump)
     yield Seen("the end", show.duration, np.arange(before.size), abs(before - weight))
 
 
@@ -170,8 +170,8 @@ def _ground(show: LoggedShow) -> Statement:
             return Statement("VRF338", False, notes=(note,))
 
     def beside(places: FloatArray) -> FloatArray:
-        rows = [_distances(pads[0], place[None]).min() for place in places[:, :3]]
-        return np.array(rows)
+        away = [np.linalg.norm(pads[0] - one[:3], axis=1).min() for one in places]
+        return np.array(away)
 
     fleet = np.arange(show.drones)
     launch = Seen("launch", 0.0, fleet, beside(first.ends()[0]))

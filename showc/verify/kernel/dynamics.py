@@ -20,6 +20,7 @@ polynomials by no more than :func:`radius` says, jumps of the polynomials includ
 first window of a segment begins with it, the next with the first mesh interval after
 each :data:`WINDOW`: what is flown without feedback for longer leaves any path. So do
 windows with each interval in which it hovers, and with the one after: there it waits.
+Of all windows in each :data:`WINDOW` radii add up, and the jumps between them.
 
 Proof. Write ~ for what is logged, e for flown minus logged, T for the window's time.
 
@@ -62,6 +63,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,7 +75,7 @@ from showc.verify.kernel.show import PieceTable, Seen, Statement, worst
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.arrays import BoolArray, FloatArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Vehicle
     from showc.verify.kernel.show import LoggedShow, Segment
 
@@ -176,19 +178,23 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     found = np.full((segment.goals.shape[0], 12), np.inf)
     # What overflows is infinite or undefined, and then nothing is proved.
     with np.errstate(all="ignore"):
-        for table in segment.tables:
-            for part in table.parts(_AT_ONCE):
-                # A window is taken as a drone of its own is.
-                of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
-                late = np.diff(part.start // WINDOW, prepend=0.0) != 0.0
-                waits = np.ptp(part.state[:, :, :3], axis=1).max(axis=1) <= STILL
-                waits[1:] |= waits[:-1]
-                each = np.flatnonzero(of_drone | late | waits)
-                first = np.append(each, part.start.size)
-                windows = replace(part, drones=np.arange(each.size), first=first)
-                own = np.searchsorted(each, part.first[:-1])
-                radii = _radius(windows, vehicle)
-                found[part.drones] = np.maximum.reduceat(radii, own, axis=0)
+        for part in segment.table.parts(_AT_ONCE):
+            # A window is taken as a drone of its own is.
+            of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
+            late = np.diff(part.start // WINDOW, prepend=0.0) != 0.0
+            waits = np.ptp(part.state[:, :, :3], axis=1).max(axis=1) <= STILL
+            waits[1:] |= waits[:-1]
+            each = np.flatnonzero(of_drone | late | waits)
+            first = np.append(each, part.start.size)
+            windows = replace(part, drones=np.arange(each.size), first=first)
+            radii = _radius(windows, vehicle)
+            leap = np.abs(part.state[each, 0] - part.state[each - 1, -1])
+            radii += np.where(of_drone[each, None], 0.0, leap)
+            # Drones may hover as often as they like, and creep in between.
+            long = np.flatnonzero(of_drone | late)
+            radii = np.add.reduceat(radii, np.searchsorted(each, long), axis=0)
+            own = np.searchsorted(long, part.first[:-1])
+            found[part.drones] = np.maximum.reduceat(radii, own, axis=0)
     return found
 
 
@@ -382,43 +388,30 @@ def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArra
             _chebyshev(logged.shape[0] - 1), logged, axes=1
         )
         polynomial.append(found)
-    start = _marched(table, width, step, off)
-    polynomial[0][0] += start[0]
-    # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
-    polynomial[1][0] += start[1] + 0.5 * width * start[0]
-    polynomial[1][1] += 0.5 * width * start[0]
-    first, second = (np.abs(some).sum(axis=0) for some in polynomial)
-    first += start[2] + off[0]
-    second += start[3] + width * start[2] + off[1]
-    return first, second
-
-
-def _marched(
-    table: PieceTable, width: FloatArray, step: list[FloatArray], off: list[FloatArray]
-) -> list[FloatArray]:
-    """Follow each drone over its intervals.
-
-    Returned are y1 and y2 at the start of each, and how far they may be off, (6, rows).
-    """
-    drone = np.arange(table.drones.size)
-    counts = np.diff(table.first)
-    start = [np.empty((6, width.size)) for _ in range(4)]
     initial = table.state[table.first[:-1], 0].T
-    now = [initial[_FIRST], initial[_SECOND], *np.zeros((2, 6, drone.size))]
-    for number in range(int(counts.max())):
-        alive = counts > number
-        if not alive.all():
-            drone, counts = drone[alive], counts[alive]
-            now = [one[:, alive] for one in now]
-        row = table.first[drone] + number
-        for one, place in zip(now, start, strict=True):
-            place[:, row] = one
-        # In this order: positions grow by what velocities are before.
-        now[1] = now[1] + width[row] * now[0] + step[1][:, row]
-        now[0] = now[0] + step[0][:, row]
-        now[3] = now[3] + width[row] * now[2] + off[1][:, row]
-        now[2] = now[2] + off[0][:, row]
-    return start
+    none = np.zeros((6, table.drones.size))
+    y1 = _sums(table.first, initial[_FIRST], step[0])
+    y2 = _sums(table.first, initial[_SECOND], width * y1 + step[1])
+    late = _sums(table.first, none, off[0])
+    astray = _sums(table.first, none, width * late + off[1])
+    polynomial[0][0] += y1
+    # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
+    polynomial[1][0] += y2 + 0.5 * width * y1
+    polynomial[1][1] += 0.5 * width * y1
+    first, second = (np.abs(some).sum(axis=0) for some in polynomial)
+    return first + late + off[0], second + astray + width * late + off[1]
+
+
+def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
+    """Follow each drone over its intervals: values at the start of each, (6, rows).
+
+    ``start`` (6, drones) are the first ones, ``steps`` (6, rows) what is added on each.
+    """
+    found = np.empty_like(steps)
+    for drone, (begin, end) in enumerate(pairwise(first.tolist())):
+        each = np.column_stack([start[:, drone], steps[:, begin : end - 1]])
+        np.cumsum(each, axis=1, out=found[:, begin:end])
+    return found
 
 
 # --- steps 2 to 4 ---------------------------------------------------------------------

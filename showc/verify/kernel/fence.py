@@ -28,6 +28,7 @@ import numpy as np
 
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.dynamics import GAMMA
+from showc.verify.kernel.slices import innermost
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
@@ -42,13 +43,13 @@ def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
     rounding = GAMMA * float(max(np.abs(path).max(), np.abs(fence).max()))
     outside = ~_inside(path[:, 0], fence)
     if outside.any():
-        away = np.where(outside, _to_edges(path[:, 0], fence), -1.0)
+        away = np.where(outside, _distance(path[:, 0], fence), -1.0)
         worst = int(np.argmax(away))
         return -float(away[worst]) - rounding, worst
     found = least(
         np.ascontiguousarray(path),
         lambda some: _separation(some, fence),
-        lambda ends: _to_edges(ends, fence),
+        lambda ends: _distance(ends, fence),
         RESOLUTION,
     )
     return found.lower - rounding, found.row
@@ -57,14 +58,13 @@ def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
 def _separation(path: FloatArray, fence: FloatArray) -> FloatArray:
     """Width (rows,) of the widest strip found between each path and its worst edge."""
     middle = 0.5 * (path[:, 0] + path[:, -1])
-    worst = np.full(path.shape[0], np.inf)
-    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
-        along = second - first
-        length = float(np.hypot(*along))
-        across = np.array([-along[1], along[0]]) / (length or 1.0)
-        near = middle - _nearest_point(middle, first, along)
-        size = np.hypot(near[:, 0], near[:, 1])
-        towards = near / np.where(size > 0.0, size, 1.0)[:, None]
+    worst, seconds = np.full(path.shape[0], np.inf), np.roll(fence, -1, axis=0)
+    ways = _to_edges(middle, fence)
+    for first, second, way in zip(fence, seconds, ways, strict=True):
+        x, y = second - first
+        across = np.array([-y, x]) / (float(np.hypot(x, y)) or 1.0)
+        size = np.hypot(way[:, 0], way[:, 1])
+        towards = -way / np.where(size > 0.0, size, 1.0)[:, None]
         best = np.full(path.shape[0], -np.inf)
         for normal in (across[None], -across[None], towards):
             reach = np.einsum("rjk,rk->rj", path, np.broadcast_to(normal, middle.shape))
@@ -74,21 +74,15 @@ def _separation(path: FloatArray, fence: FloatArray) -> FloatArray:
     return worst
 
 
-def _nearest_point(
-    points: FloatArray, first: FloatArray, along: FloatArray
-) -> FloatArray:
-    square = float(along @ along) or 1.0
-    share = np.clip((points - first) @ along / square, 0.0, 1.0)
-    return np.asarray(first + share[:, None] * along)
-
-
 def _to_edges(points: FloatArray, fence: FloatArray) -> FloatArray:
+    """Ways (e, n, 2) from points (n, 2) to the nearest one of each edge."""
+    corners = fence[:, None] - points
+    return innermost(corners, np.roll(corners, -1, axis=0))
+
+
+def _distance(points: FloatArray, fence: FloatArray) -> FloatArray:
     """Distance (n,) of points (n, 2) from the nearest edge."""
-    found = np.full(points.shape[0], np.inf)
-    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
-        off = points - _nearest_point(points, first, second - first)
-        found = np.minimum(found, np.hypot(off[:, 0], off[:, 1]))
-    return found
+    return np.asarray(np.linalg.norm(_to_edges(points, fence), axis=2).min(axis=0))
 
 
 def _inside(points: FloatArray, fence: FloatArray) -> BoolArray:
@@ -96,10 +90,8 @@ def _inside(points: FloatArray, fence: FloatArray) -> BoolArray:
 
     Rounding can err only for points within it of an edge; these have no distance left.
     """
-    odd = np.zeros(points.shape[0], dtype=bool)
-    for first, second in zip(fence, np.roll(fence, -1, axis=0), strict=True):
-        crosses = (first[1] > points[:, 1]) != (second[1] > points[:, 1])
-        if crosses.any():
-            share = (points[:, 1] - first[1]) / (second[1] - first[1])
-            odd ^= crosses & (points[:, 0] < first[0] + share * (second[0] - first[0]))
-    return odd
+    (x, y), (x1, y1), (x2, y2) = points.T[:, :, None], fence.T, np.roll(fence, -1, 0).T
+    crosses = (y1 > y) != (y2 > y)
+    level = np.where(y1 == y2, 1.0, y2 - y1)
+    before = x < x1 + (y - y1) / level * (x2 - x1)
+    return np.asarray(np.count_nonzero(crosses & before, axis=1) % 2 == 1)

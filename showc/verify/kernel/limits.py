@@ -31,7 +31,7 @@ enclosed by :mod:`showc.verify.kernel.fence`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -163,10 +163,8 @@ def bounds(rules: Rules, limits: Limits) -> list[Bound]:
     found = []
     for family, quantity, least_, greatest, unit in ranges:
         span = greatest - least_ if greatest > least_ else max(abs(greatest), 1.0)
-        found += [
-            Bound(family, quantity, 1.0, greatest, span, unit),
-            Bound(family, quantity, -1.0, -least_, span, unit),
-        ]
+        for sign, top in ((1.0, greatest), (-1.0, -least_)):
+            found.append(Bound(family, quantity, sign, top, span, unit))
     # Limits that are there only if they are not 0.
     further = (
         ("velocity", "level speed", 1.0, limits.level_speed, "m/s"),
@@ -197,15 +195,8 @@ def _coefficients(table: PieceTable, rules: Rules, quantity: str) -> FloatArray:
         return square_sum(state[:, :, 3:5])
     if quantity == "jerk":
         return _jerk_square(table, rules)
-    slope = _slope(table, state[:, :, 3:6])
+    slope = table.slope(state[:, :, 3:6])
     return slope[:, :, 2] if quantity == "az" else square_sum(slope[:, :, :2])
-
-
-def _slope(table: PieceTable, curves: FloatArray) -> FloatArray:
-    """Coefficients of the derivatives of curves (rows, degree + 1, m) of a table."""
-    degree, width = curves.shape[1] - 1, (table.end - table.start)[:, None, None]
-    # Where they are constant, there is no coefficient left.
-    return degree * np.diff(curves, axis=1) / width if degree else 0.0 * curves
 
 
 def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
@@ -214,29 +205,24 @@ def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
     tilt = np.abs(table.state[:, :, 6:8]).max(axis=(0, 1)).clip(max=np.pi / 2.0)
     sine = 0.0 if rules.yaw_held else np.sqrt(1.0 - np.prod(np.cos(tilt)) ** 2)
     weights = np.sqrt(1.0 + sine) * np.array([1.0, 1.0, np.sqrt(sine)])
-    turning = product(square_sum(thrust), square_sum(weights * rates))
-    push = elevate(square_sum(_slope(table, thrust))[:, :, None], turning.shape[1] - 1)
+    squares = square_sum(thrust), square_sum(weights * rates)
+    turning = product(*(some[:, :, None] for some in squares))
+    push = elevate(square_sum(table.slope(thrust))[:, :, None], turning.shape[1] - 1)
     return np.asarray((push[:, :, 0] + turning) / rules.vehicle.mass**2)
 
 
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     """Enclose the greatest value of each of :func:`bounds` over a segment."""
-    found = []
-    for bound in bounds(rules, rules.limits[segment.message.limits]):
-        parts = [_greatest(table, rules, bound) for table in segment.tables]
-        inner = max(parts, key=lambda one: one.lower)
-        found.append(replace(inner, upper=max(one.upper for one in parts)))
+    asked, table = bounds(rules, rules.limits[segment.message.limits]), segment.table
+    found = [_greatest(table, rules, bound) for bound in asked]
     fence = np.array(rules.site.fence).reshape(-1, 2)
     if fence.size:
         # On the fence itself nothing is left between inside and outside.
-        asked = max(rules.site.fence_margin, TOUCHES + TOLERANCE)
-        bound = Bound("fence", "distance to the fence", -1.0, -asked, 1.0, "m")
-        parts = []
-        for table in segment.tables:
-            lower, row = enclosed(table.state[:, :, :2], fence)
-            drone, time = int(table.owner[row]), float(table.start[row])
-            parts.append(Extreme(bound, -lower, -lower, drone, time))
-        found.append(max(parts, key=lambda one: one.upper))
+        least_ = max(rules.site.fence_margin, TOUCHES + TOLERANCE)
+        bound = Bound("fence", "distance to the fence", -1.0, -least_, 1.0, "m")
+        lower, row = enclosed(table.state[:, :, :2], fence)
+        drone, time = int(table.owner[row]), float(table.start[row])
+        found.append(Extreme(bound, -lower, -lower, drone, time))
     return found
 
 

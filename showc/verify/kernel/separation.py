@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,13 +38,12 @@ from showc.verify.kernel.slices import (
     edges,
     measures,
     near_pairs,
+    neighbours,
     take,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
@@ -66,6 +65,27 @@ _CROWD = 200
 separation allows have half of them. Where there are more, slices are halved."""
 _HALVINGS = 20
 """How often a slice is halved at most: to a millionth."""
+
+
+@dataclass(slots=True)
+class Nearest:
+    """The pair that can come nearest, of all that were looked at."""
+
+    pair: tuple[int, int] = (0, 0)
+    """Drones, counting from 0."""
+    time: float = 0.0
+    """When it does: show time, or on the missions' clock [s]."""
+    distance: float = np.inf
+    """In the separation's metric, at most the resolution above the least; infinite if
+    there is none [m]."""
+
+    def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
+        """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
+        row = int(np.argmin(gaps)) if gaps.size else 0
+        if gaps.size and gaps[row] < self.distance:
+            first, second = sorted(pairs[row].tolist())
+            self.pair, self.time = (first, second), time
+            self.distance = float(gaps[row])
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,31 +176,13 @@ def _searched(segment: Segment, wanted: Separation) -> Encounter | None:
     return closest_in(Tracks.of(segment), wanted, segment.message.name)
 
 
-class _Pairs(NamedTuple):
-    """Pairs of drones over intervals of time, each array of shape (n,)."""
-
-    first: IntArray
-    second: IntArray
-    low: FloatArray
-    """Show time [s]."""
-    high: FloatArray
-    """Show time [s]."""
-
-    def some(self, chosen: NDArray[np.bool_]) -> _Pairs:
-        """Return those that are chosen."""
-        first, second, low, high = self
-        return _Pairs(first[chosen], second[chosen], low[chosen], high[chosen])
-
-
 class _Search:
     """Branch and bound over the tracks of a fleet with one measure."""
 
     def __init__(self, measure: Measure, wanted: float) -> None:
         self.measure = measure
         self.wanted = wanted
-        self.best = np.inf
-        self.pair = (0, 1)
-        self.time = 0.0
+        self.best = Nearest()
         self.error = 0.0
 
     def over(self, tracks: Tracks, during: str) -> Encounter:
@@ -191,12 +193,15 @@ class _Search:
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
         self._start(positions.position[positions.first[:-1], 0], positions.begin)
-        for low, high in edges(positions, _FURTHEST * max(self.best, self.wanted)):
+        for low, high in edges(
+            positions, _FURTHEST * max(self.best.distance, self.wanted)
+        ):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break
-        lower = max(self.best - RESOLUTION - self.error, 0.0)
-        return Encounter(lower, self.best, self.pair, self.time, during, self.error)
+        best = self.best
+        lower = max(best.distance - RESOLUTION - self.error, 0.0)
+        return Encounter(lower, best.distance, best.pair, best.time, during, self.error)
 
     def _start(self, place: FloatArray, time: float) -> None:
         """Take the closest pair of one instant: a start that makes pruning work.
@@ -205,33 +210,26 @@ class _Search:
         Where a lattice has more than the crowd, some are nearer than 0.8 of its edge:
         no more than 150 a drone are within reach else. The 100th is 2e-10 as wide.
         """
-        order = np.lexsort(place.T)
-        self._take(place, np.stack([order[:-1], order[1:]], axis=1), time)
-        reach = self.best
-        for _ in range(100):
-            pairs = near_pairs(place, reach, _CROWD * len(place))
-            if pairs is not None:
-                self._take(place, pairs, time)
-                break
-            reach *= 0.8
 
-    def _take(self, place: FloatArray, pairs: IntArray, time: float) -> None:
-        """Take the closest of pairs (n, 2), if it is closer than the best."""
-        distance = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
-        row = int(np.argmin(distance)) if distance.size else 0
-        if distance.size and distance[row] < self.best:
-            self.best, self.time = float(distance[row]), time
-            self.pair = int(pairs[row].min()), int(pairs[row].max())
+        def look(pairs: IntArray) -> None:
+            gaps = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
+            self.best.take(pairs, time, gaps)
+
+        look(neighbours(place))
+        reach = self.best.distance
+        for cut in range(100):
+            pairs = near_pairs(place, reach * 0.8**cut, _CROWD * len(place))
+            if pairs is not None:
+                look(pairs)
+                break
 
     def _slice(self, positions: Tracks, low: float, high: float, halvings: int) -> None:
         """Search a slice of time, in halves where drones stand in heaps."""
         piece = take(positions, low, high, self.measure)
         most = _CROWD * positions.drones
-        pairs = piece.near(self.measure, self.best - RESOLUTION / 2, most)
+        pairs = piece.near(self.measure, self.best.distance - RESOLUTION / 2, most)
         if pairs is not None:
-            first, second = pairs.T
-            times = np.full(first.size, low), np.full(first.size, high)
-            self._decide(positions, _Pairs(first, second, *times))
+            self._decide(positions, pairs, low, high)
             return
         if not halvings:
             # Drones without number are as near each other as any: nothing is proved.
@@ -244,38 +242,38 @@ class _Search:
     @property
     def _over(self) -> bool:
         """Whether nothing can come nearer, or nothing can be proved."""
-        return self.best <= RESOLUTION or not np.isfinite(self.error)
+        return self.best.distance <= RESOLUTION or not np.isfinite(self.error)
 
-    def _decide(self, positions: Tracks, pairs: _Pairs) -> None:
-        """Enclose the distances of candidate pairs over a slice."""
-        rows = [positions.at(drone, pairs.low) for drone in pairs[:2]]
-        while pairs.first.size:
-            last = [positions.first[drone + 1] - 1 for drone in pairs[:2]]
-            ends = [
-                np.where(row < end, positions.ends[row], np.inf)
-                for row, end in zip(rows, last, strict=True)
-            ]
+    def _decide(
+        self, positions: Tracks, pairs: IntArray, low: float, high: float
+    ) -> None:
+        """Enclose the distances of candidate pairs (n, 2) over a slice."""
+        drones, begin = pairs.T, np.full(len(pairs), low)
+        rows, last = positions.at(drones, begin), positions.first[drones + 1] - 1
+        while begin.size:
+            ends = np.where(rows < last, positions.ends[rows], np.inf)
             # Up to where the first of the two polynomials ends.
-            stop = np.minimum(pairs.high, np.minimum(*ends))
-            difference = positions.between(rows[0], pairs.low, stop)
-            difference -= positions.between(rows[1], pairs.low, stop)
-            self._enclose(difference, pairs._replace(high=stop))
-            more = stop < pairs.high
-            rows = [
-                (row + (end <= stop))[more] for row, end in zip(rows, ends, strict=True)
-            ]
-            pairs = pairs._replace(low=stop).some(more)
+            stop = np.minimum(high, ends.min(axis=0))
+            one, other = (positions.between(row, begin, stop) for row in rows)
+            self._enclose(one - other, drones, begin, stop)
+            more = stop < high
+            rows, last = (rows + (ends <= stop))[:, more], last[:, more]
+            drones, begin = drones[:, more], stop[more]
 
-    def _enclose(self, work: FloatArray, pairs: _Pairs) -> None:
-        """Enclose distances from coefficients of differences, (n, degree + 1, axes)."""
+    def _enclose(
+        self, work: FloatArray, drones: IntArray, begin: FloatArray, end: FloatArray
+    ) -> None:
+        """Enclose distances from differences, (n, degree + 1, axes), of pairs (2, n).
+
+        These are their coefficients between times (n,) [s].
+        """
         if not self.measure.largest:
             work = square_sum(work)[:, :, None]
-        found = least(work, self._lower, self._value, RESOLUTION / 2, self.best)
-        if found.upper < self.best:
-            self.best, row = found.upper, found.row
-            self.pair = int(pairs.first[row]), int(pairs.second[row])
-            low, high = pairs.low[row], pairs.high[row]
-            self.time = float(low + found.fraction * (high - low))
+        least_ = self.best.distance
+        found = least(work, self._lower, self._value, RESOLUTION / 2, least_)
+        row = found.row
+        time = float(begin[row] + found.fraction * (end[row] - begin[row]))
+        self.best.take(drones.T[[row]], time, np.array([found.upper]))
         if not np.isfinite(found.lower):
             # Rounding is coarser than what is wanted: nothing is proved.
             self.error = np.inf

@@ -33,7 +33,7 @@ def xyz(vector: Vector3) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PieceTable:
-    """Polynomials of some drones over one segment, all of the same two degrees.
+    """Polynomials of a fleet over one segment, all of the same two degrees.
 
     Row k is one mesh interval of one drone; the rows of a drone follow each other in
     time. ``first`` says where each drone's rows begin.
@@ -56,6 +56,12 @@ class PieceTable:
     def owner(self) -> IntArray:
         """Drone of each row, shape (rows,)."""
         return np.repeat(self.drones, np.diff(self.first))
+
+    def slope(self, curves: FloatArray) -> FloatArray:
+        """Coefficients of the derivatives of curves (rows, degree + 1, m)."""
+        degree, width = curves.shape[1] - 1, (self.end - self.start)[:, None, None]
+        # Where they are constant, there is no coefficient left.
+        return degree * np.diff(curves, axis=1) / width if degree else 0.0 * curves
 
     def parts(self, rows: int) -> Iterator[PieceTable]:
         """Cut into tables of whole drones with about ``rows`` rows each."""
@@ -81,8 +87,8 @@ class Segment:
 
     message: SegmentMessage
     """As logged."""
-    tables: tuple[PieceTable, ...]
-    """Each drone of the fleet is in exactly one of them."""
+    table: PieceTable
+    """Every drone is in it; flights of lower degrees are written in the greatest."""
     goals: FloatArray
     """Where each drone must end, shape (drones, 3) [m]."""
 
@@ -108,11 +114,8 @@ class Segment:
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """States of the fleet at its start and at its end, each (drones, 12)."""
-        first, last = np.empty((2, self.goals.shape[0], STATE_COMPONENTS))
-        for table in self.tables:
-            first[table.drones] = table.state[table.first[:-1], 0]
-            last[table.drones] = table.state[table.first[1:] - 1, -1]
-        return first, last
+        state, first = self.table.state, self.table.first
+        return state[first[:-1], 0], state[first[1:] - 1, -1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

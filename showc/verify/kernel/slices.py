@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.verify.kernel.bernstein import elevate, part
+from showc.verify.kernel.bernstein import part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,22 +64,10 @@ class Tracks:
     @classmethod
     def of(cls, segment: Segment) -> Tracks:
         """Return the positions of all drones over a segment."""
-        tables = segment.tables
-        degree = max(table.state.shape[1] for table in tables) - 1
-        owner = np.concatenate([table.owner for table in tables])
-        order = np.argsort(owner, kind="stable")  # a drone's rows stay in order
-        counts = np.bincount(owner, minlength=segment.goals.shape[0])
-        start = np.concatenate([table.start for table in tables])[order]
-        end = np.concatenate([table.end for table in tables])[order]
-        position = [elevate(table.state[:, :, :3], degree) for table in tables]
-        return cls(
-            segment.start,
-            segment.end,
-            np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-            start + segment.start,
-            end + segment.start,
-            np.concatenate(position)[order],
-        )
+        table, begin = segment.table, segment.start
+        starts, ends = begin + table.start, begin + table.end
+        places = table.state[:, :, :3]
+        return cls(begin, segment.end, table.first, starts, ends, places)
 
     @property
     def drones(self) -> int:
@@ -104,7 +92,7 @@ class Tracks:
         return time - self.begin + drone * 2.0 * (self.end - self.begin + 1.0)
 
     def at(self, drone: IntArray, time: FloatArray) -> IntArray:
-        """Row of each ``drone`` that covers each ``time``, shape (n,)."""
+        """Row of each ``drone`` that covers each ``time``, shape (..., n)."""
         found = np.searchsorted(self._keys, self._key(drone, time), side="right")
         return np.clip(found - 1, self.first[drone], self.first[drone + 1] - 1)
 
@@ -116,6 +104,15 @@ class Tracks:
         lower = np.clip((low - start) / width, 0.0, 1.0)
         upper = np.clip((high - start) / width, 0.0, 1.0)
         return part(self.position[row], lower, upper)
+
+
+def innermost(begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Points (..., axes) nearest to the origin on ways from ``begin`` to ``end``."""
+    way = end - begin
+    square = np.einsum("...k,...k->...", way, way)
+    along = -np.einsum("...k,...k->...", begin, way)
+    share = np.clip(along / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    return np.asarray(begin + share[..., None] * way)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +145,7 @@ class Measure:
             # The greatest of the components' least values.
             least = np.minimum(np.abs(begin), np.abs(end))
             return np.asarray(np.where(begin * end < 0.0, 0.0, least).max(axis=-1))
-        way = end - begin
-        square = np.einsum("nk,nk->n", way, way)
-        along = -np.einsum("nk,nk->n", begin, way)
-        share = np.clip(along / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
-        return self(begin + share[:, None] * way)
+        return self(innermost(begin, end))
 
 
 def measures(separation: pb.Separation) -> tuple[Measure, ...]:
@@ -167,6 +160,12 @@ def measures(separation: pb.Separation) -> tuple[Measure, ...]:
         return (Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=True),)
     stretch = separation.vertical_stretch if shape == pb.Separation.ELLIPSOID else 1.0
     return (Measure((0, 1, 2), (1.0, 1.0, 1.0 / stretch), largest=False),)
+
+
+def neighbours(points: FloatArray) -> IntArray:
+    """Pairs (m - 1, 2) of points (m, axes) in some sort: a start for a search."""
+    order = np.lexsort(points.T)
+    return np.asarray(np.column_stack([order[:-1], order[1:]]))
 
 
 def near_pairs(

@@ -7,7 +7,7 @@ for it, concave fences included.
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+import re
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +16,10 @@ import numpy as np
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import xyz
-from showc.verify.missions.language import MissionFormatError
-from showc.verify.missions.law import CLOCK_LAG, FIRMWARE, SETTLING, SPREAD
-from showc.verify.missions.legs import DAY, HOUR, Clock
+from showc.verify.missions.law import CONSTANTS, KNOWN
 from showc.verify.missions.separation import (
     RESOLUTION,
-    Nearest,
-    OverlappingLegsError,
+    nearest_landing,
     nearest_timed,
     nearest_untimed,
 )
@@ -35,69 +32,14 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
+    from showc.verify.kernel.separation import Nearest
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Check, Verdict
     from showc.verify.specification.demands import Move
 
-
-ROUNDING = 0.02
-"""How far off a stored place may be, and how much nearer two places [m]."""
-
-AGREEMENT = 0.01
-"""How far the manifest's nearest encounter may be off: both have their resolutions,
-and delays are written in whole milliseconds [m]."""
-
-PLACE_RESOLUTION = np.array([0.0112, 0.0112, 0.012])
-"""1e-7 degrees, level, and a centimetre with the 2 mm that keep it, upright [m]."""
-
-LIFT_OFF = 0.9
-"""Time from the start of a mission to leaving the ground, once armed [s]."""
-
-SPIN_UP = 3.25
-"""By how much that may be longer, if a vehicle is armed straight before [s]."""
-
-_PREDICTED = {
-    *("start_minute", "latest_mission_start", "duration", "delay", "launch", "legs"),
-    *("land", "land_start"),
-}
-"""Keys of a prediction, besides those whose values are known."""
-
-_LEG = {
-    *("leg", "name", "encoding", "slots", "durations", "slot", "duration", "drones"),
-    *("optimal_start", "optimal_duration", "delays", "arrivals", "ended", "closest"),
-    *("position_difference", "arrival_difference"),
-}
-"""Keys of a leg of a prediction."""
-
-TICK = 0.1
-"""Slots are whole multiples of this [s]."""
-
-SAME = 1e-3
-"""Times that differ by less are the same: slots are written in milliseconds [s]."""
-
-
-def mission_clock(described: Mapping[str, Any]) -> Clock:
-    """Return what slots count from, by what the manifest says of the missions.
-
-    Raises
-    ------
-    MissionFormatError
-        If it names neither a start of whole seconds nor a minute.
-    """
-    start = described.get("start")
-    prediction = described.get("prediction")
-    minute = prediction.get("start_minute") if isinstance(prediction, dict) else None
-    if start is None and type(minute) is int and 0 <= minute < 60:
-        return Clock(60.0 * minute, HOUR)
-    try:
-        moment = datetime.fromisoformat(start) if isinstance(start, str) else None
-        moment = None if moment is None else moment.astimezone(UTC)
-    except (ValueError, OverflowError):
-        moment = None
-    if moment is None or moment.microsecond:
-        raise MissionFormatError("the manifest names no start of the missions")
-    return Clock(3600.0 * moment.hour + 60.0 * moment.minute + moment.second, DAY)
+_WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)
+"""An encoding or a time, as a forecast names them."""
 
 
 def check_flight(
@@ -112,76 +54,68 @@ def check_flight(
     ``described`` is what the manifest says of them; they are to fly the moves
     ``logged``, with the slack that the script asks for after the latest end of a leg.
     """
-    rules = show.rules
-    ends, reached = _check_ends(fleet, show, logged)
-    checks = [
+    reached, ends = visits(fleet, show, logged)
+    wanted = show.rules.separation
+    apart = {
+        "VRF411": nearest_timed(fleet, wanted),
+        "VRF412": nearest_untimed(fleet, wanted, landing=False),
+        "VRF413": nearest_untimed(fleet, wanted, landing=True),
+        "VRF417": nearest_landing(fleet, wanted),
+    }
+    return [
         ends,
         _check_slots(fleet, reached, logged, script),
-        *_boundaries(fleet, rules.site),
+        *_boundaries(fleet, show.rules.site),
+        *(_apart(code, found, wanted.distance) for code, found in apart.items()),
+        _as_claimed(apart, fleet, show, described, logged),
     ]
-    if fleet.drones < 2:
-        note = "one drone flies alone"
-        alone = checked("VRF411", "pass", notes=(note,))
-        return [*checks, alone, _as_claimed({}, fleet, show, described, logged)]
-    wanted = rules.separation
-    try:
-        timed = nearest_timed(fleet, wanted)
-    except OverlappingLegsError as error:
-        note = f"{error} is released before the leg before it has surely ended"
-        place = Place(error.drone + 1)
-        return [*checks, checked("VRF411", "fail", where=place, notes=(note,))]
-    nearest = {
-        "legs": timed,
-        "launch": nearest_untimed(fleet, wanted, landing=False),
-        "land": nearest_untimed(fleet, wanted, landing=True),
-    }
-    for code, key in (("VRF411", "legs"), ("VRF412", "launch"), ("VRF413", "land")):
-        checks.append(_apart(code, nearest[key], wanted.distance))
-    return [*checks, _as_claimed(nearest, fleet, show, described, logged)]
 
 
-def _check_ends(
+def visits(
     fleet: FleetLegs, show: LoggedShow, logged: list[Move]
-) -> tuple[Check, IntArray]:
+) -> tuple[IntArray, Check]:
     """Whether each mission visits the ends of its drone's moves in order.
 
-    Also returns which leg each move of each drone ends, (drones, moves); -1 where that
-    was not found, and for the moves of others.
+    Returns which leg each move of each drone ends, (drones, moves); -1 where that was
+    not found, and for the moves of others.
     """
     found = np.full((fleet.drones, len(logged)), -1)
     stops = np.full((fleet.drones, 1 + len(logged), 3), np.nan)
     stops[:, 0] = show.segments[0].ends()[0][:, :3]
     for number, move in enumerate(logged, 1):
         stops[move.drones, number] = move.goals
-    worst, where, note = 0.0, 0, ""
+    worst, where, wrong = 0.0, 0, ""
     for drone, (first, end) in enumerate(pairwise(fleet.first.tolist())):
         own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
         places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
         visited, off = _visits(places, stops[drone, own])
         found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
+        steps = np.diff(visited)
         if visited[:1] != [0]:
-            note = "no item flies to the pad in its turn"
+            wrong = "no item flies to the pad in its turn"
         elif len(visited) < own.size:
             name = logged[own[len(visited)] - 1].name
-            note = f"no item flies to the end of “{name}” in its turn"
+            wrong = f"no item flies to the end of “{name}” in its turn"
         elif visited[-1] != end - first:
-            note = "flies on after its landing in the log"
-        if note or off > worst:
+            wrong = "flies on after its landing in the log"
+        elif steps.max() > KNOWN["most_legs"]:
+            name = logged[own[1 + int(steps.argmax())] - 1].name
+            wrong = f"flies {steps.max()} legs for “{name}”, more than any move has"
+        if wrong or off > worst:
             worst, where = off, drone
-        if note:
+        if wrong:
             break
-    visits = np.count_nonzero(found >= 0)
-    seen = f"{visits:,} places, to 1e-7 degrees and 1.2 cm of height"
-    check = checked(
+    count = np.count_nonzero(found >= 0)
+    seen = f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
+    return found, checked(
         "VRF404",
-        "fail" if note else "pass",
+        "fail" if wrong else "pass",
         worst,
         1.0,
         "of the resolution",
         where=Place(where + 1),
-        notes=(note or seen,),
+        notes=(wrong or seen,),
     )
-    return check, found
 
 
 def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
@@ -191,7 +125,7 @@ def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
     """
     found, worst = [0], 0.0
     for stop in stops:
-        off = np.abs(places[found[-1] :] - stop) / PLACE_RESOLUTION
+        off = np.abs(places[found[-1] :] - stop) / KNOWN["place"]
         ratio = off.max(axis=1)
         fits = np.flatnonzero(ratio <= 1.0)
         if not fits.size:
@@ -204,51 +138,65 @@ def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
 def _climbs(fleet: FleetLegs) -> FloatArray:
     """Likely time of each drone's take-off and climb, shape (drones,) [s]."""
     likely, first = fleet.profiles.followed(0.0), fleet.first[:-1]
-    return LIFT_OFF + likely[first] + likely[first + 1]
+    return CONSTANTS["lift_off"] + likely[first] + likely[first + 1]
 
 
 def _check_slots(
     fleet: FleetLegs, reached: IntArray, logged: list[Move], script: Show
 ) -> Check:
-    """Whether each drone reaches its slots in time, and none waits for nothing.
+    """Whether no drone leaves before a move has ended, and none waits for nothing.
 
-    The latest end of a leg, with the spread of its delay and the lag of the clock, lies
-    ``pause`` [s] before the next slot; what the log holds is held. The fleet as a whole
+    A move has ended when all its drones have flown it, at the latest, with the lag of
+    the clock and ``pause`` [s], and have held what the log holds. The fleet as a whole
     waits no longer than that, so no slot is an hour late.
     """
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
-    pause, holds = max(script.mission.slack, SETTLING), [one.held for one in logged]
-    held = np.zeros(fleet.release.size)
-    held[reached] = np.where(reached < 0, 0.0, holds)
-    free = fleet.release + np.maximum(
-        flights.followed(flights.late) + CLOCK_LAG + pause,
-        flights.followed(0.0) + 0.5 * CLOCK_LAG + held,
-    )
-    climbed = _climbs(fleet) + 2.0 * SPREAD + pause
-    free[fleet.first[:-1] + 1] = climbed
-    spare = fleet.release[timed] - free[timed - 1]
-    worst, where = float(spare.min(initial=np.inf)), Place()
-    if timed.size:
-        leg = timed[int(np.argmin(spare))]
-        where = Place(int(fleet.owner[leg]) + 1, time=float(fleet.release[leg]))
+    lag, slack = CONSTANTS["clock_lag"], script.mission.slack
+    pause = max(slack, CONSTANTS["settling"])
+    likely = fleet.release + flights.followed(0.0) + 0.5 * lag
+    over = fleet.release + flights.followed(flights.late) + lag + pause
+    climb = fleet.first[:-1] + 1
+    climbed = _climbs(fleet) + 2.0 * CONSTANTS["spread"] + pause
+    likely[climb] = over[climb] = climbed
+    leaves = fleet.leaves
+    alone, lit = fleet.alone.T
+    legs = np.concatenate([timed, alone.astype(np.int64)])
+    times = np.concatenate([fleet.release[timed], lit])
+    spare, after = [times - over[legs - 1]], [legs]
+    free, done = np.fmax(over, likely), climbed.copy()
+    # The last move is followed by the landing alone.
+    for number, move in enumerate(logged[:-2]):
+        ends, held = reached[move.drones, number], move.held if number else 0.0
+        begun = max(float(done[move.drones].max()), float(likely[ends].max()))
+        end = max(float(over[ends].max()), begun + held)
+        done[move.drones] = end
+        free[ends] = np.maximum(free[ends], end)
+        spare.append(leaves[ends + 1] - end)
+        after.append(ends + 1)
+    every, behind = np.concatenate(spare), np.concatenate(after)
+    worst, where = float(every.min(initial=np.inf)), Place()
+    if every.size:
+        leg = behind[int(np.argmin(every))]
+        where = Place(int(fleet.owner[leg]) + 1, time=float(leaves[leg]))
     # How long no drone needs before a slot: all had climbed, or were free before it.
-    order = timed[np.argsort(fleet.release[timed], kind="stable")]
-    before = np.maximum.accumulate([float(climbed.max()), *free[order]])[:-1]
-    idle = fleet.release[order] - before
+    order = np.argsort(times, kind="stable")
+    over = np.concatenate([free[timed], lit])[order]
+    before = np.maximum.accumulate([float(climbed.max()), *over])[:-1]
+    idle = times[order] - before
     longest = float(idle.max(initial=0.0))
     # Holds of formations, colours that change while no drone moves, and times to come.
     ends = [0.0, *(one.start + one.duration for one in logged)]
     waits = [one - before for before, one in pairwise(sorted(ends))]
-    patience = max(waits) + 2.0 * TICK + SPIN_UP
-    note = f"{timed.size:,} slots, at least {pause:g} s after the latest end"
-    value = worst if timed.size else 0.0
+    patience = max(waits) + 2.0 * CONSTANTS["tick"] + CONSTANTS["spin_up"]
+    note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
+    value = worst if legs.size else 0.0
     verdict: Verdict = "pass"
-    if not worst >= -SAME:
+    if not worst >= -CONSTANTS["same"]:
         line, verdict = fleet.lines[leg - 1], "fail"
         note = f"released {-worst:.2f} s too early after line {line}"
     elif not longest <= patience:
         value, verdict = -longest, "fail"
-        where = Place(time=float(fleet.release[order[int(np.argmax(idle))]]))
+        where = Place(time=float(times[order[int(np.argmax(idle))]]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
     return checked("VRF408", verdict, value, 0.0, "s", where=where, notes=(note,))
 
@@ -286,10 +234,10 @@ def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
 
 
 def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
-    note = f"with what is flown beyond the ends of legs, to {ROUNDING:g} m of rounding"
+    note = "with what is flown beyond the ends of legs, but for the format's rounding"
     return checked(
         code,
-        "pass" if spare >= -ROUNDING else "fail",
+        "pass" if spare >= -CONSTANTS["rounding"] else "fail",
         spare,
         0.0,
         "m to spare",
@@ -300,12 +248,12 @@ def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
 
 def _apart(code: str, found: Nearest, wanted: float) -> Check:
     if found.distance == np.inf:
-        return checked(code, "pass", notes=("no drone moves on time",))
-    limit = wanted - ROUNDING - 3.0 * RESOLUTION
+        return checked(code, "pass", notes=("no two drones meet",))
+    limit = wanted - CONSTANTS["rounding"] - 3.0 * RESOLUTION
     bound = found.distance - RESOLUTION
     note = (
-        f"{wanted:g} m less {100.0 * ROUNDING:g} cm of the format's rounding and "
-        f"{3000.0 * RESOLUTION:g} mm of the proofs' resolution"
+        f"{wanted:g} m less {wanted - limit:g} m of the format's rounding and of the "
+        "proofs' resolution"
     )
     where = Place(
         pair=(found.pair[0] + 1, found.pair[1] + 1),
@@ -324,45 +272,51 @@ def _as_claimed(
 ) -> Check:
     """Hold what the manifest predicts against what was found here.
 
-    ``nearest`` are the nearest encounters of the ``legs``, the ``launch``, the
-    ``land``.
+    ``nearest`` are the nearest encounters, by the codes of their checks.
     """
     said: Any = described.get("prediction")
     start, timed = described.get("start"), logged[1:-1]
     try:
-        keys = _LEG if start is None else _LEG | {"slots_utc"}
+        free, slots = KNOWN["prediction"], [] if start is None else ["slots_utc"]
         legs = [*said["legs"], *[{}] * len(timed)]
-        # What is free stands here as it is said.
-        wanted = {key: said.get(key) for key in _PREDICTED} | {
-            "firmware": FIRMWARE,
-            "clock": "hour" if start is None else "UTC",
-            "start": start,
-            "delay_spread": SPREAD,
-            "clock_lag": CLOCK_LAG,
-            "required_separation": show.rules.separation.distance,
+        # What is free stands here as it is said, if it is figures.
+        wanted = {key: _free(said.get(key)) for key in free["keys"]} | {
             "legs": [
-                {key: leg.get(key) for key in keys}
+                {key: _free(leg.get(key)) for key in (*free["leg"], *slots)}
                 | {"leg": move.segment, "name": move.name}
                 for leg, move in zip(legs, timed, strict=False)
             ],
+            "firmware": KNOWN["firmware"],
+            "clock": "hour" if start is None else "UTC",
+            "start": start,
+            "delay_spread": CONSTANTS["spread"],
+            "clock_lag": CONSTANTS["clock_lag"],
+            "required_separation": show.rules.separation.distance,
         }
         wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
         # Until when a mission may start, and reach its first slot.
-        first = fleet.filled(fleet.release, np.inf)[:, 0]
-        latest = float((first - _climbs(fleet)).min())
+        starts = fleet.filled(fleet.release, np.inf)[:, 0] - _climbs(fleet)
+        latest = float(starts.min())
         if not (said["latest_mission_start"] or 0.0) <= latest:
             wrong.append(f"prediction.latest_mission_start is after {latest:.3f} s")
         met = [leg["closest"] for leg in said["legs"] if leg["closest"] is not None]
-        claimed = {
-            "launch": said["launch"],
-            "land": said["land"],
-            "legs": min(met, key=lambda one: one["distance"], default=None),
-        }
-        for key, one in nearest.items():
-            close, found = claimed[key], one.distance
+        for key, code, close in (
+            ("legs", "VRF411", min(met, key=lambda one: one["distance"], default=None)),
+            ("launch", "VRF412", said["launch"]),
+            ("land", "VRF413", said["land"]),
+        ):
+            found = nearest[code].distance
             near = np.inf if close is None else float(close["distance"])
-            if near != found and not abs(near - found) <= AGREEMENT:
+            if near != found and not abs(near - found) <= CONSTANTS["agreement"]:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         wrong = ["the prediction is nothing that can be read"]
     return agreement("VRF414", wrong)
+
+
+def _free(said: Any) -> Any:  # noqa: ANN401 - JSON
+    """Return what is said if it is a figure, a word, some, or an encounter."""
+    if isinstance(said, dict):
+        return {key: _free(said.get(key)) for key in ("drones", "time", "distance")}
+    some = said if isinstance(said, list) else [said]
+    return said if all(_WORD.fullmatch(str(one)) for one in some) else _WORD

@@ -9,7 +9,6 @@ language; whatever else lies there is a finding.
 from __future__ import annotations
 
 import hashlib
-from itertools import groupby
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
@@ -17,44 +16,44 @@ import numpy as np
 
 from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
-from showc.verify.missions.flight import check_flight, mission_clock
+from showc.log.schema import MANIFEST_NAME as MANIFEST
+from showc.verify.decode import CAPS
+from showc.verify.missions.flight import check_flight, visits
 from showc.verify.missions.language import (
-    LARGEST_FILE,
     MISSION,
+    RULES,
     Mission,
     MissionFormatError,
     read_mission,
 )
-from showc.verify.missions.law import PARAMETERS, fastest_level, parameter_file
-from showc.verify.missions.legs import fleet_legs, to_show_frame
+from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
+from showc.verify.missions.legs import Clock, fleet_legs, to_show_frame
+from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
-from showc.verify.specification.compare import LARGEST_DOCUMENT, read_json, unlike
+from showc.verify.specification.compare import read_json, unlike
 from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
+    from showc.log.container import LogFile
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.mcap import LogFile
     from showc.verify.missions.language import Item
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.report import Check, Verdict
     from showc.verify.specification.demands import Demands
 
-MANIFEST = "manifest.json"
+PARAMETERS = str(KNOWN["file"])
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT values."""
 
 CORNER = 0.008
 """How far a corner may be off: half of 1e-7 degrees, north and east [m]."""
-
-LARGEST_FOLDER = 1 << 29
-"""Missions of 10,000 drones have less in sum [bytes]."""
 
 
 class Missions:
@@ -128,7 +127,7 @@ class Missions:
     def _same_manifest(self) -> Check:
         wrong = []
         try:
-            found = read_file(self.folder / MANIFEST, LARGEST_DOCUMENT)
+            found = read_file(self.folder / MANIFEST, CAPS["document"])
             if found != self.log.attachment(MANIFEST):
                 wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
         except UnreadableFileError as error:
@@ -149,12 +148,12 @@ class Missions:
         total = 0
         for name in names:
             try:
-                content = read_file(self.folder / name, LARGEST_FILE)
+                content = read_file(self.folder / name, RULES["largest_file"])
             except UnreadableFileError as error:
                 self.bad.append(f"{name}: cannot be read: {error.reason}")
                 content = b""
             total += len(content)
-            if total > LARGEST_FOLDER:
+            if total > CAPS["folder"]:
                 self.bad.append(f"{name}: the files up to here are too large in sum")
                 break
             self.contents[name] = content
@@ -175,7 +174,7 @@ class Missions:
             self.grounded = "a mission carries no formation that moves"
             return
         try:
-            clock = mission_clock(self.described)
+            clock = Clock.of(self.described)
             if len(missions) == self.show.drones:
                 self.fleet = fleet_legs(missions, site, self.script, clock)
             else:
@@ -205,27 +204,24 @@ class Missions:
         ]
 
     def _wrong_lights(self) -> Iterator[str]:
-        """Say which missions show other colours than the moves end in, in order."""
-        options = self.script.mission
+        """Say which missions show other colours than the moves end in."""
+        options, moves = self.script.mission, self.asked.moves
         dark, full = options.light_pwm
         servos = options.light_servos or ()
-        lit = [[[dark] * len(servos)] for _ in range(self.show.drones)]
+        ends = np.full((self.show.drones, len(moves)), -1)
+        if self.fleet is not None:
+            ends = visits(self.fleet, self.show, moves)[0]
+            ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
+        lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
         spans = () if self.asked.lights is None else self.asked.lights.spans
         begun = {(round(one.start, 6), one.drones[0]): one.end for one in spans}
-        for move in self.asked.moves:
+        for number, move in enumerate(moves):
             end = begun.get((round(move.start, 6), *move.drones[:1]), np.zeros((0, 3)))
             pulses = np.rint(dark + np.clip(end, 0.0, 1.0) * (full - dark)).astype(int)
             for drone, own in zip(move.drones, pulses.tolist(), strict=False):
-                lit[drone].append(own)
-        for every, (name, mission) in zip(lit, self.missions.items(), strict=False):
-            wanted = [one for one, _ in groupby(every if servos else every[:1])]
-            try:
-                shown = _shown(mission, servos, dark)
-            except ValueError:
-                yield f"{name}: sets an output that the script does not name"
-            else:
-                if shown != wanted:
-                    yield f"{name}: shows {shown}, the moves end in {wanted} us"
+                lit[drone].append(Lit(own, int(ends[drone, number])))
+        for asked, (name, mission) in zip(lit, self.missions.items(), strict=False):
+            yield from (f"{name}: {one}" for one in unlit(mission, asked, servos))
 
     def _autopilot(self) -> Check:
         """Hold the autopilot against the script's, and the parameters of a known one.
@@ -266,24 +262,6 @@ def fleet_token(contents: dict[str, bytes]) -> str:
             digest.update(name.encode())
             digest.update(hashlib.sha256(contents[name]).digest())
     return digest.hexdigest()
-
-
-def _shown(mission: Mission, servos: Sequence[int], dark: int) -> list[list[int]]:
-    """Pulse widths (servos,) [us] that a mission sets one after the other.
-
-    Raises
-    ------
-    ValueError
-        If it sets an output that is not one of them.
-    """
-    found, now = [[dark] * len(servos)], [dark] * len(servos)
-    for word, some in groupby(mission.items, key=lambda item: item.word):
-        if word == "V":
-            for item in some:
-                output, pulse = item.parameters[:2]
-                now[servos.index(int(output))] = int(pulse)
-            found += [list(now)] if now != found[-1] else []
-    return found
 
 
 def _wrong_rows(mission: Mission, show: LoggedShow) -> Iterator[str]:

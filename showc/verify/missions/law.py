@@ -8,9 +8,11 @@ integration. Nothing here is taken from the code that wrote the missions.
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
+from importlib import resources
 from math import floor, tan
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,43 +27,16 @@ if TYPE_CHECKING:
     from showc.script.show import Show
 
 
-GRAVITY = 9.80665
-"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
-
-METRES_PER_DEGREE = 111318.845
-"""Length of a degree in ArduPilot's flat earth [m]."""
-
-TUBES = (
-    (0.0, ((5.0, 0.61), (6.5, 1.10), (8.7, 1.82)), (0.21, 0.21)),
-    (5.0, ((5.0, 0.91), (8.7, 3.34)), (0.70, 0.70)),
-    (8.0, ((5.0, 2.62), (8.7, 8.74)), (2.19, 5.66)),
+KNOWN: dict[str, Any] = tomllib.loads(
+    resources.files(__package__).joinpath("law.toml").read_text(encoding="utf-8")
 )
-"""Wind [m/s]; for legs up to a speed [m/s] how far off the predicted flight drones were
-flown [m]; how late they arrived, on legs up to 5.2 m/s and on faster ones [s]."""
+"""What ``law.toml`` says."""
 
-CRUISE, WINDY = 8.0, 2.7
-"""Greatest level speed of any leg [m/s], in calm air and where the script states wind:
-how faster ones are flown was not measured."""
-
-BRISK = 5.2
-"""Fastest of the legs that were late by the first of these [m/s]."""
-
-SPREAD = 0.20
-"""How much more or less than the delay of its leg a drone may be late, at least [s]."""
-
-SETTLING = 1.5
-"""For how long after its leg a drone may be beyond its end [s]."""
-
-CLOCK_LAG = 0.17
-"""By how much the vehicles' clocks may be late, all alike [s]."""
-
-PHASES = 15
-"""Phases of a leg."""
+CONSTANTS: dict[str, float] = KNOWN["constants"]
+"""What was measured, and what the autopilot reckons with (SI)."""
 
 _HALVINGS = 80  # of a speed: beyond float64
-
-_SHORTEST = 1e-6
-"""What is shorter is no leg [m]."""
+_SHORTEST = 1e-6  # leg [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,18 +50,12 @@ class Law:
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Law:
-        """Return the law under the ``values`` of a parameter file.
-
-        Raises
-        ------
-        KeyError
-            If one of them is missing.
-        """
+        """Return the law under the ``values`` of a parameter file."""
         jerk = values["WPNAV_JERK"]
         turn = min(values["ATC_ACCEL_R_MAX"], values["ATC_ACCEL_P_MAX"]) / 100.0
         snap = min(
             np.pi * jerk / (2.0 * max(values["ATC_INPUT_TC"], 0.1)),
-            np.radians(turn) * GRAVITY,
+            np.radians(turn) * CONSTANTS["gravity"],
         )
         return cls(
             values["WPNAV_ACCEL"] / 100.0,
@@ -239,17 +208,17 @@ def profiles(
 
 def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
     """Spreads and latenesses (n,) [s] of legs by their speeds (n,) [m/s]."""
-    known = [row for row in TUBES if wind <= row[0]]
+    known = [row for row in KNOWN["tubes"] if wind <= row["wind"]]
     if not known:
         raise MissionFormatError(
             f"how missions are flown in a wind of {wind:g} m/s was not measured"
         )
-    _, bands, (slow, fast) = known[0]
+    bands, (slow, fast) = known[0]["off"], known[0]["late"]
     tops = np.array([top for top, _ in bands])
     widths = np.array([width / top for top, width in bands])
     band = np.minimum(np.searchsorted(tops, speed), tops.size - 1)
-    spread = np.maximum(widths[band], SPREAD)
-    return spread, np.maximum(np.where(speed <= BRISK, slow, fast), spread)
+    spread = np.maximum(widths[band], CONSTANTS["spread"])
+    return spread, np.maximum(np.where(speed <= CONSTANTS["brisk"], slow, fast), spread)
 
 
 def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:
@@ -292,9 +261,9 @@ def _assembled(
         *down, (push, 0.0, 0.0), *up,
     ]  # fmt: skip
     spans = np.stack([np.where(moving, time, none) for time, _, _ in phases])
-    edges = np.zeros((length.size, PHASES + 1))
+    edges = np.zeros((length.size, len(phases) + 1))
     np.cumsum(spans.T, axis=1, out=edges[:, 1:])
-    found = np.empty((length.size, PHASES, 6))
+    found = np.empty((length.size, len(phases), 6))
     state = np.zeros((3, length.size))
     for number, (tau, (_, c0, c1)) in enumerate(zip(spans, phases, strict=True)):
         turn = np.pi / np.where(tau > 0.0, tau, 1.0)
@@ -322,72 +291,31 @@ def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
     )
 
 
-FIRMWARE = "ArduCopter 4.6"
-"""The firmware whose parameter names, units and leg law are known."""
-
-AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
-"""The airframe whose gains are known."""
-
-PARAMETERS = "missions/ardupilot.parm"
-"""Name of the file."""
-
-
-def parameters(show: Show) -> dict[str, str]:
+def parameters(show: Show) -> dict[str, float]:
     """Parameters under which the leg law holds, within the limits of a script's show.
 
-    Accelerations and speeds are in cm/s² and cm/s: the measured ones, or less where
-    tilt and velocities of the show allow no more.
+    They are the measured ones, or less where tilt and velocities of the show allow no
+    more. No speed below 10 cm/s is heeded, no acceleration below 50 cm/s².
     """
     limits = show.limits
-    values = {
-        "ANGLE_MAX": 3000,
-        "ATC_ACCEL_P_MAX": 110000,
-        "ATC_ACCEL_R_MAX": 110000,
-        "ATC_INPUT_TC": 0.15,
-        "ATC_RATE_P_MAX": 0,
-        "ATC_RATE_R_MAX": 0,
-        "LAND_ALT_LOW": 400,
-        "LAND_SPEED": 50,
-        "LAND_SPEED_HIGH": _heeded(1.0, show.landing.descent_speed),
-        "PSC_JERK_XY": 20,
-        "PSC_JERK_Z": 5,
-        "PSC_POSXY_P": 1,
-        "PSC_POSZ_P": 1,
-        "PSC_VELXY_D": 0.25,
-        "PSC_VELXY_FF": 0,
-        "PSC_VELXY_I": 1,
-        "PSC_VELXY_P": 2,
-        "PSC_VELZ_P": 5,
-        "WPNAV_ACCEL": max(50, min(350, floor(100.0 * GRAVITY * tan(limits.tilt)))),
-        "WPNAV_ACCEL_C": 0,
-        "WPNAV_ACCEL_Z": 250,
-        "WPNAV_JERK": 20,
-        "WPNAV_SPEED": 1000,
-        "WPNAV_SPEED_DN": _heeded(3.0, -limits.velocity_min[2]),
-        "WPNAV_SPEED_UP": _heeded(4.0, limits.velocity_max[2]),
-        "WP_YAW_BEHAVIOR": 0,
-    }
-    return {name: f"{value:g}" for name, value in values.items()}
-
-
-def _heeded(measured: float, allowed: float) -> int:
-    """Speed [cm/s]: the measured one, or what is allowed; none below 10 is heeded."""
-    return max(10, floor(100.0 * min(measured, allowed) + 1e-7))
+    allowed = (
+        ("LAND_SPEED_HIGH", 10, show.landing.descent_speed),
+        ("WPNAV_SPEED_DN", 10, -limits.velocity_min[2]),
+        ("WPNAV_SPEED_UP", 10, limits.velocity_max[2]),
+        ("WPNAV_ACCEL", 50, CONSTANTS["gravity"] * tan(limits.tilt)),
+    )
+    values = dict(KNOWN["parameters"])
+    for name, least, most in allowed:
+        values[name] = max(least, min(values[name], floor(100.0 * most + 1e-9)))
+    return values
 
 
 def fastest_level(show: Show) -> float:
     """Greatest level speed of the legs of a show's missions [m/s]."""
-    return WINDY if show.site.wind else CRUISE
+    return float(KNOWN["windy" if show.site.wind else "cruise"])
 
 
 def parameter_file(show: Show) -> bytes:
     """Return the bytes that ``ardupilot.parm`` must have."""
-    lines = [
-        f"# Parameters of {FIRMWARE} that the missions beside this file depend on.",
-        "# Names, units and the law of a leg differ between versions: load this file",
-        "# onto that firmware only, and before the missions.",
-        f"# Gains of PSC_ are those of {AIRFRAME}: carry over the",
-        "# rest, and tune yours until it follows as well.",
-        *(f"{name},{value}" for name, value in sorted(parameters(show).items())),
-    ]
-    return ("\n".join(lines) + "\n").encode("ascii")
+    lines = [f"{name},{value:g}\n" for name, value in sorted(parameters(show).items())]
+    return "".join([KNOWN["head"], *lines]).encode("ascii")

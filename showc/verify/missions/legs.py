@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import (
-    METRES_PER_DEGREE,
+    CONSTANTS,
     Law,
     Profiles,
     fastest_level,
@@ -18,7 +20,7 @@ from showc.verify.missions.law import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -34,14 +36,8 @@ DAY, HOUR = 86400.0, 3600.0
 UNTIMED = 3
 """Legs of a mission that wait for no clock: take-off, climb, landing."""
 
-LEVEL, CLIMB, DESCENT = 1, 2, 3
-"""First parameter of a speed item."""
-
-EQUATORIAL_RADIUS = 6378137.0
-"""Semi-major axis of WGS 84 [m]."""
-
-FLATTENING = 1.0 / 298.257223563
-"""Flattening of WGS 84."""
+EQUATORIAL_RADIUS, FLATTENING = 6378137.0, 1.0 / 298.257223563
+"""Of WGS 84: its semi-major axis [m]; how much shorter the other is, as a share."""
 
 _ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)  # of WGS 84
 
@@ -107,6 +103,11 @@ class FleetLegs:
     """How each leg is planned."""
     lines: IntArray
     """Line in the file of each leg's row, shape (n,)."""
+    alone: FloatArray
+    """Slots at which a drone's lights change, and nothing else: the leg that follows
+    each, and its time on the missions' clock, shape (k, 2) [s]."""
+    pause: FloatArray
+    """For how long each drone hovers before its landing, shape (drones,) [s]."""
 
     @property
     def drones(self) -> int:
@@ -122,6 +123,14 @@ class FleetLegs:
     def timed(self) -> BoolArray:
         """Which legs wait for a clock, shape (n,)."""
         return np.isfinite(self.release)
+
+    @property
+    def leaves(self) -> FloatArray:
+        """When each leg begins at the earliest, a landing too, shape (n,) [s]."""
+        found, land, flights = self.release.copy(), self.first[1:] - 1, self.profiles
+        early = self.release + flights.followed(-flights.spread)
+        found[land] = early[land - 1] + self.pause - CONSTANTS["clock_lag"]
+        return found
 
     def filled(self, values: FloatArray, empty: float) -> FloatArray:
         """One row for each drone: ``values`` of its timed legs, then ``empty``."""
@@ -139,6 +148,27 @@ class Clock:
     """Mission time 0, of the day, or of the hour if that is open [s]."""
     period: float
     """``DAY`` or ``HOUR``."""
+
+    @classmethod
+    def of(cls, described: Mapping[str, Any]) -> Clock:
+        """Return what slots count from, by what the manifest says of the missions.
+
+        Raises
+        ------
+        MissionFormatError
+            If it names neither a start of whole seconds nor a minute.
+        """
+        start, prediction = described.get("start"), described.get("prediction")
+        minute = (
+            prediction.get("start_minute") if isinstance(prediction, dict) else None
+        )
+        if start is None and type(minute) is int and 0 <= minute < 60:
+            return cls(60.0 * minute, HOUR)
+        with suppress(ValueError, OverflowError):
+            now = datetime.fromisoformat(str(start)).astimezone(UTC)
+            if not now.microsecond:
+                return cls(3600.0 * now.hour + 60.0 * now.minute + now.second, DAY)
+        raise MissionFormatError("the manifest names no start of the missions")
 
     def time(self, slot: Item) -> float:
         """Mission time of a slot [s]: the first after the missions begin.
@@ -166,19 +196,34 @@ def fleet_legs(
         If slots do not follow each other, naming the drone; or if legs are faster than
         any that were measured.
     """
-    values = {name: float(text) for name, text in parameters(script).items()}
-    read = []
+    values = parameters(script)
+    rows: list[_Row] = []
+    homes = [0]
     for drone, mission in enumerate(missions):
         try:
-            read.append(_Flown.of(mission, site, values, clock))
+            rows += _rows(mission, values, clock)
         except MissionFormatError as error:
             raise MissionFormatError(f"drone {drone + 1}: {error}") from None
-    step = np.concatenate([one.steps for one in read])
-    limits = np.concatenate([one.limits for one in read])
-    law, wind = Law.of(values), script.site.wind
-    flown = profiles(step, limits[:, 0], limits[:, 1], law, wind)
-    vertical = np.where(step[:, 2] > 0.0, "WPNAV_SPEED_UP", "WPNAV_SPEED_DN")
-    rise = np.array([values[name] / 100.0 for name in vertical.tolist()])
+        homes.append(len(rows))
+    latitude, longitude = (
+        np.array([getattr(row.item, name) for row in rows]) * 1e-7
+        for name in ("latitude", "longitude")
+    )
+    ends = np.setdiff1d(np.arange(len(rows)), homes)
+    heights = np.array([row.item.height for row in rows])
+    base = np.repeat(heights[homes[:-1]], np.diff(homes))
+    heights[homes[:-1]] = 0.0
+    heights = _stored(heights)
+    places = to_show_frame(site, latitude, longitude, heights + base)
+    shrink = np.cos(np.radians(site.latitude))
+    level = np.stack([latitude, longitude * shrink]) * CONSTANTS["metres_per_degree"]
+    step = np.diff(np.stack([*level, heights], axis=1), axis=0)[ends - 1]
+    flights = [rows[end] for end in ends.tolist()]
+    level, climb, descent = np.array([row.speeds for row in flights]).T
+    vertical = np.where(step[:, 2] > 0.0, climb, descent)
+    flown = profiles(step, level, vertical, Law.of(values), script.site.wind)
+    up, down = (values[f"WPNAV_SPEED_{way}"] / 100.0 for way in ("UP", "DN"))
+    rise = np.where(step[:, 2] > 0.0, up, down)
     speed = np.where(flown.length > 0.0, flown.speed, 0.0)
     upright = speed * np.sqrt(1.0 - np.minimum(flown.level, 1.0) ** 2)
     share = np.maximum(speed * flown.level / fastest_level(script), upright / rise)
@@ -188,84 +233,73 @@ def fleet_legs(
             f"how a leg of {speed[leg]:g} m/s is flown was not measured: that is "
             f"{share[leg]:.3g} times the greatest level or vertical speed of a mission"
         )
+    late = np.array([row.dark for row in flights]) > flown.duration
+    if late.any():
+        line = flights[int(late.argmax())].line
+        raise MissionFormatError(f"line {line}: lights change when their leg has ended")
+    alone = [(leg, time) for leg, row in enumerate(flights) for time in row.alone]
     return FleetLegs(
-        np.cumsum([0, *(len(one.steps) for one in read)]),
-        np.concatenate([one.places[:-1] for one in read]),
-        np.concatenate([one.places[1:] for one in read]),
-        np.concatenate([one.release for one in read]),
+        np.array(homes) - np.arange(len(homes)),
+        places[ends - 1],
+        places[ends],
+        np.array([row.release for row in flights]),
         flown,
-        np.concatenate([one.lines for one in read]),
+        np.array([row.line for row in flights]),
+        np.array(alone).reshape(-1, 2),
+        np.array([row.pause for row in flights if row.pause]),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Flown:
-    """What the rows of one mission say, before anything is flown."""
+class _Row(NamedTuple):
+    """What a row with a place says, before anything is flown."""
 
-    places: FloatArray
-    release: FloatArray
-    steps: FloatArray
-    """Straight ways in the autopilot's metric, shape (n, 3) [m]."""
-    limits: FloatArray
-    """Speeds in force, level and vertical, shape (n, 2) [m/s]."""
-    lines: IntArray
-
-    @classmethod
-    def of(
-        cls, mission: Mission, site: Site, values: Mapping[str, float], clock: Clock
-    ) -> _Flown:
-        home = mission.home
-        assert home is not None  # noqa: S101 - ArduPilot's grammar has one
-        speeds = {
-            LEVEL: values["WPNAV_SPEED"] / 100.0,
-            CLIMB: values["WPNAV_SPEED_UP"] / 100.0,
-            DESCENT: values["WPNAV_SPEED_DN"] / 100.0,
-        }
-        flown, releases, in_force, lines = [home], [], [], []
-        release, before = np.nan, 0.0
-        for line, item in enumerate(mission.items, start=3):
-            if item.word == "S":
-                speeds[int(item.parameters[0])] = item.parameters[1]
-            elif item.word == "C":
-                release = clock.time(item)
-                if release < before:
-                    raise MissionFormatError(
-                        f"line {line}: this slot comes before the one before it"
-                    )
-                before = release
-            elif item.word == "F":
-                release += item.parameters[0]
-            elif item.word in "TWL":
-                in_force.append([speeds[LEVEL], speeds[CLIMB], speeds[DESCENT]])
-                releases.append(np.nan if item.word == "L" else release)
-                flown.append(item)
-                lines.append(line)
-                release = np.nan
-        latitude = np.array([item.latitude for item in flown]) * 1e-7
-        longitude = np.array([item.longitude for item in flown]) * 1e-7
-        heights = _stored([0.0, *(item.height for item in flown[1:])])
-        places = to_show_frame(site, latitude, longitude, heights + home.height)
-        shrink = np.cos(np.radians(site.latitude))
-        steps = np.stack(
-            [
-                np.diff(latitude) * METRES_PER_DEGREE,
-                np.diff(longitude) * METRES_PER_DEGREE * shrink,
-                np.diff(heights),
-            ],
-            axis=1,
-        )
-        level, climb, descent = np.array(in_force).T
-        vertical = np.where(steps[:, 2] > 0.0, climb, descent)
-        return cls(
-            places,
-            np.array(releases),
-            steps,
-            np.stack([level, vertical], axis=1),
-            np.array(lines),
-        )
+    item: Item
+    line: int
+    release: float = np.nan
+    """Of the leg to the place, on the missions' clock [s]."""
+    speeds: tuple[float, ...] = ()
+    """In force on it: level, up, down [m/s]."""
+    alone: tuple[float, ...] = ()
+    """Slots before it at which lights change alone [s]."""
+    dark: float = 0.0
+    """For how long on the leg lights wait to change [s]."""
+    pause: float = 0.0
+    """For how long a drone hovers before it [s]."""
 
 
-def _stored(heights: Sequence[float]) -> FloatArray:
+def _rows(
+    mission: Mission, values: Mapping[str, float], clock: Clock
+) -> Iterator[_Row]:
+    """Go through the places of a mission, its home first."""
+    assert mission.home is not None  # noqa: S101 - ArduPilot's grammar has one
+    yield _Row(mission.home, 2)
+    # By the first parameter of a speed item: level, up, down.
+    names = "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"
+    speeds = {kind: values[name] / 100.0 for kind, name in enumerate(names, 1)}
+    slots, waits, before = list[float](), {"D": 0.0, "P": 0.0}, 0.0
+    for line, item in enumerate(mission.items, start=3):
+        if item.word == "S":
+            speeds[int(item.parameters[0])] = item.parameters[1]
+        elif item.word == "C":
+            slots.append(clock.time(item))
+            if slots[-1] < before:
+                raise MissionFormatError(
+                    f"line {line}: this slot comes before the one before it"
+                )
+            before = slots[-1]
+        elif item.word == "F":
+            slots[-1] += item.parameters[0]
+        elif item.word in waits:
+            waits[item.word] = item.parameters[0]
+        elif item.word in "TWL":
+            # A landing waits for none: those before it are of lights alone.
+            release = slots.pop() if slots and item.word == "W" else np.nan
+            own = tuple(speeds.values()), tuple(slots)
+            yield _Row(item, line, release, *own, waits["D"], waits["P"])
+            slots, waits["D"] = [], 0.0
+
+
+def _stored(heights: FloatArray) -> FloatArray:
     """Heights as they are stored: whole centimetres, truncated, shape (n,) [m]."""
-    centimetres = np.trunc(np.array(heights, dtype=np.float32) * np.float32(100.0))
+    centimetres = np.trunc(heights.astype(np.float32) * np.float32(100.0))
     return np.asarray(centimetres.astype(np.float64) / 100.0)

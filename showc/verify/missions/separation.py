@@ -17,14 +17,15 @@ Before that, slices of time in which drones fly a few metres leave few pairs to 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
-from showc.verify.kernel.slices import Measure, Slice, measures
-from showc.verify.missions.law import CLOCK_LAG, SETTLING, Covered
+from showc.verify.kernel.separation import Nearest
+from showc.verify.kernel.slices import Measure, Slice, measures, neighbours
+from showc.verify.missions.law import CONSTANTS, Covered
 from showc.verify.missions.legs import UNTIMED
 
 if TYPE_CHECKING:
@@ -32,16 +33,13 @@ if TYPE_CHECKING:
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
-    from showc.verify.missions.law import Profiles
     from showc.verify.missions.legs import FleetLegs
 
 
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""
 
-TOGETHER = 20_000
-"""Pairs that are looked at together: few enough for the memory."""
-
+_TOGETHER = 20_000  # pairs that are looked at together: few enough for the memory
 _FURTHEST = 4.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to be halved."""
@@ -49,136 +47,164 @@ _SLICES = 100
 """Slices of a stretch at most: a leg to the other end of the world ends this, too."""
 
 
-class OverlappingLegsError(Exception):
-    """A drone may still fly one leg when the next one is released."""
-
-    def __init__(self, drone: int, time: float) -> None:
-        super().__init__(f"drone {drone + 1} at {time:.2f} s")
-        self.drone = drone
-        self.time = time
-
-
-@dataclass(slots=True)
-class Nearest:
-    """The pair that can come nearest, of all that were looked at."""
-
-    pair: tuple[int, int] = (0, 0)
-    """Drones, counting from 0."""
-    time: float = 0.0
-    """On the missions' clock [s]."""
-    distance: float = np.inf
-    """In the separation's metric, at most the resolution above the least; infinite if
-    there is none [m]."""
-
-    def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
-        """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
-        row = int(np.argmin(gaps)) if gaps.size else 0
-        if gaps.size and gaps[row] < self.distance:
-            first, second = sorted(pairs[row].tolist())
-            self.pair, self.time = (first, second), time
-            self.distance = float(gaps[row])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """One leg of every drone, or rest, during a stretch of time."""
+    """One leg of every drone, or rest, during a stretch of time, in one measure."""
 
-    begin: FloatArray
-    """Where each drone's leg begins, in the measure's space, shape (drones, axes)."""
-    along: FloatArray
-    """From there to its end, zero for a drone at rest, shape (drones, axes)."""
+    fleet: FleetLegs
+    measure: Measure
     leg: IntArray
-    """Row of each one's leg in the table of all legs, shape (drones,)."""
+    """Row of each drone's leg in the table of all legs, shape (drones,)."""
     release: FloatArray
     """When it is released, shape (drones,) [s]."""
+    begin: FloatArray
+    """Where it begins, in the measure's space, shape (drones, axes)."""
+    along: FloatArray
+    """From there to its end, zero for a drone at rest, shape (drones, axes)."""
     first: float
     """First instant [s]."""
     last: float
     """Last instant [s]."""
-    flights: Profiles
-    """The table of all legs."""
 
     def parts(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
         """Places and velocities (m, axes) of drones (m,) from low to high (m,) [s]."""
-        leg = self.leg[drone]
-        late, early = self._law_times(drone, low, high)
-        excess = np.where(self._moving(leg, late), self.flights.excess[leg], 1.0)
+        leg, flights = self.leg[drone], self.fleet.profiles
+        release = self.release[drone]
+        late, early = flights.delayed(leg, low - release, high - release)
+        excess = np.where(self._moving(drone, low), flights.excess[leg], 1.0)
         begin, along = self.begin[drone], self.along[drone]
         rear, front, slow, fast = (
-            part[:, None] * along for part in self.flights.covered(leg, late, early)
+            part[:, None] * along for part in flights.covered(leg, late, early)
         )
         front, fast = (excess[:, None] * some for some in (front, fast))
         # The law's time runs slower than the clock at first, by up to 35 %.
         return Covered(begin + rear, begin + front, 0.65 * slow, fast)
 
-    def settles(self, drone: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
-        """Whether drones (m,) settle between two times (m,) [s]: parts get shorter."""
-        leg = self.leg[drone]
-        before, after = (self._law_times(drone, at, at)[0] for at in (low, high))
-        return self._moving(leg, before) & ~self._moving(leg, after)
+    def _moving(self, drone: IntArray, time: FloatArray) -> BoolArray:
+        """Whether drones (m,) may be beyond their ends at times (m,) [s]."""
+        leg, flights = self.leg[drone], self.fleet.profiles
+        late = flights.law_time(leg, time - self.release[drone]) - flights.spread[leg]
+        return np.asarray(late < flights.duration[leg] + CONSTANTS["settling"])
 
-    def _moving(self, leg: IntArray, late: FloatArray) -> BoolArray:
-        return np.asarray(late < self.flights.duration[leg] + SETTLING)
+    def search(self, furthest: float, best: Nearest) -> None:
+        """Look at all pairs in slices, in which drones fly ``furthest`` [m] or less.
 
-    def _law_times(
-        self, drone: IntArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        leg, release = self.leg[drone], self.release[drone]
-        return self.flights.delayed(leg, low - release, high - release)
+        The nearest encounter goes into ``best``.
+        """
+        instants = self._instants(furthest)
+        found: list[FloatArray] = []
+        for low, high in pairwise(instants):
+            near = self._candidates(low, high, best)
+            times = np.broadcast_to([low, high], near.shape)
+            found.append(np.concatenate([near, times], axis=1))
+            many = sum(map(len, found))
+            if many > _TOGETHER or (many and high == instants[-1]):
+                pairs, times = np.split(np.concatenate(found), 2, axis=1)
+                self._decide(pairs.astype(np.int64), times, best)
+                found = []
+
+    def _instants(self, furthest: float) -> list[float]:
+        """Instants between which slices lie [s]; few drones have few pairs to sort."""
+        leg, flights, span = self.leg, self.fleet.profiles, self.last - self.first
+        length = np.where(flights.length > 0.0, flights.length, np.inf)
+        rate = flights.speed[leg] / length[leg]
+        speed = float((rate * self.measure(self.along)).max())
+        most = min(leg.size, _SLICES)
+        count = int(np.clip(np.ceil(span * speed / furthest), 1, most))
+        return [float(t) for t in np.linspace(self.first, self.last, count + 1)]
+
+    def _candidates(self, low: float, high: float, best: Nearest) -> IntArray:
+        """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
+        everyone = np.arange(self.leg.size)
+        times = np.full(everyone.size, low), np.full(everyone.size, high)
+        rear, front, *_ = self.parts(everyone, *times)
+        moving = self.measure(front - rear) > 0.0
+        if not moving.any():
+            return np.empty((0, 2), dtype=np.int64)
+        if best.distance == np.inf:
+            start = neighbours(rear)
+            start = start[np.any(moving[start], axis=1)]
+            best.take(start, high, self._gap(start, np.full(len(start), high)))
+        pairs, _ = _near(rear, front, self.measure, best.distance)
+        return np.asarray(pairs[np.any(moving[pairs], axis=1)])
+
+    def _decide(self, pairs: IntArray, times: FloatArray, best: Nearest) -> None:
+        """Enclose the distances of pairs (n, 2) over times (n, 2) [s]."""
+        number = np.repeat(np.arange(len(pairs)), 2).reshape(-1, 2)
+        work = np.stack([number, times], axis=2)
+
+        def reached(some: FloatArray) -> FloatArray:
+            return self._gap(pairs[some[:, 0].astype(np.int64)], some[:, 1])
+
+        def bounded(some: FloatArray) -> FloatArray:
+            chosen, (low, high) = pairs[some[:, 0, 0].astype(np.int64)], some[:, :, 1].T
+            return self._bound(chosen, low, high)
+
+        found = least(work, bounded, reached, RESOLUTION, best.distance)
+        begin, end = times[found.row]
+        time = float(begin + found.fraction * (end - begin))
+        # Where the search gave up, nothing is known.
+        distance = found.upper if np.isfinite(found.lower) else -np.inf
+        best.take(pairs[found.row][None], time, np.array([distance]))
+
+    def _gap(self, pairs: IntArray, time: FloatArray) -> FloatArray:
+        """Least distances (n,) of what pairs (n, 2) may be at ``time`` (n,) [s]."""
+        one, other = (self.parts(drone, time, time) for drone in pairs.T)
+        return part_distance(one[:2], other[:2], self.measure)
+
+    def _bound(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Bounds (n,) of the distances of pairs (n, 2) from low to high [s]."""
+        middle = 0.5 * (low + high)
+        one, other = (self.parts(drone, low, high) for drone in pairs.T)
+        both = product((one.slow, one.fast), (other.slow, other.fast))
+        relative = np.max([self.measure(a - b) for a, b in both], axis=0)
+        sharp = self._gap(pairs, middle) - 0.5 * (high - low) * relative
+        for drone in pairs.T:
+            # When a drone settles, its part gets shorter.
+            sharp[self._moving(drone, low) & ~self._moving(drone, middle)] = 0.0
+        apart = part_distance(one[:2], other[:2], self.measure)
+        return np.asarray(np.maximum(apart, sharp))
 
 
 def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
     """Cut time so that a drone flies at most one timed leg in a stretch.
 
-    Raises
-    ------
-    OverlappingLegsError
-        If a drone's legs are not surely apart in time.
+    That a drone's legs are surely apart in time is proved by its slots (VRF408).
     """
     flights = fleet.profiles
     over = fleet.release + flights.followed(flights.spread)
     first = fleet.filled(fleet.release - flights.spread, np.inf)
     last = fleet.filled(over, -np.inf)
-    overlap = np.argwhere(last[:, :-1] > first[:, 1:])
-    if overlap.size:
-        drone, leg = overlap[0].tolist()
-        time = fleet.filled(fleet.release, np.inf)[drone, leg + 1]
-        raise OverlappingLegsError(drone, float(time))
     following = float(first.min())
     while following < np.inf:
         start = following
         # Up to where a drone begins that still flew the leg before at the start.
-        busy = (last[:, :-1] + SETTLING > start) & (first[:, 1:] > start)
+        busy = (last[:, :-1] + CONSTANTS["settling"] > start) & (first[:, 1:] > start)
         following = float(first[:, 1:][busy].min(initial=np.inf))
         begun = np.count_nonzero(first < following, axis=1)
+        flies = begun > 0
         # A drone not yet off rests where its first timed leg begins.
         leg = fleet.first[:-1] + 2 + np.maximum(begun - 1, 0)
-        ends = np.where(begun > 0, over[leg], -np.inf) + SETTLING
-        begin = measure.space(fleet.begin[leg])
-        along = measure.space(fleet.end[leg]) - begin
+        ends = np.where(flies, over[leg], -np.inf) + CONSTANTS["settling"]
+        begin, end = (measure.space(some[leg]) for some in (fleet.begin, fleet.end))
         yield Stretch(
-            begin,
-            along * (begun > 0)[:, None],
+            fleet,
+            measure,
             leg,
-            np.where(begun > 0, fleet.release[leg], 0.0),
+            np.where(flies, fleet.release[leg], 0.0),
+            begin,
+            (end - begin) * flies[:, None],
             start,
             min(following, float(ends.max())),
-            flights,
         )
 
 
 def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest:
-    """Return the nearest encounter of all timed legs.
-
-    Raises
-    ------
-    OverlappingLegsError
-        If a drone's legs are not surely apart in time.
-    """
+    """Return the nearest encounter of all timed legs."""
     best = Nearest()
     for measure in measures(wanted):
         for stretch in stretches(fleet, measure):
-            _Search(stretch, measure, best).run(_FURTHEST * wanted.distance)
+            stretch.search(_FURTHEST * wanted.distance, best)
     return best
 
 
@@ -193,9 +219,7 @@ def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> N
     owner, best = fleet.owner[legs], Nearest()
     for measure in measures(wanted):
         begin, end = (measure.space(some[legs]) for some in (fleet.begin, fleet.end))
-        order = np.lexsort(begin.T)
-        # Neighbours of some sort: a start that makes pruning work.
-        pairs = np.column_stack([order[:-1], order[1:]])
+        pairs = neighbours(begin)
         one, other = ((begin[leg], end[leg]) for leg in pairs.T)
         gap = part_distance(one, other, measure)
         for _ in range(2):
@@ -205,100 +229,26 @@ def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> N
     return best
 
 
-class _Search:
-    """Branch and bound over what pairs do in one stretch of time."""
-
-    def __init__(self, stretch: Stretch, measure: Measure, best: Nearest) -> None:
-        self.stretch, self.measure, self.best = stretch, measure, best
-
-    def run(self, furthest: float) -> None:
-        """Look at all pairs in slices, in which drones fly ``furthest`` [m] or less."""
-        pairs: list[IntArray] = []
-        times: list[FloatArray] = []
-        count = 0
-        instants = self._instants(furthest)
-        for low, high in pairwise(instants):
-            near = self._candidates(low, high)
-            pairs.append(near)
-            times.append(np.tile([low, high], (len(near), 1)))
-            count += len(near)
-            if count > TOGETHER or (count and high == instants[-1]):
-                self._decide(np.concatenate(pairs), np.concatenate(times))
-                pairs, times, count = [], [], 0
-
-    def _instants(self, furthest: float) -> list[float]:
-        """Instants between which slices lie [s]; few drones have few pairs to sort."""
-        stretch = self.stretch
-        leg, span = stretch.leg, stretch.last - stretch.first
-        length = np.where(stretch.flights.length > 0.0, stretch.flights.length, np.inf)
-        rate = stretch.flights.speed[leg] / length[leg]
-        speed = float((rate * self.measure(stretch.along)).max())
-        most = min(leg.size, _SLICES)
-        count = int(np.clip(np.ceil(span * speed / furthest), 1, most))
-        return [float(t) for t in np.linspace(stretch.first, stretch.last, count + 1)]
-
-    def _candidates(self, low: float, high: float) -> IntArray:
-        """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
-        everyone = np.arange(self.stretch.leg.size)
-        times = np.full(everyone.size, low), np.full(everyone.size, high)
-        rear, front, *_ = self.stretch.parts(everyone, *times)
-        length = self.measure(front - rear)
-        moving = length > 0.0
-        if self.best.distance == np.inf and moving.any():
-            # Neighbours of some sort: a start that makes pruning work.
-            order = np.lexsort(rear.T)
-            start = np.column_stack([order[:-1], order[1:]])
-            start = start[np.any(moving[start], axis=1)]
-            gap = self._gap(start, np.full(len(start), high))
-            self.best.take(start, high, gap)
-        if not moving.any():
-            return np.empty((0, 2), dtype=np.int64)
-        pairs, _ = _near(rear, front, self.measure, self.best.distance)
-        return np.asarray(pairs[np.any(moving[pairs], axis=1)])
-
-    def _decide(self, pairs: IntArray, times: FloatArray) -> None:
-        """Enclose the distances of pairs (n, 2) over times (n, 2) [s]."""
-        number = np.repeat(np.arange(len(pairs)), 2).reshape(-1, 2)
-        work = np.stack([number, times], axis=2)
-        limit = self.best.distance
-
-        def reached(some: FloatArray) -> FloatArray:
-            return self._gap(pairs[some[:, 0].astype(np.int64)], some[:, 1])
-
-        def bounded(some: FloatArray) -> FloatArray:
-            chosen, (low, high) = pairs[some[:, 0, 0].astype(np.int64)], some[:, :, 1].T
-            return self._bound(chosen, low, high)
-
-        found = least(work, bounded, reached, RESOLUTION, limit)
-        begin, end = times[found.row]
-        time = float(begin + found.fraction * (end - begin))
-        # Where the search gave up, nothing is known.
-        known = np.isfinite(found.lower)
-        distance = np.array([found.upper if known else -np.inf])
-        self.best.take(pairs[found.row][None], time, distance)
-
-    def _gap(self, pairs: IntArray, time: FloatArray) -> FloatArray:
-        """Least distances (n,) of what pairs (n, 2) may be at ``time`` (n,) [s]."""
-        one, other = (self.stretch.parts(drone, time, time) for drone in pairs.T)
-        return part_distance(one[:2], other[:2], self.measure)
-
-    def _bound(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Bounds (n,) of the distances of pairs (n, 2) from low to high [s]."""
-        middle = 0.5 * (low + high)
-        one, other = (self.stretch.parts(drone, low, high) for drone in pairs.T)
-        relative = np.max(
-            [
-                self.measure(mine - theirs)
-                for mine in (one.slow, one.fast)
-                for theirs in (other.slow, other.fast)
-            ],
-            axis=0,
-        )
-        sharp = self._gap(pairs, middle) - 0.5 * (high - low) * relative
-        for drone in pairs.T:
-            sharp[self.stretch.settles(drone, low, middle)] = 0.0
-        apart = part_distance(one[:2], other[:2], self.measure)
-        return np.asarray(np.maximum(apart, sharp))
+def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Nearest:
+    """Return how near landings come to what other drones then have still to fly."""
+    flights, lag, best = fleet.profiles, CONSTANTS["clock_lag"], Nearest()
+    over, leaves = fleet.release + flights.followed(flights.spread) + lag, fleet.leaves
+    land, last = fleet.first[1:] - 1, over[fleet.timed].max(initial=-np.inf)
+    for drone, own in enumerate(land.tolist()) if leaves[land].min() < last else ():
+        legs = np.flatnonzero((over > leaves[own]) & (fleet.owner != drone))
+        late, _ = flights.delayed(legs, *[leaves[own] - fleet.release[legs] - lag] * 2)
+        flown, excess = flights.covered(legs, late, late).rear, flights.excess[legs]
+        for measure in measures(wanted):
+            start, stop = (measure.space(some) for some in (fleet.begin, fleet.end))
+            way = stop[legs] - start[legs]
+            rest, ahead = (start[legs] + k[:, None] * way for k in (flown, excess))
+            foot, pad = (
+                np.broadcast_to(some[own], way.shape) for some in (start, stop)
+            )
+            gap = part_distance((rest, ahead), (foot, pad), measure)
+            pairs = np.column_stack([fleet.owner[legs], np.full(legs.size, drone)])
+            best.take(pairs, float(leaves[own]), gap)
+    return best
 
 
 def _near(
@@ -357,10 +307,6 @@ def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
 
 _LENGTH = Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=False)
 
-BESIDE, BESIDE_FAST = 0.3, 0.06
-"""How far beside its part of a line a drone may be drawn [m], and by how much more for
-each m/s of its speed [s]: lift comes sooner than lean, and drones settle sideways."""
-
 
 class Tubes:
     """Where each drone of a fleet may be drawn at any time.
@@ -393,7 +339,7 @@ class Tubes:
         # Where there is no timed leg, the landing stands for it.
         leg = first + UNTIMED - 2 + rank
         since = np.repeat(times, fleet.drones) - self._released[drone, rank - 1]
-        late, early = table.delayed(leg, since - CLOCK_LAG, since)
+        late, early = table.delayed(leg, since - CONSTANTS["clock_lag"], since)
         covered = table.covered(leg, late, early)
         # Beyond its end a drone swings for longer than it counts for the separation.
         front = covered.front * table.excess[leg]
@@ -411,7 +357,8 @@ class Tubes:
         over = (count > last - first - UNTIMED) & (since > self._followed[leg])
         off = np.where(count == 0, climbs, np.where(over, lands, off))
         speed = covered.fast * table.length[leg]
-        share = off / (BESIDE + BESIDE_FAST * speed)
+        allowed = CONSTANTS["beside"] + CONSTANTS["beside_fast"] * speed
+        share = off / allowed
         # Whatever is no number on the drawn side must not pass for a small gap.
         share = np.where(np.isnan(share), np.inf, share)
         return np.asarray(share.reshape(times.size, fleet.drones))

@@ -11,7 +11,6 @@ of which Bernstein coefficients of v and a, of the same degree, enclose each.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -34,24 +33,26 @@ from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
 from showc.verify.report import agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
-from showc.verify.specification.demands import limits_message, upright
+from showc.verify.specification.rules import limits_message
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
+    from showc.log.container import LogFile
     from showc.script.show import Show
     from showc.verify.kernel.show import Segment
-    from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
 GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""
 SLACK = 0.01
 """What accelerations may be beyond those that are allowed [m/s²]: of flown ones that is
-known (:mod:`showc.verify.kernel.limits`). The clock heeds no speed under 1 mm/s."""
+known (:mod:`showc.verify.kernel.limits`). Speeds under 1 mm/s are left out."""
 BACK = pb.AbortRow.BACK_ALONG_THE_PLAN
-_LEGS = {
+_LEGS: dict[int, list[int]] = {
+    pb.AbortRow.ON_THE_GROUND: [],
+    BACK: [],
     pb.AbortRow.DOWN_IN_PLACE: [pb.Segment.LAND],
     pb.AbortRow.HOME: [pb.Segment.APPROACH, pb.Segment.LAND],
 }
@@ -60,8 +61,7 @@ _LEGS = {
 def bound_to(log: LogFile, added: list[str]) -> Check:
     """Hold each thing that was ``added`` against the log that it names, and follows."""
     begin = min(one.position for one in log.attachments if one.name in added)
-    behind = all(chunk.span[1] <= begin for chunk in log.chunks)
-    wanted = hashlib.sha256(log.view[:begin]).hexdigest()
+    behind, wanted = all(c.span[1] <= begin for c in log.chunks), log.before(added)
     other = [name for name in added if _named(log, name) != wanted or not behind]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
     note = "simulated flights are an estimate: nothing of them is proved"
@@ -84,7 +84,7 @@ class Aborts:
     def __init__(self, log: LogFile, logged: LoggedShow, script: Show) -> None:
         self.logged, self.script = logged, script
         rules = pb.Rules.FromString(logged.rules.SerializeToString())
-        sink = upright(script.limits, script.landing.descent_speed)
+        sink = script.limits.upright(script.landing.descent_speed)
         del rules.limits[:]
         rules.limits.extend(map(limits_message, (script.limits, sink)))
         self.table, legs = read_aborts(log, rules)
@@ -137,15 +137,17 @@ class Aborts:
                 index=number,
                 name=leg.name if re.fullmatch(words, leg.name) else words,
                 places=leg.drones,
+                # The theorems are about these.
+                kind=leg.kind,
+                start=leg.start,
+                duration=leg.duration,
+                limits=leg.limits,
+                drones=leg.drones,
+                goals=leg.goals,
             )
-            met = leg.certificate.closest
             if leg.certificate.HasField("closest"):
-                wanted.certificate.closest.distance = met.distance
-            # The theorems are about these.
-            for key in ("kind", "start", "duration", "limits"):
-                setattr(wanted, key, getattr(leg, key))
-            wanted.drones.extend(leg.drones)
-            wanted.goals.extend(leg.goals)
+                said = leg.certificate.closest.distance
+                wanted.certificate.closest.distance = said
             yield from differences(leg, wanted)
 
     def _rows(self) -> Iterator[str]:
@@ -157,8 +159,10 @@ class Aborts:
             legs = [self.show.segments[leg] for leg in row.legs]
             kinds = [one.message.kind for one in legs]
             limits = [one.message.limits for one in legs]
-            if abs(row.time - time) > MOMENT or kinds != _LEGS.get(row.way, []):
+            if abs(row.time - time) > MOMENT or kinds != _LEGS.get(row.way):
                 yield f"at {time:g} s: it is of another time, or flies other legs"
+            elif row.duration and row.way == pb.AbortRow.ON_THE_GROUND:
+                yield f"at {time:g} s: it is on the ground, and takes time"
             elif limits != [kind == pb.Segment.LAND for kind in kinds]:
                 yield f"at {time:g} s: a leg has the limits of another kind"
             elif abs(self._stands(row) - row.rest) > MOMENT:
@@ -208,7 +212,7 @@ class Aborts:
         most = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
         room = np.sqrt(max(most**2 - level**2, 0.0)) - vehicle.gravity
         allowed = np.array([level, limits.acceleration_up or max(room, 0.0), down])
-        found = [(one.start, t) for one in self.logged.segments for t in one.tables]
+        found = [(one.start, one.table) for one in self.logged.segments]
         drones = np.concatenate([t.owner for _, t in found])
         begin = np.concatenate([start + t.start for start, t in found])
         end = np.concatenate([start + t.end for start, t in found])

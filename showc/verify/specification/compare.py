@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from google.protobuf.json_format import MessageToDict
 
+from showc.verify.decode import CAPS
+from showc.verify.report import NAMED
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -18,12 +21,6 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-9
 """How far two numbers may differ, as a fraction of their size; in lists never less than
 of 1: another library of mathematics may have worked places near zero out [m]."""
-
-LARGEST_DOCUMENT = 1 << 26
-"""Size from which no JSON is read [bytes]: a manifest of 10,000 drones has less."""
-
-_MOST = 5
-"""Differences that are named."""
 
 
 def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
@@ -35,7 +32,7 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
         If it is no JSON, holds a number that is none, or one key twice, or is larger
         than any of showc's.
     """
-    if len(content) > LARGEST_DOCUMENT:
+    if len(content) > CAPS["document"]:
         raise ValueError(f"it has {len(content):,} bytes")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -64,7 +61,7 @@ def differences(found: Message, wanted: Message) -> tuple[str, ...]:
         )
         for message in (found, wanted)
     )
-    return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), _MOST))
+    return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), NAMED))
 
 
 def unlike(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -15,34 +14,29 @@ from showc.log.facts import (
     manifest_of,
     media_type,
     metadata_of,
+    sha256,
 )
 from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
+from showc.verify.decode import CAPS
 from showc.verify.report import agreement, checked
 from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from showc.log.container import LogFile
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.mcap import LogFile
     from showc.verify.report import Check
 
-LARGEST_SCRIPT = 16_000_000
-"""Size from which a script is refused [bytes]."""
-
-NO_MISSIONS: dict[str, Any] = {
-    "autopilot": None,
-    "files": {},
-    "prediction": {},
-    "start": None,
-}
+_NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
 """What a manifest says where there are none; else they are checked by themselves."""
 
 _TEXT = re.compile(".*", re.DOTALL)
 _TOKEN = re.compile("[0-9a-f]{64}")
 _DIALECT = re.compile("ardupilot|px4")
+_LIBRARIES = "casadi", "mcap", "numpy", "protobuf", "scipy", "zstandard"
 _RELEASE = re.compile(r"\d[\w.+-]{0,40}")
 
 
@@ -50,24 +44,12 @@ _RELEASE = re.compile(r"\d[\w.+-]{0,40}")
 class Anchor:
     """What is trusted: everything else is compared with it."""
 
-    name: str
-    """Name of the script, without its folder."""
-    sha256: str
-    """Of its bytes, hexadecimal; empty if there are none."""
-    given: bool
-    """Whether it was given with the log, and not found in it."""
+    said: str
+    """Name of the script without its folder, its hash, and where it came from."""
     show: Show | None
     """What it asks for; None if it cannot be read."""
     checks: tuple[Check, ...]
     """Whether it could be read, and is the one that the log carries."""
-
-    def __str__(self) -> str:
-        source = (
-            "given with --script, and compared with the one in the log"
-            if self.given
-            else "found in the log; give your own with --script to trust no other"
-        )
-        return f"script “{self.name}”, sha256 {self.sha256 or 'none'}: {source}"
 
 
 def read_anchor(
@@ -93,11 +75,13 @@ def read_anchor(
     bad: list[str] = []
     if content is None:
         bad.append(f"the log carries no script {name!r}")
+    source = "given with --script, and compared with the one in the log"
     if script is None:
+        source = "found in the log; give your own with --script to trust no other"
         text = content or b""
         result = read_show(text, path=name, attached=inputs)
     else:
-        text = read_file(script, LARGEST_SCRIPT)
+        text = read_file(script, CAPS["script"])
         result = read_show(
             text, path=str(script), folder=script.parent, allow_outside=True
         )
@@ -112,9 +96,10 @@ def read_anchor(
     notes = tuple(f"{found.code}: {found.message}" for found in result.errors[:5])
     readable = checked("VRF202", "fail" if result.show is None else "pass", notes=notes)
     checks = [agreement("VRF201", bad), readable]
-    digest = hashlib.sha256(text).hexdigest() if text else ""
+    digest = sha256(text) if text else "none"
     shown = PurePath(name if script is None else script).name
-    return Anchor(shown, digest, script is not None, result.show, tuple(checks))
+    said = f"script “{shown}”, sha256 {digest}: {source}"
+    return Anchor(said, result.show, tuple(checks))
 
 
 def check_cover(
@@ -181,11 +166,7 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     if not found:
         yield f"{MANIFEST_NAME} inside the log is no JSON object"
         return
-    height = max(
-        float(table.state[:, :, 2].max())
-        for segment in show.segments
-        for table in segment.tables
-    )
+    height = max(float(one.table.state[:, :, 2].max()) for one in show.segments)
     messages = [one.message for one in show.segments]
     wanted = manifest_of(script, messages, height, [""] * len(messages))
     # How places were given out is said in words, and fixed by nothing.
@@ -194,17 +175,17 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     release, topics = log.library.removeprefix("showc "), log.channels.values()
     if not log.library.startswith("showc ") or not _RELEASE.fullmatch(release):
         yield f"{log.library!r} is no release of showc's"
-    versions, missions = (object_in(found, key) for key in ("versions", "missions"))
-    none = missions.get("autopilot") is None
-    said = {key: missions.get(key) for key in NO_MISSIONS} | {"autopilot": _DIALECT}
-    if none and any(one.topic == PREDICTED for one in topics):
-        yield f"there are no missions, and {PREDICTED} draws them"
+    missions = object_in(found, "missions")
+    none, known = (missions.get("autopilot") == one for one in (None, "ardupilot"))
+    said = {key: missions.get(key) for key in _NIL} | {"autopilot": _DIALECT}
+    if not known and any(one.topic == PREDICTED for one in topics):
+        yield f"no flight of missions is known, and {PREDICTED} draws one"
     warnings = missions.get("warnings")
     texts = [_TEXT] * (len(warnings) if isinstance(warnings, list) else 0)
     wanted |= {
         "format_version": 1,
         "fleet": _TOKEN,
-        "versions": dict.fromkeys(versions, _RELEASE) | {"showc": release},
-        "missions": {**(NO_MISSIONS if none else said), "warnings": texts},
+        "versions": dict.fromkeys(_LIBRARIES, _RELEASE) | {"showc": release},
+        "missions": {**(_NIL if none else said), "warnings": texts},
     }
     yield from unlike(found, wanted, "manifest")

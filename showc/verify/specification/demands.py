@@ -8,66 +8,37 @@ and what follows is derived from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
-from showc.script.lanes import (
-    arrival,
-    chapters,
-    common,
-    departure,
-    lanes,
-    own_times,
-    rest,
-)
-from showc.script.moving import MovingPlaces, moving_places
-from showc.verify.kernel.certificates import refuted
-from showc.verify.kernel.choreography import MOMENT, REACHED
+from showc.script.lanes import arrival, chapters, common, departure, own_times
+from showc.script.moving import moving_places
+from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
+from showc.verify.kernel.dynamics import STILL
 from showc.verify.report import agreement
-from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.motion import astray, during, unlike_claims
+from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
+from showc.verify.specification.motion import astray, standing
+from showc.verify.specification.rules import rules_message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from google.protobuf.message import Message
-
     from showc.arrays import FloatArray, IntArray
+    from showc.script.moving import MovingPlaces
     from showc.script.show import Effect, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
     from showc.verify.report import Check
 
-    Built = TypeVar("Built", bound=Message)
-
-
-FORMAT_VERSION = 1
-"""Version of the log's content that this verifier knows."""
 
 PLACE_ERROR = 1e-9
 """How far a goal may be off its place: rounding, not flight [m]."""
-
-ON_TIME = 0.01
-"""How far an arrival or a departure may be off the time that the script asks for [s]:
-a quarter of a frame of film."""
-
-_GROUP_MOVES = ("", pb.Segment.TRANSITION), ("hold after ", pb.Segment.MOTION)
-"""What the log calls a move of a group, and what the group holds in motion after it."""
-
-
-class _Flown(NamedTuple):
-    """When a group moves, at show times [s]."""
-
-    begin: float
-    end: float
-    until: float = 0.0
-    """When what its formation does while it is held is over; 0: it does nothing."""
 
 
 @dataclass(slots=True, eq=False)
@@ -110,39 +81,30 @@ class Demands:
 
     def checks(self) -> list[Check]:
         """Return what was found as checks."""
-        return [
-            agreement("VRF203", self.rules),
-            agreement("VRF204", self.legs),
-            agreement("VRF205", self.places),
-            agreement("VRF206", self.times),
-            agreement("VRF207", self.motions),
-        ]
+        codes = "VRF203", "VRF204", "VRF205", "VRF206", "VRF207"
+        found = self.rules, self.legs, self.places, self.times, self.motions
+        return [agreement(*one) for one in zip(codes, found, strict=True)]
 
 
 def hold_against(show: Show, logged: LoggedShow) -> Demands:
     """Compare the rules and legs that a log claims with what its script asks for."""
     demands = Demands()
     if logged.drones != show.drones:
-        demands.rules.append(
-            f"drones: the log has {logged.drones}, the script asks for {show.drones}"
-        )
+        text = f"drones: the log has {logged.drones}, the script asks for {show.drones}"
+        demands.rules.append(text)
         demands.legs.append("not looked at: the size of the fleet differs")
         return demands
     walk = _Walk(show, logged, demands)
     try:
         walk.run()
-    except _StrayError as stray:
+    except StrayError as stray:
         demands.legs.append(str(stray))
     else:
         demands.lights = LightProgram(show.drones, logged.duration, tuple(walk.spans))
     # Of legs that went astray, the formations and limits so far.
-    wanted = _rules(show, walk.formations, walk.limits, logged.duration)
+    wanted = rules_message(show, walk.formations, walk.limits, logged.duration)
     demands.rules += differences(logged.rules, wanted)
     return demands
-
-
-class _StrayError(Exception):
-    """The legs of the log are not the script's; what follows cannot be known."""
 
 
 class _Walk:
@@ -150,8 +112,7 @@ class _Walk:
 
     def __init__(self, show: Show, logged: LoggedShow, demands: Demands) -> None:
         self.show, self.logged, self.demands = show, logged, demands
-        self.next = 0
-        self.end = 0.0
+        self.next, self.end = 0, 0.0
         self.at = show.pads
         self.fleet = self.places = np.arange(show.drones)
         self.pads = np.array(show.formations[show.pads].points[: show.drones])
@@ -180,7 +141,7 @@ class _Walk:
         show = self.show
         launch, landing = show.launch, show.landing
         up = self._raised(f"above {show.pads}", launch.altitude)
-        climb = upright(show.limits, launch.climb_speed)
+        climb = show.limits.upright(launch.climb_speed)
         segment = self._leg("launch", "launch", up, limits=climb)
         self._expect(segment, self.formations[up], self.fleet)
         self._shine(segment, self.dark)
@@ -192,7 +153,7 @@ class _Walk:
             self._chapter(part)
         self._approach(self._raised(f"above {show.pads} to land", landing.altitude))
         self._shine(self._hold("reaching the pads", landing.hold), self.lit)
-        sink = upright(show.limits, landing.descent_speed)
+        sink = show.limits.upright(landing.descent_speed)
         segment = self._leg("land", "land", show.pads, limits=sink)
         # Straight down: the pad below.
         below = self.before - np.array([0.0, 0.0, landing.altitude])
@@ -215,11 +176,8 @@ class _Walk:
         """To above the pads, unless every drone is there already."""
         points = self.formations[over]
         fixed = self.show.landing.assignment == "fixed"
-        there = (
-            np.array_equal(self.position, points)
-            if fixed
-            else _one_to_one(self.position, points) is not None
-        )
+        match = _one_to_one(self.position, points)
+        there = np.array_equal(self.position, points) if fixed else match is not None
         if there and not self.leaving:
             return
         segment = self._leg("approach", "approach to the pads", over)
@@ -241,9 +199,12 @@ class _Walk:
         count = sum(1 + bool(one.motion) for one in transitions) if own else 0
         segment = self._leg("transition", name, to, duration=duration, moves=count)
         begin, end = segment.start, segment.end
-        flights = [_Flown(begin, end) for _ in transitions]
+        flights = [Flight(begin, end) for _ in transitions]
         if own:
-            flights = self._lanes(segment, transitions)
+            self.lanes = Lanes(show, self.logged, segment, transitions)
+            flights = self.lanes.flights
+            self.demands.legs += self.lanes.unproved
+            self.demands.times += self.lanes.times
         for one, flight in zip(transitions, flights, strict=True):
             self._on_time(one, flight.begin, flight.end)
         self._place(segment, transitions, flights)
@@ -261,96 +222,30 @@ class _Walk:
             effect = first.effect or show.formations[first.to].effect
             self._shine(after, self.lit, "linear", effect, lit)
             return
-        after = self._hold(name, rest(transitions)) or segment
-        both = zip(self.placed, flights, strict=True)
+        both = list(zip(self.placed, flights, strict=True))
+        over = max(at.end + one.hold for (one, *_), at in both)
+        after = self._hold(name, round(over - end, 3)) or segment
         moves = [LaneMove(*one, at.begin, at.end) for one, at in both]
-        window = begin, after.end
-        for span in lane_spans(show, moves, self.lit, window):
+        for span in lane_spans(show, moves, self.lit, (begin, after.end)):
             self.spans.append(span)
             self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
 
-    def _lanes(
-        self, segment: Segment, transitions: Sequence[Transition]
-    ) -> list[_Flown]:
-        """Return when groups move at times of their own: the log says so, and flies."""
-        said = list(segment.message.moves)
-        asked = [
-            (name + one.name, one.group, one.to, kind)
-            for one in transitions
-            for name, kind in _GROUP_MOVES[: 1 + bool(one.motion)]
-        ]
-        if [(one.name, one.group, one.to_formation, one.kind) for one in said] != asked:
-            raise _StrayError(f"moves of “{segment.message.name}” are not the script's")
-        both = [[said.pop(0) for _ in (0, *one.motion[:1])] for one in transitions]
-        claims = [one[0] for one in both]
-        found = [_Flown(one.start, one.start + one.duration) for one in claims]
-        for lane in lanes(transitions):
-            members = np.array(self.show.groups[str(transitions[lane[0]].group)])
-            free = segment.start
-            for at, after in zip(lane, [*lane[1:], None], strict=True):
-                one, (begin, end, *_) = transitions[at], found[at]
-                if not free - MOMENT <= begin < end <= segment.end + MOMENT:
-                    raise _StrayError(f"“{one.name}” is flown while its group is held")
-                free = end + one.hold
-                for claim in both[at]:
-                    if not self._bounded(members, claim):
-                        text = f"“{claim.name}”: its bound is not proved"
-                        self.demands.legs.append(text)
-                # What is held in motion moves until its group leaves, if it does.
-                until = free if after is None else found[after].begin
-                for claim in both[at][1:]:
-                    found[at] = _Flown(begin, end, until)
-                    off = np.subtract((end, until - end), (claim.start, claim.duration))
-                    if not max(*abs(off), until - segment.end) <= MOMENT:
-                        raise _StrayError(f"“{claim.name}” is not as long as its hold")
-            mine, held_so = [claims[at] for at in lane], [found[at][1:] for at in lane]
-            self.demands.times += unlike_claims(segment, members, mine, held_so)
-        return found
-
-    def _bounded(self, drones: IntArray, claim: pb.Move) -> bool:
-        """Tell whether a lower bound on the time of a group's move has its proof."""
-        said, witness = claim.certificate, claim.certificate.witness
-        leg = pb.Segment(certificate=said)
-        times = claim.start, claim.start + claim.duration
-        states = np.stack([self._at(drones, time) for time in times])
-        ends = states[:, drones == witness.drone].sum(axis=1)
-        rules = _rules(self.show, {}, [self.show.limits], 0.0)
-        way = ends[1, :3] - ends[0, :3]
-        proved = witness.drone in drones and refuted(leg, rules, way, ends)
-        least = witness.time + MOMENT if proved else 0.0
-        single = said.single_drone_minimum or claim.duration
-        # What comes near it is a matter of the whole leg: a move claims no encounter.
-        if said.HasField("closest") or (said.HasField("witness") and not proved):
-            return False
-        return (
-            0.0 <= said.dual_bound <= min(least, single)
-            and single <= claim.duration + MOMENT
-        )
-
-    def _at(self, drones: IntArray, time: float) -> FloatArray:
-        """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
-        return flown(self.logged, np.array([time]))[:12, 0, drones].T
-
     def _on_time(self, one: Transition, start: float, end: float) -> None:
         """Hold the times of a move against those that the script asks for."""
-        for asked, taken, what in (
-            (departure(one), start, "starts"),
-            (arrival(one), end, "arrives"),
-        ):
+        both = (departure(one), start, "starts"), (arrival(one), end, "arrives")
+        for asked, taken, what in both:
             if asked is not None and not abs(taken - asked) <= ON_TIME:
-                self.demands.times.append(
-                    f"“{one.name}” {what} at {taken:.3f} s, the script asks for "
-                    f"{asked:.3f} s"
-                )
+                text = f"“{one.name}” {what} at {taken:.3f} s, the script asks for "
+                self.demands.times.append(f"{text}{asked:.3f} s")
 
     def _place(
-        self, segment: Segment, transitions: Sequence[Transition], flights: list[_Flown]
+        self, segment: Segment, transitions: Sequence[Transition], flights: list[Flight]
     ) -> None:
         """Check the goals of the fleet, or of groups; others stay where they are.
 
         Where a group moves on in the leg, its goal is where it is at the end of a move.
         """
-        others = np.ones(self.show.drones, dtype=bool)
+        others, resting = np.ones((2, self.show.drones), dtype=bool)
         colours = self.colours.copy()
         self.placed, moved = [], []
         final = {one.group: at for at, one in enumerate(transitions)}
@@ -363,7 +258,7 @@ class _Walk:
             goals, error = segment.goals[members], PLACE_ERROR
             flight, last = flights[at], at == final[group]
             if flight.until or not last:
-                goals, error = self._at(members, flight.end)[:, :3], REACHED
+                goals, error = self.lanes.at(members, flight.end)[:, :3], REACHED
             places = self._given(segment, transition, members, goals, error)
             self.placed.append((transition, members, places))
             times = flight.begin, flight.end - flight.begin
@@ -371,25 +266,30 @@ class _Walk:
             moved.append(Move(*own, transition.hold))
             if flight.until:
                 self._moved(segment, flight, last=last)
+                resting[members] = not (last and transition.under_way[1])
             colours[members] = shown(transition, formation, places)
-        if not _near(segment.goals[others], self.before[others]):
+        stay = _near(segment.goals[others], self.before[others])
+        # Groups that keep times of their own fly round all others.
+        if segment.message.moves:
+            ways = segment.table.state[others[segment.table.owner], :, :3]
+            stay &= bool(np.ptp(ways, axis=1).max(initial=0.0) <= STILL)
+        if not stay:
             self._wrong(segment, "drones of no group do not stay where they are")
         self.colours = colours
+        self.leaving = not resting.all()
         if segment.message.moves:
             self.demands.moves += sorted(moved, key=lambda move: move.start)
+            if (np.abs(segment.ends()[1][resting][:, AT_REST]) > JOINT).any():
+                self._wrong(segment, "drones that are not left in motion do not rest")
 
-    def _moved(self, segment: Segment, flight: _Flown, *, last: bool) -> None:
+    def _moved(self, segment: Segment, flight: Flight, *, last: bool) -> None:
         """Look at what a group does while it holds the formation placed last."""
         transition, members, places = self.placed[-1]
         moving, parked = self._moving(*self.placed[-1]), members[places < 0]
-        there = self._at(parked, flight.end)[:, :3]
-        part = during(segment, members, flight.end, flight.until)
-        still = MovingPlaces(parked, there, (), np.zeros(3), ())
-        found = ["a polynomial runs across an end of its motion"]
-        if part is not None:
-            found = list(astray(part, [moving, still]))
+        found = self.lanes.astray(moving, parked, flight)
         self.demands.motions += [f"“{transition.name}”: {text}" for text in found]
         goal, goals = moving.ends(flight.until - flight.end)[1][0], segment.goals
+        there = self.lanes.at(parked, flight.end)[:, :3]
         near = _near(goals[moving.rows], goal) and _near(goals[parked], there, REACHED)
         if last and not near:
             self._wrong(segment, "goals are not where a motion ends")
@@ -464,14 +364,14 @@ class _Walk:
         groups have times of their own in it.
         """
         if self.next >= len(self.logged.segments):
-            raise _StrayError(f"the log lacks the leg “{name}”")
+            raise StrayError(f"the log lacks the leg “{name}”")
         segment = self.logged.segments[self.next]
         message = segment.message
         limits = limits or self.show.limits
         if limits not in self.limits:
             self.limits.append(limits)
         if message.kind != pb.Segment.Kind.Value(kind.upper()) or message.name != name:
-            raise _StrayError(
+            raise StrayError(
                 f"leg {self.next + 1} is “{message.name}”, the script asks for “{name}”"
             )
         facts: list[tuple[str, Any, Any]] = [
@@ -484,10 +384,8 @@ class _Walk:
         if duration is not None:
             facts.append(("duration", segment.duration, round(duration, 3)))
         elif segment.duration < round(least, 3) - MOMENT:
-            self.demands.legs.append(
-                f"“{name}” lasts {segment.duration!r} s, the script asks for {least!r} "
-                "s or more"
-            )
+            text = f"“{name}” lasts {segment.duration!r} s, the script asks for "
+            self.demands.legs.append(f"{text}{least!r} s or more")
         for key, found, wanted in facts:
             self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
         if not (moves or kind in {"hold", "motion"}):
@@ -513,9 +411,10 @@ class _Walk:
         # A hold before a given time is as long as is left: missions keep the least.
         last.held = min(last.held, least) if grows else last.held
         if not moving and least <= 0.0 and not (grows and there):
+            if least < 0.0 and not grows:
+                self.demands.legs.append(f"“{name}” lasts {-least:g} s too long")
             return None
-        at = to = self.at
-        goals = self.position.copy()
+        at, to, goals = self.at, self.at, self.position.copy()
         moves_on = any(one.moves_on for one in moving)
         if moves_on:
             self.carried += 1
@@ -532,10 +431,8 @@ class _Walk:
             self.formations[to] = points
         self._expect(segment, goals, self.places)
         if moving:
-            rest = np.setdiff1d(
-                self.fleet, np.concatenate([one.rows for one in moving])
-            )
-            still = MovingPlaces(rest, self.before[rest], (), np.zeros(3), ())
+            others = np.setdiff1d(self.fleet, np.concatenate([m.rows for m in moving]))
+            still = standing(others, self.before[others])
             found = astray(segment, [*moving, still])
             self.demands.motions += [f"“{title}”: {text}" for text in found]
             self.leaving = any(one.under_way[1] for one in moving)
@@ -588,57 +485,3 @@ def _one_to_one(
             return None
         found[row] = near[0]
     return found if np.unique(found).size == found.size else None
-
-
-def upright(limits: Limits, speed: float) -> Limits:
-    """Limits of a launch or a landing that is not faster than ``speed`` [m/s].
-
-    It is upright, so that x and y are held.
-    """
-    low, high = limits.velocity_min, limits.velocity_max
-    return replace(
-        limits,
-        tilt=0.0,
-        velocity_min=(low[0], low[1], max(low[2], -speed)),
-        velocity_max=(high[0], high[1], min(high[2], speed)),
-    )
-
-
-def limits_message(limits: Limits) -> pb.Limits:
-    """Return limits as a log has them."""
-    return _message(pb.Limits, limits)
-
-
-def _rules(
-    show: Show, formations: dict[str, FloatArray], limits: list[Limits], duration: float
-) -> pb.Rules:
-    """Return the rules that a log of the show must carry."""
-    fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
-    shape = show.separation.shape.upper().replace("-", "_")
-    return _message(
-        pb.Rules,
-        show,
-        format_version=FORMAT_VERSION,
-        duration=duration,
-        site=_message(pb.Site, show.site, fence=fence),
-        vehicle=_message(pb.Vehicle, show.vehicle),
-        separation=_message(pb.Separation, show.separation, shape=shape),
-        yaw_held=show.yaw == "held",
-        formations=[
-            pb.Formation(name=name, points=np.ravel(points).tolist())
-            for name, points in formations.items()
-        ],
-        limits=list(map(limits_message, limits)),
-    )
-
-
-def _message(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
-    """Fill a message: its fields have the names of the attributes of the source."""
-    values: dict[str, Any] = {}
-    for entry in kind.DESCRIPTOR.fields:
-        name = entry.name
-        value = given[name] if name in given else getattr(source, name)
-        if entry.message_type is pb.Vector3.DESCRIPTOR:
-            value = dict(zip("xyz", map(float, value), strict=True))
-        values[name] = value
-    return kind(**values)

@@ -14,25 +14,19 @@ motions set in. So a few instants prove all of them.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
 from math import ceil, sqrt, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.moving import shares_of
+from showc.script.moving import MovingPlaces, shares_of
 from showc.script.show import Breathe, Follow, Morph, Rotate, Travel, Wave
-from showc.verify.kernel.choreography import MOMENT
-from showc.verify.kernel.dynamics import STILL
-from showc.verify.kernel.show import PieceTable
 from showc.verify.samples import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from showc.arrays import FloatArray, IntArray
-    from showc.log.showc_pb2 import Move
-    from showc.script.moving import MovingPlaces
     from showc.verify.kernel.show import Segment
 
 FOLLOWED = 1e-3
@@ -106,6 +100,11 @@ def _restless(one: MovingPlaces, duration: float) -> float:
     return bend
 
 
+def standing(rows: IntArray, places: FloatArray) -> MovingPlaces:
+    """Return drones (n,) that stay at their places (n, 3) [m]."""
+    return MovingPlaces(rows, places, (), np.zeros(3), ())
+
+
 def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
     """Say how far the worst drone may be from where a motion wants it, if too far.
 
@@ -116,15 +115,18 @@ def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
     duration, worst, slip, worse = segment.duration, 0.0, 0.0, [0, 0]
     for one in parts:
         asked = _restless(one, duration) if one.motions else 0.0
-        tables = (table.parts(1) for table in segment.tables)
-        for alone in chain.from_iterable(tables):
+        for alone in segment.table.parts(1):
             row = np.flatnonzero(one.rows == alone.drones[0])
             if not row.size:
                 continue
             # Frames of one place are those of all.
             own = (part if part.shape[1] == 1 else part[:, row] for part in one.frames)
             mine = replace(one, rows=row, places=one.places[row], frames=tuple(own))
-            bend = asked + _bend(alone)
+            slopes = [alone.state[:, :, :3]]
+            for _ in JOINED:
+                slopes.append(alone.slope(slopes[-1]))
+            # The greatest second difference of the logged positions.
+            bend = asked + float(np.linalg.norm(slopes[2], axis=2).max())
             step = sqrt(8.0 * _REST / max(bend, 1e-9))
             count = max(2, ceil(duration / min(step, duration)) + 1)
             times = np.linspace(0.0, duration, count if count <= _MOST else 2)
@@ -136,7 +138,8 @@ def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
             if not far <= worst:
                 worst, worse[0] = far, int(alone.drones[0])
             ends = np.stack(mine.ends(duration))[:, 1:, 0]
-            missed = np.abs(_slopes(alone) - ends).max(axis=(0, 2)) / JOINED
+            flown = np.stack([[one[0, 0], one[-1, -1]] for one in slopes[1:]], axis=1)
+            missed = np.abs(flown - ends).max(axis=(0, 2)) / JOINED
             if not missed.max() <= slip:
                 slip, worse[1] = float(missed.max()), int(alone.drones[0])
     if not worst <= FOLLOWED:
@@ -149,82 +152,3 @@ def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
             f"drone {worse[1] + 1} begins or ends in another state than the motion's: "
             f"{slip:.3g} times what is allowed"
         )
-
-
-def _slopes(table: PieceTable) -> FloatArray:
-    """Velocity, acceleration and jerk at start and end of one drone, (2, 3, 3) (SI)."""
-    found = np.zeros((2, 3, 3))
-    for side, row in ((0, 0), (-1, -1)):
-        curve, width = table.state[row, :, :3], table.end[row] - table.start[row]
-        for order in range(min(3, len(curve) - 1)):
-            curve = np.diff(curve, axis=0) * (len(curve) - 1) / width
-            found[side, order] = curve[side]
-    return found
-
-
-def _bend(table: PieceTable) -> float:
-    """Greatest acceleration of the logged positions, by their coefficients [m/s²]."""
-    degree = table.state.shape[1] - 1
-    if degree < 2:
-        return 0.0
-    width = (table.end - table.start)[:, None, None]
-    second = degree * (degree - 1) * np.diff(table.state[:, :, :3], n=2, axis=1)
-    return float(np.sqrt(((second / width**2) ** 2).sum(axis=2)).max())
-
-
-def during(
-    segment: Segment, drones: IntArray, begin: float, end: float
-) -> Segment | None:
-    """Return what drones (n,) fly of a segment between two show times [s].
-
-    None if a polynomial runs across one of them.
-    """
-    message = type(segment.message)()
-    message.CopyFrom(segment.message)
-    message.start, message.duration, tables = begin, end - begin, []
-    first, last = begin - segment.start, end - segment.start
-    for table in segment.tables:
-        within = (table.end > first + MOMENT) & (table.start < last - MOMENT)
-        within &= np.isin(table.owner, drones)
-        whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
-        if (within & ~whole).any():
-            return None
-        mine, rows = np.unique(table.owner[within], return_index=True)
-        rows = np.append(rows, np.count_nonzero(within))
-        times = table.start[within] - first, table.end[within] - first
-        states = table.state[within], table.control[within]
-        tables.append(PieceTable(mine, rows, *times, *states))
-    return replace(segment, message=message, tables=tuple(tables))
-
-
-def unlike_claims(
-    segment: Segment,
-    drones: IntArray,
-    claims: Sequence[Move],
-    motions: Sequence[tuple[float, float]],
-) -> Iterator[str]:
-    """Yield moves of a group that do not begin and end when the log claims it.
-
-    At all other times every coefficient of its drones' positions is one place, but for
-    ``motions`` of what is held, between two show times [s].
-    """
-    starts = np.array([claim.start for claim in claims])
-    first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
-    for table in segment.tables:
-        mine = np.isin(table.owner, drones)
-        way = table.state[mine, :, :3]
-        mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > STILL
-        for low, high in motions:
-            inside = segment.start + table.start >= low - MOMENT
-            mine &= ~(inside & (segment.start + table.end <= high + MOMENT))
-        begin, end = segment.start + table.start[mine], segment.start + table.end[mine]
-        which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
-        np.minimum.at(first, which, begin)
-        np.maximum.at(last, which, end)
-    for claim, begins, ends in zip(claims, first, last, strict=True):
-        off = max(abs(begins - claim.start), abs(ends - claim.start - claim.duration))
-        if np.isfinite(begins) and not off <= MOMENT:
-            yield (
-                f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the log "
-                f"says from {claim.start:.3f} s, for {claim.duration:.3f} s"
-            )

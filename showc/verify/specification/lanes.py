@@ -1,0 +1,190 @@
+"""Groups that move at times of their own, side by side within one leg of the log.
+
+The moves of a group, one after the other, are a lane. The log says when each of them is
+flown, and what a group does while it is held in motion after it. That is held against
+the script, and against what is flown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from showc.log import showc_pb2 as pb
+from showc.script.lanes import lanes
+from showc.verify.kernel.certificates import certified, excess
+from showc.verify.kernel.choreography import MOMENT
+from showc.verify.kernel.dynamics import STILL
+from showc.verify.kernel.show import PieceTable
+from showc.verify.samples import flown
+from showc.verify.specification.motion import astray, standing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from showc.arrays import FloatArray, IntArray
+    from showc.script.moving import MovingPlaces
+    from showc.script.show import Show, Transition
+    from showc.verify.kernel.show import LoggedShow, Segment
+
+
+ON_TIME = 0.01
+"""How far an arrival or a departure may be off the time that the script asks for [s]:
+a quarter of a frame of film."""
+
+
+class StrayError(Exception):
+    """The legs of the log are not the script's; what follows cannot be known."""
+
+
+@dataclass(slots=True)
+class Flight:
+    """When a group moves, at show times [s]."""
+
+    begin: float
+    end: float
+    until: float = 0.0
+    """When what its formation does while it is held is over; 0: it does nothing."""
+
+
+class Lanes:
+    """The lanes of one leg: its ``transitions``, by their groups."""
+
+    def __init__(
+        self,
+        show: Show,
+        logged: LoggedShow,
+        segment: Segment,
+        transitions: Sequence[Transition],
+    ) -> None:
+        self.show, self.logged, self.segment = show, logged, segment
+        self.unproved: list[str] = []
+        """Claimed bounds that have no proof."""
+        self.times: list[str] = []
+        """Moves that are not flown when the log claims it."""
+        said = list(segment.message.moves)
+        asked = [
+            (name, one.group, one.to, kind)
+            for one in transitions
+            for name, kind in (
+                (one.name, pb.Segment.TRANSITION),
+                *[(f"hold after {one.name}", pb.Segment.MOTION)] * bool(one.motion),
+            )
+        ]
+        if [(one.name, one.group, one.to_formation, one.kind) for one in said] != asked:
+            raise StrayError(f"moves of “{segment.message.name}” are not the script's")
+        both = [[said.pop(0) for _ in (0, *one.motion[:1])] for one in transitions]
+        self.flights = [Flight(m.start, m.start + m.duration) for m, *_ in both]
+        """When each transition is flown."""
+        for lane in lanes(transitions):
+            members = np.array(show.groups[str(transitions[lane[0]].group)])
+            self._follow([(transitions[at], self.flights[at], both[at]) for at in lane])
+            claims = [claim for at in lane for claim in both[at]]
+            loose = [one.name for one in claims if not self._bounded(members, one)]
+            self.unproved += [f"“{name}”: its bound is not proved" for name in loose]
+            mine, own = [both[at][0] for at in lane], [self.flights[at] for at in lane]
+            self.times += _unlike(segment, members, mine, own)
+
+    def _follow(self, lane: list[tuple[Transition, Flight, list[pb.Move]]]) -> None:
+        """Check that the moves of a lane follow each other, with their holds."""
+        free, ends = self.segment.start, self.segment.end
+        following = [*(flight.begin for _, flight, _ in lane[1:]), None]
+        for (one, flight, (_, *held)), after in zip(lane, following, strict=True):
+            time = flight.end - flight.begin
+            if not free - MOMENT <= flight.begin < flight.end <= ends + MOMENT:
+                raise StrayError(f"“{one.name}” is flown while its group is held")
+            if abs((one.duration or time) - time) > ON_TIME:
+                raise StrayError(f"“{one.name}” takes {time:.3f} s")
+            free = flight.end + one.hold
+            # What is held in motion moves until its group leaves, if it does.
+            for claim in held:
+                flight.until = after or (max(free, ends) if one.under_way[1] else free)
+                wanted = flight.end, flight.until - flight.end
+                off = np.abs(np.subtract(wanted, (claim.start, claim.duration)))
+                if not max(*off, flight.until - ends) <= MOMENT:
+                    raise StrayError(f"“{claim.name}” is not as long as its hold")
+
+    def _bounded(self, drones: IntArray, claim: pb.Move) -> bool:
+        """Tell whether a lower bound on the time of a group's move has its proof."""
+        said, times = claim.certificate, (claim.start, claim.start + claim.duration)
+        part = _during(self.segment, drones, *times)
+        # What comes near it is a matter of the whole leg: a move claims no encounter.
+        if part is None or said.HasField("closest"):
+            return False
+        part.message.certificate.CopyFrom(said)
+        part = replace(part, goals=part.ends()[1][:, :3])
+        alone = replace(self.logged, segments=(part,))
+        stated = certified(alone, [excess(alone, part)], [None])
+        return all(one.holds is not False for one in stated)
+
+    def at(self, drones: IntArray, time: float) -> FloatArray:
+        """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
+        return flown(self.logged, np.array([time]))[:12, 0, drones].T
+
+    def astray(
+        self, moving: MovingPlaces, parked: IntArray, flight: Flight
+    ) -> Iterator[str]:
+        """Say what a group does otherwise while it holds its formation in motion."""
+        members = np.union1d(moving.rows, parked)
+        part = _during(self.segment, members, flight.end, flight.until)
+        if part is None:
+            yield "a polynomial runs across an end of its motion"
+            return
+        still = standing(parked, self.at(parked, flight.end)[:, :3])
+        yield from astray(part, [moving, still])
+
+
+def _during(
+    segment: Segment, drones: IntArray, begin: float, end: float
+) -> Segment | None:
+    """Return what drones (n,) fly of a segment between two show times [s].
+
+    None if a polynomial runs across one of them.
+    """
+    message = type(segment.message)()
+    message.CopyFrom(segment.message)
+    message.start, message.duration, table = begin, end - begin, segment.table
+    first, last = begin - segment.start, end - segment.start
+    within = (table.end > first + MOMENT) & (table.start < last - MOMENT)
+    within &= np.isin(table.owner, drones)
+    whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
+    if (within & ~whole).any():
+        return None
+    mine, rows = np.unique(table.owner[within], return_index=True)
+    rows = np.append(rows, np.count_nonzero(within))
+    times = table.start[within] - first, table.end[within] - first
+    states = table.state[within], table.control[within]
+    table = PieceTable(mine, rows, *times, *states)
+    return replace(segment, message=message, table=table)
+
+
+def _unlike(
+    segment: Segment, drones: IntArray, claims: list[pb.Move], flights: list[Flight]
+) -> Iterator[str]:
+    """Yield moves of a group that do not begin and end when the log claims it.
+
+    At all other times every coefficient of its drones' positions is one place, but for
+    what is held in motion.
+    """
+    starts = np.array([flight.begin for flight in flights])
+    first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
+    mine = np.isin(segment.table.owner, drones)
+    way = segment.table.state[mine, :, :3]
+    mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > STILL
+    begin = segment.start + segment.table.start[mine]
+    end = segment.start + segment.table.end[mine]
+    for one in flights:
+        moved = ~((begin >= one.end - MOMENT) & (end <= one.until + MOMENT))
+        begin, end = begin[moved], end[moved]
+    which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
+    np.minimum.at(first, which, begin)
+    np.maximum.at(last, which, end)
+    for claim, begins, ends in zip(claims, first, last, strict=True):
+        off = max(abs(begins - claim.start), abs(ends - claim.start - claim.duration))
+        if np.isfinite(begins) and not off <= MOMENT:
+            yield (
+                f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the log "
+                f"says from {claim.start:.3f} s, for {claim.duration:.3f} s"
+            )
