@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from showc.flight import Flight, LegFlight
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from concurrent.futures import Future
     from pathlib import Path
 
     from showc.arrays import FloatArray
@@ -127,10 +129,14 @@ def _solved(
             together = [replace(task, parts=None) for task in together]
         found |= _side_by_side(together, cache, crew, progress)
     lone = len(missing) == 1 and options.cluster is None
-    for key, task in tasks.items():
-        here = lone and task.leg.drones.size <= LONE
-        found[key] = _proved(task.solve(InProcess() if here else crew, progress), show)
-        cache.keep(key, found[key])
+    # A leg is proved while workers solve the next one.
+    with ThreadPoolExecutor(1) as prover:
+        proofs: dict[str, Future[LegFlight]] = {}
+        for key, task in tasks.items():
+            here = lone and task.leg.drones.size <= LONE
+            flight = task.solve(InProcess() if here else crew, progress)
+            proofs[key] = prover.submit(_kept, cache, key, flight, show)
+        found |= {key: proof.result() for key, proof in proofs.items()}
     flights = tuple(
         replace(found[key], leg=leg)
         for key, leg in zip(keys, itinerary.legs, strict=True)
@@ -195,6 +201,12 @@ def _proved(flight: LegFlight, show: Show) -> LegFlight:
             f"({wrong}); look at the machines that work, and report it if they are "
             "your own"
         )
+    return flight
+
+
+def _kept(cache: Cache, key: str, flight: LegFlight, show: Show) -> LegFlight:
+    """Prove a flight and put it into the cache."""
+    cache.keep(key, _proved(flight, show))
     return flight
 
 

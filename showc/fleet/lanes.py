@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 _MOMENT = 1e-6
-"""Time that is rounding [s]."""
+"""Time that is rounding [s]: flights last whole milliseconds."""
 
 
 _AGAIN = 3

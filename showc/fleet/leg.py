@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.deconfliction.conflicts import Encounters, closest, conflicts
+from showc.fleet.deconfliction.conflicts import Encounters, closest, conflicts, standing
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import reversed_order
 from showc.fleet.lower_bound.bound import lower_bound
@@ -17,18 +17,12 @@ from showc.fleet.motion import fly_motion
 from showc.fleet.search import Found, Room, Search, whole_milliseconds
 from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
 from showc.fleet.single_drone.single import Aircraft, hover
+from showc.fleet.single_drone.staying import lingering
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
-from showc.flight import (
-    Certificate,
-    DualWitness,
-    Encounter,
-    LegFlight,
-    Trajectory,
-)
+from showc.flight import Certificate, DualWitness, Encounter, LegFlight, Trajectory
 from showc.plan.itinerary import STILL
 from showc.script.fence import Fence
 from showc.script.lanes import SHORTEST_MOTION
-from showc.trajectory import PiecewisePolynomial
 from showc.vehicle.metric import measure
 from showc.vehicle.power import Power
 
@@ -43,6 +37,8 @@ if TYPE_CHECKING:
     from showc.vehicle import Separation
 
 
+_WORTH = 0.02
+"""Share of the slowest drone's time beyond it from which on pairs are bounded."""
 TOLERANCE = 1e-6
 """How much nearer than the separation a pair may come by rounding [m]."""
 
@@ -147,12 +143,10 @@ class _Solver:
         return self._finish(search, *search.least())
 
     def _hold(self) -> LegFlight:
-        if self.leg.duration is None:
-            duration = 0.001
-        else:
-            duration = whole_milliseconds(self.leg.duration)
+        asked = self.leg.duration
+        duration = 0.001 if asked is None else whole_milliseconds(asked)
         trajectories = tuple(
-            hover(self.aircraft, position, duration) for position in self.leg.start
+            hover(self.aircraft, at, duration) for at in self.leg.start
         )
         nearest = nearest_pair(self.leg, trajectories, self.separation)
         certificate = Certificate(
@@ -182,11 +176,7 @@ class _Solver:
                         f"the fence than {self.fence.margin:.2f} m at {time:.2f} s of "
                         "its motion; make the motion smaller, or move the formation"
                     )
-        met = conflicts(
-            tracks_of(flights, leg.others_parked),
-            self.separation,
-            self.separation.distance - TOLERANCE,
-        )
+        met = self._met(flights)
         if len(met):
             nearest = int(np.argmin(met.distance))
             names = pair_names(leg, int(met.first[nearest]), int(met.second[nearest]))
@@ -218,28 +208,21 @@ class _Solver:
         ascent = quickest_ascent(aircraft, heights)
         ascent = ascent.stretched(whole_milliseconds(ascent.duration))
         flights = fly_upright(aircraft, leg.start, leg.goal, ascent)
-        met = conflicts(
-            tracks_of(flights, leg.others_parked),
-            self.separation,
-            self.separation.distance - TOLERANCE,
-        )
+        met = self._met(flights)
         if len(met):
             raise SolveError(
                 f"{self.where}: {self._pair(met)} come within {met.distance[0]:.3f} m "
                 f"straight above their pads, the separation is "
                 f"{self.separation.distance:.3f} m; move the pads apart"
             )
-        slowest = int(
-            np.argmax(
-                [
-                    quickest_ascent(aircraft, heights[row : row + 1]).duration
-                    if heights[row]
-                    else 0.0
-                    for row in range(heights.size)
-                ]
-            )
-        )
-        alone = quickest_ascent(aircraft, heights[slowest : slowest + 1]).duration
+        least = [
+            quickest_ascent(aircraft, heights[row : row + 1]).duration
+            if heights[row]
+            else 0.0
+            for row in range(heights.size)
+        ]
+        slowest = int(np.argmax(least))
+        alone = least[slowest]
         witness = self._bound(aircraft, slowest, alone)
         statistics = {"drones": float(heights.size), "dual_bounds": 1.0}
         statistics |= self._airframe_bound(slowest, alone)
@@ -253,6 +236,14 @@ class _Solver:
             dict(sorted(statistics.items())),
         )
         return LegFlight(leg, ascent.duration, flights, certificate)
+
+    def _met(self, flights: tuple[Trajectory, ...]) -> Encounters:
+        """Find pairs nearer than the separation, drones that stand by among them."""
+        return conflicts(
+            tracks_of(flights, self.leg.others_parked),
+            self.separation,
+            self.separation.distance - TOLERANCE,
+        )
 
     def _bound(self, aircraft: Aircraft, row: int, guess: float) -> DualWitness:
         """Prove how long the drone in a row needs at least."""
@@ -349,7 +340,8 @@ class _Solver:
         if time is not None and time > duration:
             method = f"; all wait for {time - duration:.3f} s first"
             trajectories = tuple(
-                _waiting(self.aircraft, flight, time) for flight in trajectories
+                lingering(self.aircraft, flight, start[:3], time, early=True)
+                for flight, start in zip(trajectories, self.leg.start, strict=True)
             )
             duration = time
         nearest = nearest_pair(self.leg, trajectories, self.separation)
@@ -360,6 +352,8 @@ class _Solver:
             "dual_bounds": float(limiting.bounds),
             **self._airframe_bound(limiting.drone, limiting.time),
         }
+        if time is None:
+            statistics |= self._passing(duration, limiting.time)
         certificate = Certificate(
             duration,
             min(limiting.time, duration),
@@ -371,18 +365,40 @@ class _Solver:
         )
         return LegFlight(self.leg, duration, trajectories, certificate)
 
+    def _passing(self, duration: float, least: float) -> dict[str, float]:
+        """Bound a time [s] by pairs that pass each other, where that tells more.
+
+        The planner's own bound: its proof is not kept.
+        """
+        leg = self.leg
+        apart = duration < (1.0 + _WORTH) * least or self.separation.shape == "all-axes"
+        if leg.in_motion or apart:
+            return {}
+        # HiGHS is loaded only where something is solved.
+        from showc.fleet.lower_bound.passing import passing_bound  # noqa: PLC0415
+
+        self.progress.note(f"{leg.name}: bounding what pairs need to pass each other")
+        found = passing_bound(
+            self.aircraft, self.separation, leg.start, leg.goal, duration
+        )
+        if found is None or found.time <= least:
+            return {}
+        pair = leg.drones[found.first], leg.drones[found.second]
+        return {
+            "passing_bound": found.time,
+            "passing_drone": float(pair[0] + 1),
+            "passing_other": float(pair[1] + 1),
+        }
+
     def _check_ends(self) -> None:
         """Refuse formations that break the separation or the flight volume."""
         leg, limits = self.leg, self.leg.limits
-        for points, formation in (
-            (leg.start, leg.from_formation),
-            (leg.goal, leg.to_formation),
-        ):
-            outside = np.any(
-                (points < np.asarray(limits.position_min) - STILL)
-                | (points > np.asarray(limits.position_max) + STILL),
-                axis=1,
-            )
+        ends = [(leg.start, leg.from_formation), (leg.goal, leg.to_formation)]
+        if np.array_equal(leg.start, leg.goal):
+            del ends[1]
+        for points, formation in ends:
+            low, high = points - limits.position_min, limits.position_max - points
+            outside = (np.minimum(low, high) < -STILL).any(axis=1)
             if outside.any():
                 drone = int(leg.drones[int(np.argmax(outside))])
                 x, y, z = points[int(np.argmax(outside))]
@@ -399,10 +415,14 @@ class _Solver:
                     f"{clearance.min():.2f} m within the fence, the margin is "
                     f"{self.fence.margin:.2f} m; move the formation or the fence"
                 )
-            still = tuple(hover(self.aircraft, point, 1.0) for point in points)
-            tracks = tracks_of(still, leg.others_parked)
-            found = closest(tracks, self.separation)
-            if len(found) and found.distance[0] < self.separation.distance - TOLERANCE:
+            parked = leg.others_parked
+            found = standing(
+                points if parked is None else np.vstack([points, parked]),
+                len(points),
+                self.separation,
+                self.separation.distance - TOLERANCE,
+            )
+            if len(found):
                 raise SolveError(
                     f"{self.where}: {self._pair(found)} stand "
                     f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
@@ -439,23 +459,18 @@ def nearest_pair(
     # Drones that take no part count for the separation, not for this record.
     found = closest(tracks_of(trajectories), separation)
     first, second = int(found.first[0]), int(found.second[0])
-    gap = (
-        trajectories[first].state(found.time)[0, :3]
-        - trajectories[second].state(found.time)[0, :3]
-    )
+    one, other = (trajectories[k].state(found.time)[0, :3] for k in (first, second))
     return Encounter(
         int(leg.drones[first]),
         int(leg.drones[second]),
         float(found.time[0]),
-        float(measure(gap, separation)),
+        float(measure(one - other, separation)),
     )
 
 
 def place(leg: Leg) -> str:
     """Where the script asks for the leg, as ``path:line:column: name``."""
-    if leg.mark is None:
-        return leg.name
-    return f"{leg.mark}: {leg.name}"
+    return leg.name if leg.mark is None else f"{leg.mark}: {leg.name}"
 
 
 def pair_names(leg: Leg, first: int, second: int) -> str:
@@ -465,21 +480,3 @@ def pair_names(leg: Leg, first: int, second: int) -> str:
     if second < len(every):
         return f"{one} and drone {every[second] + 1}"
     return f"{one} and another drone"
-
-
-def _waiting(aircraft: Aircraft, flight: Trajectory, time: float) -> Trajectory:
-    """Return a flight before which a drone hovers, so that it ends at a time [s]."""
-    breaks = np.append(0.0, flight.state.breaks + (time - flight.state.end))
-    breaks[-1] = time
-    still = hover(aircraft, flight.state.coefficients[0, 0, :3], time)
-
-    def longer(
-        part: PiecewisePolynomial, rest: PiecewisePolynomial
-    ) -> PiecewisePolynomial:
-        first = rest.elevated(part.degree).coefficients
-        whole = np.concatenate([first, part.coefficients])
-        return PiecewisePolynomial(breaks, whole)
-
-    return Trajectory(
-        longer(flight.state, still.state), longer(flight.control, still.control)
-    )

@@ -18,12 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
+from showc.fleet.deconfliction.clock import ClosedFlights
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours
 from showc.fleet.deconfliction.flights import FINE, Move
+from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.repair import PRODUCTS, Repair
 from showc.fleet.deconfliction.untangling import quickest
-from showc.fleet.deconfliction.widened import WidenedFlights, fly_widened
+from showc.fleet.deconfliction.widened import fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,
     least_time_along,
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
 
 
 _STILL = 1e-9
+"""Difference of two moves that is rounding [m]."""
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure; where a crowd was
 nearly parted, with fewer times what may be wrong; and of many drones at first."""
@@ -89,7 +92,7 @@ _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 _NONE: Mapping[int, PiecewisePolynomial] = MappingProxyType({})
 
-Found = Repair | WidenedFlights
+Found = Repair | ClosedFlights
 """Flights of all drones over one common time, and how they were found."""
 
 
@@ -144,7 +147,7 @@ class Search:
                 aircraft.vehicle, leg.limits, aircraft.heading, leg.start, leg.goal
             )
         # The flight in closed form; looked for once.
-        self._known: WidenedFlights | None = None
+        self._known: ClosedFlights | None = None
         self._looked = False
 
     def limiting(self, *, solve: bool) -> Limiting:
@@ -276,7 +279,7 @@ class Search:
             if best.duration - failed < near or middle >= best.duration:
                 break
             bent = _NONE if many else best.bent
-            if isinstance(best, WidenedFlights) and self.ways:
+            if isinstance(best, ClosedFlights) and self.ways:
                 bent = self.ways
             self.progress.note(
                 f"{self.leg.name}: found {best.duration:.3f} s, "
@@ -338,7 +341,7 @@ class Search:
             rounds=self.options.repair_rounds,
             work=max(_AT_ONCE * self.left, _LEAST_WORK),
             bent=bent,
-            free=self._crossing() is not None and leg.drones.size < FINE,
+            free=self.crossing() is not None and leg.drones.size < FINE,
             most=most,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)
@@ -347,16 +350,18 @@ class Search:
         self.work += repair.work
         return repair
 
-    def surely(self) -> WidenedFlights | None:
+    def surely(self) -> ClosedFlights | None:
         """Return the flight in closed form, if there is one."""
-        crossing = self._crossing()
+        crossing = self.crossing()
         if not self._looked and crossing is not None:
-            found = None if self.detours else fly_widened(crossing)
+            found = None
+            if not self.detours:
+                found = fly_widened(crossing) or fly_layered(crossing)
             self._known = found if found is not None and self._inside(found) else None
         self._looked = True
         return self._known
 
-    def _inside(self, found: WidenedFlights) -> bool:
+    def _inside(self, found: ClosedFlights) -> bool:
         """Whether flights stay within the fence."""
         fence = self.fence
         if fence is None:
@@ -367,7 +372,7 @@ class Search:
             for state in states
         )
 
-    def _crossing(self) -> Crossing | None:
+    def crossing(self) -> Crossing | None:
         """Return what is flown in closed form; None among others that fly."""
         leg = self.leg
         if self.shared is None or leg.others:

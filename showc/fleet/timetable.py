@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.leg import aircraft_of, fleet_of, place
+from showc.fleet.leg import place
+from showc.fleet.pace import preferred_time, straight_time
 from showc.fleet.search import whole_milliseconds
-from showc.fleet.shared_profile.sparing import sparing_time
-from showc.fleet.shared_profile.synchronise import shared_profile
-from showc.fleet.single_drone.vertical import quickest_ascent
-from showc.plan.itinerary import Leg, held_in_motion, state_at
-from showc.script.lanes import held_for
+from showc.plan.itinerary import Leg, held_in_motion, in_parts, state_at
+from showc.script.lanes import SHORTEST_MOVE, held_for
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,28 +34,6 @@ Shifts = dict[int, "tuple[FloatArray, FloatArray]"]
 """Drones that stand elsewhere than planned: where that was, and where it is [m]."""
 _ON_TIME = 5e-4
 """By how much a wait may be negative by rounding to milliseconds [s]."""
-_INSTANT = 1e-3
-"""Time of a move in which every drone stays [s]."""
-_TILTING = 1.0
-"""Time to tilt to and fro, at about 0.25 s for each of four quarters [s]."""
-_SHORTEST = 0.1
-"""Least time that a move is tried in [s], as for `duration`."""
-
-
-def straight_time(leg: Leg, show: Show) -> float:
-    """Time of the quickest flight of all drones side by side on straight lines [s].
-
-    It keeps every limit; whether drones keep apart on it is another question.
-    """
-    if not np.any(leg.goal != leg.start):
-        return _INSTANT
-    if leg.kind in {"launch", "land"}:
-        heights = (leg.goal - leg.start)[:, 2]
-        return quickest_ascent(aircraft_of(show, leg), heights).duration
-    profile = shared_profile(
-        show.vehicle, leg.limits, show.heading, leg.start, leg.goal
-    )
-    return profile.duration
 
 
 def timetable(itinerary: Itinerary, known: Mapping[int, LegFlight]) -> Itinerary:
@@ -114,8 +90,8 @@ def settled(itinerary: Itinerary) -> Itinerary:
         if met and after.timed and before.open and not isinstance(before.prefer, str):
             show, held = itinerary.show, max(motion.duration or 0.0, _HELD)
             state = state_at(show, motion.motion, held, 0, before.goal)
-            time = _preferred(replace(before, goal_state=state), show, math.inf)
-            legs[before.index] = replace(before, duration=whole_milliseconds(time))
+            time = preferred_time(replace(before, goal_state=state), show, math.inf)
+            legs[before.index] = replace(before, duration=time)
     return replace(itinerary, legs=tuple(legs))
 
 
@@ -140,18 +116,21 @@ def _scheduled(
         leg, show = _shifted(planned, shifts, show)
         leg = _lanes(leg, show, clock, legs) if leg.parts else leg
         if estimated and leg.open and leg.arrive is not None:
-            room = max(round(leg.arrive - clock, 3), _SHORTEST)
+            room = max(round(leg.arrive - clock, 3), SHORTEST_MOVE)
             times = {**times, leg.index: min(times[leg.index], room)}
         start, duration = _times(leg, show, clock, times, legs)
         wait = round(start - clock, 3)
-        if wait > 0.0 and any(one.tied for one in legs[-1].motion):
+        if wait > 0.0 and _held_on(legs[-1]):
             before = legs[-1].goal
-            leg, show = _lengthen_motion(legs, wait, leg, show)
+            leg = _known(leg, legs[-1], wait, show)
+            lengthen = _lengthen_lanes if legs[-1].parts else _lengthen_motion
+            leg, show = lengthen(legs, wait, leg, show)
             both = enumerate(zip(before, legs[-1].goal, strict=True))
             shifts |= {row: one for row, one in both if not np.array_equal(*one)}
             leg, show = _shifted(leg, shifts, show)
             duration = leg.duration or duration
-            moves = (planned_as[len(legs) - 2], legs[-2]), (planned.index, leg)
+            joins = len(legs) - (1 if legs[-1].parts else 2)
+            moves = (planned_as[joins], legs[joins]), (planned.index, leg)
             met |= {at: (one.start_state, one.goal_state) for at, one in moves}
         elif wait > 0.0:
             _lengthen(legs, wait, show)
@@ -215,9 +194,9 @@ def _times(
     elif leg.arrive is not None:
         straight = whole_milliseconds(straight_time(leg, show))
         room = round(leg.arrive - clock, 3)
-        if room < _SHORTEST:
+        if room < SHORTEST_MOVE:
             raise _late(leg, leg.arrive, clock + straight, legs, straight)
-        duration = min(whole_milliseconds(_preferred(leg, show, room)), room)
+        duration = min(preferred_time(leg, show, room), room)
         start = round(leg.arrive - duration, 3)
     if start < clock - _ON_TIME:
         if leg.arrive is not None:
@@ -227,45 +206,28 @@ def _times(
     return max(start, clock), duration or 0.0
 
 
-def _preferred(leg: Leg, show: Show, room: float) -> float:
-    """Time that a move is to take where there is ``room`` [s]."""
-    if not (np.any(leg.goal != leg.start) or leg.in_motion):
-        return _INSTANT
-    if leg.prefer == "energy":
-        fleet = fleet_of(show, leg)
-        quickest = shared_profile(
-            show.vehicle, leg.limits, show.heading, leg.start, leg.goal
-        )
-        return sparing_time(fleet, quickest, room)
-    # A group beside others takes straight ways: as short as can be is theirs.
-    pace = 1.0 if leg.prefer == "time" else leg.prefer
-    return pace * (straight_time(leg, show) + _turning_time(leg, show))
-
-
-def _turning_time(leg: Leg, show: Show) -> float:
-    """Time that velocities at the ends of a leg need beyond a straight flight [s].
-
-    A point that stops from a speed v and returns to where it was needs (1 + sqrt 2)
-    v / a; the drone tilts to and fro meanwhile.
-    """
-    states = [one for one in (leg.start_state, leg.goal_state) if one is not None]
-    if not states:
-        return 0.0
-    speeds = np.sum([np.linalg.norm(one[:, 3:6], axis=1) for one in states], axis=0)
-    gain = leg.limits.acceleration or show.vehicle.gravity * math.tan(leg.limits.tilt)
-    return _TILTING + (1.0 + math.sqrt(2.0)) * float(speeds.max()) / gain
-
-
-def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
+def _lanes(
+    leg: Leg, show: Show, clock: float, legs: list[Leg], until: float = 0.0
+) -> Leg:
     """Give every part of a leg its time, and the leg the time from first to last.
 
     A group stands for as long as the script holds it before it moves again. How long a
-    move takes depends on how it leaves what its group held, and that on how long.
+    move takes depends on how it leaves what its group held, and that on how long. What
+    is left in motion at the end lasts for as long as the leg, or ``until`` later [s].
     """
     parts = leg.parts
+    fixed = all(
+        part.motion
+        or part.arrive is not None
+        or None not in (part.depart, part.duration)
+        for part in parts
+    )
     for _ in range(_ROUNDS if any(part.in_motion for part in parts) else 1):
         moves, free = _moves(parts, show, clock, legs)
-        timed = _in_motion(parts, moves, free, show)
+        last = {int(part.drones[0]): part for part in parts}
+        left = (at for at, part in last.items() if part.goal_state is not None)
+        ends = dict.fromkeys(left, max(until, *free.values()))
+        timed = _in_motion(parts, moves, free | ends, show)
         both = zip(parts, timed, strict=True)
         parts = tuple(
             replace(one, duration=planned.duration, depart=planned.depart)
@@ -273,12 +235,10 @@ def _lanes(leg: Leg, show: Show, clock: float, legs: list[Leg]) -> Leg:
         )
     begin = min(part.depart or 0.0 for part in timed)
     end = max((part.depart or 0.0) + (part.duration or 0.0) for part in timed)
-    return replace(
-        leg,
-        parts=tuple(_among(part, leg, timed) for part in timed),
-        depart=begin,
-        duration=round(end - begin, 3),
-    )
+    if not fixed:
+        end = max(end, *free.values())
+    leg = replace(leg, depart=begin, arrive=end, duration=round(end - begin, 3))
+    return in_parts(leg, tuple(_among(part, leg, timed) for part in timed), show)
 
 
 _ROUNDS = 2
@@ -289,7 +249,10 @@ they leave it."""
 def _moves(
     parts: Sequence[Leg], show: Show, clock: float, legs: list[Leg]
 ) -> tuple[list[Leg], dict[int, float]]:
-    """Return the moves of groups with their times, and when each group is free [s]."""
+    """Return the moves of groups with their times, and when each group is free [s].
+
+    One whose arrival the script leaves open takes the time that it prefers.
+    """
     free: dict[int, float] = {}
     found: list[Leg] = []
     for part in parts:
@@ -297,6 +260,9 @@ def _moves(
             continue
         group = int(part.drones[0])
         before = [*legs, *(one for one in found if int(one.drones[0]) == group)]
+        if part.arrive is None and part.duration is None:
+            time = preferred_time(part, show, math.inf)
+            part = replace(part, duration=time)  # noqa: PLW2901 - as it is flown
         start, duration = _times(part, show, free.get(group, clock), {}, before)
         found.append(replace(part, depart=start, duration=duration))
         held = 0.0
@@ -312,7 +278,8 @@ def _in_motion(
     """Put motions between moves: from an arrival until the group leaves.
 
     One that does not leave again is held as long as the script says, which is until it
-    is ``free``. Moves join and leave what is under way in its own state.
+    is ``free``, or, left in motion, until all are. Moves join and leave what is under
+    way in its own state.
     """
     found: list[Leg] = []
     given, held = iter(moves), dict[int, Leg]()
@@ -374,6 +341,55 @@ def _late(
     )
 
 
+def _held_on(leg: Leg) -> bool:
+    """Tell whether drones hold a motion at the end of a leg until they can leave."""
+    if leg.parts:
+        return leg.goal_state is not None
+    return any(one.tied for one in leg.motion)
+
+
+def _known(leg: Leg, last: Leg, wait: float, show: Show) -> Leg:
+    """Return a move that leaves a motion with a time that is known.
+
+    Raises
+    ------
+    SolveError
+        If it is as short as can be: when the motion is left is not known then.
+    """
+    if leg.open and not isinstance(leg.prefer, str):
+        # Solved already, from where it does not start: it takes what it prefers.
+        leg = replace(leg, duration=preferred_time(leg, show, math.inf))
+    if leg.open:
+        raise _held_open(last, wait, "leave `prefer` out of what follows")
+    return leg
+
+
+def _held_open(last: Leg, wait: float, repair: str) -> SolveError:
+    return SolveError(
+        f"{place(last)}: is held for {last.duration:.3f} s, {wait:.3f} s less than "
+        "the times of what follows leave; drones that meet or leave a moving "
+        f"formation as soon as they can must know for how long: {repair}"
+    )
+
+
+def _lengthen_lanes(
+    legs: list[Leg], wait: float, leg: Leg, show: Show
+) -> tuple[Leg, Show]:
+    """Let groups hold a motion longer that they leave under way.
+
+    Others hover meanwhile. Returns what :func:`_lengthen_motion` does.
+    """
+    last = legs[-1]
+    ends = (last.depart or 0.0) + (last.duration or 0.0) + wait
+    legs[-1] = last = _lanes(last, show, 0.0, legs[:-1], round(ends, 3))
+    standing = replace(show.formations[last.to_formation], points=last.goal)
+    formations = {**show.formations, last.to_formation: standing}
+    return (
+        replace(leg, start=last.goal, start_state=last.goal_state),
+        replace(show, formations=formations),
+    )
+
+
 def _lengthen_motion(
     legs: list[Leg], wait: float, leg: Leg, show: Show
 ) -> tuple[Leg, Show]:
@@ -395,20 +411,8 @@ def _lengthen_motion(
     last, before = legs[-1], legs[-2]
     duration = round((last.duration or 0.0) + wait, 3)
     met = any(one.paced for one in last.motion)
-    if leg.open and not isinstance(leg.prefer, str):
-        # Solved already, from where it does not start: it takes what it prefers.
-        leg = replace(leg, duration=whole_milliseconds(_preferred(leg, show, math.inf)))
-    if (met and before.open) or leg.open:
-        raise SolveError(
-            f"{place(last)}: is held for {last.duration:.3f} s, {wait:.3f} s less than "
-            "the times of what follows leave; drones that meet or leave a moving "
-            "formation as soon as they can must know for how long: "
-            + (
-                "leave `prefer` out of what follows"
-                if leg.open
-                else "say when they meet it, by `at` or `duration`"
-            )
-        )
+    if met and before.open:
+        raise _held_open(last, wait, "say when they meet it, by `at` or `duration`")
     goal, points = last.goal.copy(), show.formations[last.to_formation].points.copy()
     for one in last.motion:
         goal[one.rows] = one.ends(duration)[1][0]

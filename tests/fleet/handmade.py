@@ -10,7 +10,7 @@ import numpy as np
 from showc.fleet.options import SolveOptions
 from showc.plan.itinerary import Itinerary, Leg
 from showc.progress import Silent
-from showc.script.show import Mark
+from showc.script.mark import Mark
 from showc.vehicle import DEFAULT_PRESET, PRESETS, Separation
 
 VEHICLE = PRESETS[DEFAULT_PRESET].vehicle

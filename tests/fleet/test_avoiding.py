@@ -6,8 +6,8 @@ from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
-from showc.fleet.single_drone.avoiding import SLOTS, avoid
-from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE, Walls
+from showc.fleet.single_drone.avoiding import SLOTS, Passage, avoid
+from showc.fleet.single_drone.convex_program import WALL_DEGREE, Walls
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.single import minimum_time
@@ -53,7 +53,6 @@ def test_the_slowest_drone_is_flown_a_little_above_its_least_time():
         START,
         GOAL,
         profile(duration),
-        NO_WALLS,
         shortest=least.trajectory,
     )
     assert_flies(flight, duration)
@@ -63,8 +62,8 @@ def test_the_slowest_drone_is_flown_a_little_above_its_least_time():
 def test_walls_are_kept_to_the_clearance_and_only_where_they_stand():
     reference = profile(4.0)
     way = straight(reference)
-    free = avoid(CRAFT, START, GOAL, reference, NO_WALLS)
-    bent = avoid(CRAFT, START, GOAL, reference, wall(0.5), way, 0.04)
+    free = avoid(CRAFT, START, GOAL, reference)
+    bent = avoid(CRAFT, START, GOAL, reference, Passage(wall(0.5), way, 0.04))
     assert_flies(bent, 4.0)
     behind = np.linspace(10 / 24 * 4.0, 14 / 24 * 4.0, 200)
     aside = bent.state(behind)[:, 1]
@@ -73,7 +72,7 @@ def test_walls_are_kept_to_the_clearance_and_only_where_they_stand():
     assert aside[20:-20].min() > 0.5
     assert np.abs(free.state(behind)[:, 1]).max() < 1e-6
     # From its own flight the next round starts, on the same intervals.
-    again = avoid(CRAFT, START, GOAL, reference, wall(0.5), way, 0.04, bent)
+    again = avoid(CRAFT, START, GOAL, reference, Passage(wall(0.5), way, 0.04), bent)
     assert np.array_equal(again.state.breaks, bent.state.breaks)
     apart = again.state(behind)[:, :3] - bent.state(behind)[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.05
@@ -88,7 +87,7 @@ def test_of_more_walls_than_count_the_farthest_ones_are_left_out():
         np.concatenate([low.normal, high.normal]),
         np.concatenate([low.offset, high.offset]),
     )
-    bent = avoid(CRAFT, START, GOAL, reference, both, way, 0.04)
+    bent = avoid(CRAFT, START, GOAL, reference, Passage(both, way, 0.04))
     assert bent.state(2.0)[1] > 0.5
 
 

@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.fleet.deconfliction.conflicts import RESOLUTION, closest, conflicts
+from showc.fleet.deconfliction.conflicts import (
+    RESOLUTION,
+    closest,
+    conflicts,
+    standing,
+)
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial
@@ -148,3 +153,15 @@ def test_nearest_approaches_of_a_thousand_drones_are_exact():
     )
     exact = np.linalg.norm(nearest, axis=2)[np.triu_indices(1000, 1)]
     assert len(found) == int((exact < 1.0 - 1e-6).sum())
+
+
+@pytest.mark.parametrize("separation", SHAPES, ids=lambda s: s.shape)
+def test_drones_that_stand_are_as_near_as_flights_that_stay(separation):
+    places = np.random.default_rng(3).uniform(0.0, 20.0, (40, 3))
+    moving, parked = places[:25], places[25:]
+    still = [track([0.0, 1.0], [[place]]) for place in moving]
+    flown = closest(tracks_of(still, parked), separation)
+    found = standing(places, len(moving), separation, flown.distance[0] + 1e-9)
+    assert (found.first[0], found.second[0]) == (flown.first[0], flown.second[0])
+    assert found.distance[0] == pytest.approx(flown.distance[0], abs=RESOLUTION)
+    assert not len(standing(places, len(moving), separation, flown.distance[0] - 1e-6))

@@ -1,6 +1,7 @@
 """Crowds: a flight for every feasible move, near the least time, in bounded work."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,13 +13,17 @@ from scipy.optimize import linear_sum_assignment
 from showc.fleet import search as module
 from showc.fleet import solve_leg
 from showc.fleet.deconfliction.conflicts import closest
+from showc.fleet.deconfliction.layered import fly_layered
+from showc.fleet.deconfliction.layers import layers
 from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.leg import aircraft_of
 from showc.fleet.proof import flaw
 from showc.fleet.search import Room, Search
-from showc.vehicle import PRESETS
+from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.replay import replay
+from showc.vehicle import PRESETS, Separation
 
 WIDE = replace(
     PRESETS["formation-625g"].limits,
@@ -50,6 +55,41 @@ def test_drones_fly_through_a_wall_of_others_that_hover():
     assert found.certificate.gap < 0.003
 
 
+def test_two_great_teams_that_change_sides_pass_in_layers():
+    rows = np.array(
+        [[2.2 * x + 6.0, 2.2 * y, 30.0] for x in range(10) for y in range(10)]
+    )
+    left = rows * [-1.0, 1.0, 1.0]
+    found, _ = fly(np.concatenate([left, rows]), np.concatenate([rows, left]))
+    assert found.certificate.gap < 0.003
+
+
+def test_places_in_a_wall_are_exchanged_within_limits_in_the_least_time():
+    wall = 2.0 * np.array([[x, 0.0, 10.0 + z] for x in range(6) for z in range(4)])
+    found, _ = fly(wall, wall[np.random.default_rng(0).permutation(24)])
+    assert found.certificate.gap < 0.002
+    # In the first time that is tried, without a look at longer ones.
+    tries = found.certificate.statistics
+    assert tries["common_times_tried"] == 1.0
+    assert "common_times_passed_over" not in tries
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(2, 20), st.data())
+def test_no_pair_that_meets_is_in_one_layer(count, data):
+    pairs = list(combinations(range(count), 2))
+    met = data.draw(st.lists(st.sampled_from(pairs), min_size=1))
+    first, second = np.array(met).T
+    along = np.arange(float(count))
+    found = layers(along, first, second)
+    assert np.all(np.abs(found[first] - found[second]) >= 1.0)
+    # Two layers are enough where pairs join only even drones with odd ones.
+    crossing = (first + second) % 2 == 1
+    if crossing.any():
+        found = layers(along, first[crossing], second[crossing])
+        assert set(found.tolist()) <= {-0.5, 0.5}
+
+
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -66,8 +106,8 @@ def test_where_all_are_in_the_way_time_comes_down_and_the_search_ends(
     assert down <= any("over the least; trying" in note for note in heard.notes)
 
 
-def search(leg, options=None):
-    show = make_show(leg.drones.size)
+def search(leg, options=None, separation=None):
+    show = make_show(leg.drones.size, separation=separation)
     return Search(
         leg,
         "here",
@@ -104,6 +144,52 @@ def test_the_best_assignment_always_has_a_flight_in_closed_form(seed, count):
     assert known is not None and known.widening <= 1.0
     nearest = closest(tracks_of(known.trajectories), make_show(2).separation)
     assert nearest.distance[0] >= 1.0 - 1e-6
+
+
+@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "any-axis"])
+@pytest.mark.parametrize(("seed", "count"), [(1, 2), (2, 9), (3, 16)])
+def test_every_assignment_has_a_flight_in_layers_where_there_is_room(
+    seed, count, shape
+):
+    draw = np.random.default_rng(seed)
+    separation = Separation(1.0, shape)
+    # In the ellipsoid's metric heights count less.
+    lattice = np.array(list(np.ndindex(4, 4, 4))) / separation.metric_scale
+    start, goal = (
+        lattice[draw.permutation(64)[:count]] + [0.0, 0.0, 40.0] for _ in range(2)
+    )
+    leg = make_leg(start, goal, limits=WIDE)
+    known = fly_layered(search(leg, separation=separation).crossing())
+    assert known is not None and known.layers <= count
+    nearest = closest(tracks_of(known.trajectories), separation)
+    assert nearest.distance[0] >= 1.0 - 1e-6
+    first = [one.state.coefficients[0, 0, :3] for one in known.trajectories]
+    assert np.array_equal(first, start)
+
+
+@pytest.mark.parametrize(
+    ("half", "top", "flown"),
+    [(3.1, 37.0, True), (30.0, 0.2, True), (3.1, 0.2, False)],
+)
+def test_layers_lie_wherever_the_volume_has_the_room(half, top, flown):
+    limits = replace(
+        WIDE, position_min=(-half, -half, 2.8), position_max=(half, half, 3.0 + top)
+    )
+    ring = 3.0 * np.exp(1j * np.arange(9.0) * 2.0 * np.pi / 9.0)
+    start = np.stack([ring.real, ring.imag, np.full(9, 3.0)], axis=1)
+    leg = make_leg(start, start[::-1] * [-1.0, 1.0, 1.0], limits=limits)
+    found = fly_layered(search(leg).crossing())
+    assert (found is not None) is flown
+
+
+def test_what_no_widening_parts_is_flown_in_layers():
+    cube = 1.05 * CUBE + [0.0, 0.0, 30.0]
+    found = search(make_leg(cube, cube[::-1], limits=WIDE))
+    known = found.surely()
+    assert known is not None and "layers" in known.method and len(known.bent) == 8
+    for flight in known.trajectories:
+        assert greatest_excess(found.aircraft, flight).relative < 1e-9
+    assert replay(found.aircraft.vehicle, known.trajectories).position.max() < 1e-3
 
 
 def test_a_flight_in_closed_form_is_proved_like_any_other(monkeypatch):

@@ -14,7 +14,8 @@ from showc.fleet.itinerary import solve_itinerary
 from showc.fleet.lanes import put_together
 from showc.fleet.leg import solve_leg
 from showc.fleet.options import SolveOptions
-from showc.fleet.timetable import scheduled, straight_time
+from showc.fleet.pace import straight_time
+from showc.fleet.timetable import scheduled
 from showc.plan import build_itinerary
 from showc.progress import Silent
 from showc.script import read_show
@@ -198,13 +199,30 @@ def test_every_time_that_neighbours_ask_for_is_kept_or_refused(asked):
             flown = next(one for one in chapters(result.show) if leg.transition in one)
             found |= dict.fromkeys(flown, (clock, clock + time))
         clock = round(clock + time, 3)
-    for index, one in enumerate(asked):
-        begin, end = found[index]
+    rows = {one.to: row for row, one in enumerate(result.show.transitions)}
+    for k, one in enumerate(asked):
+        begin, end = found[rows[f"{'ab'[k % 2]}{k // 2}"]]
         assert "start" not in one or abs(begin - one["start"]) < 2e-3
         assert "at" not in one or abs(end - one["at"]) < 2e-3
         alone = len(one.keys() & {"start", "at", "duration"}) > 1 and "duration" in one
         assert not alone or abs(end - begin - one["duration"]) < 2e-3
         assert end - begin > one.get("duration", 0.0) - 2e-3
+
+
+def test_least_energy_with_no_end_in_sight_is_soon_there():
+    script = NEIGHBOURS.replace("showc: 1", "showc: 1\nprefer: energy")
+    script += "  - {to: a0, group: a, start: 18}\n"
+    script += "  - {to: b0, group: b, at: 29, duration: 9}\n"
+    result = read_show(script.encode(), path="lanes.yaml")
+    assert result.show is not None, result.errors
+    planned = build_itinerary(result.show)
+    times = {
+        leg.index: round(straight_time(leg, planned.show), 3)
+        for leg in planned.legs
+        if leg.open
+    }
+    (leg,) = (one for one in scheduled(planned, times).legs if one.parts)
+    assert leg.parts[0].duration < 12.0
 
 
 NEIGHBOURS = """\

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from showc.errors import SolveError
-from showc.fleet.timetable import scheduled, settled, straight_time
+from showc.fleet.pace import straight_time
+from showc.fleet.timetable import scheduled, settled
 from showc.plan import build_itinerary
 from showc.script import read_show
 

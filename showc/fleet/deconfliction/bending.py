@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.fleet.deconfliction.enclosure import fence_walls
-from showc.fleet.deconfliction.walls import gathered, pair_walls
+from showc.fleet.deconfliction.walls import gathered, interpolated, pair_walls
+from showc.fleet.single_drone.avoiding import Passage
 from showc.fleet.single_drone.staying import OPTIMAL, STRAIGHT, stay_apart
 from showc.vehicle.metric import measure
 
@@ -133,15 +134,17 @@ class Bending:
         self, row: int, walls: Sequence[Laid], tries: int, *, first: bool
     ) -> tuple[object, ...]:
         """Return what :func:`stay_apart` takes for a drone."""
-        flights = self.flights
+        flights, reference = self.flights, self.flights.way(row)
+        passage = Passage(
+            gathered(walls),
+            interpolated(flights.sampled(row), reference.end),
+            _CLEARANCE * flights.separation.distance * tries,
+        )
         return (
             flights.aircraft,
             *flights.move.ends[row],
-            flights.way(row),
-            flights.intervals,
-            gathered(walls),
-            flights.sampled(row),
-            _CLEARANCE * flights.separation.distance * tries,
+            reference,
+            passage,
             flights.flown[row] if flights.kind[row] == OPTIMAL else None,
             first,
         )

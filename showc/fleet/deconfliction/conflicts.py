@@ -20,6 +20,8 @@ from showc.trajectory import bernstein_basis, restrict
 from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
 
@@ -75,6 +77,31 @@ def closest(tracks: Tracks, separation: Separation) -> Encounters:
     )
 
 
+def standing(
+    points: FloatArray, moving: int, separation: Separation, radius: float
+) -> Encounters:
+    """Find the pairs of drones that stand nearer than ``radius``, the nearest first.
+
+    Parameters
+    ----------
+    points
+        Where drones stand, shape (n, 3) [m].
+    moving
+        How many of these, the first ones, count among themselves and with the others.
+    """
+    scaled = points * np.asarray(separation.metric_scale)
+    if separation.shape == "all-axes":
+        first, second = all_pairs(points.shape[0])
+    else:
+        first, second = near_pairs(scaled, radius, _norm(separation))
+    first, second = first[first < moving], second[first < moving]
+    distance = _measure(scaled[first] - scaled[second], separation)
+    order = np.lexsort((second, first, distance))
+    order = order[distance[order] < radius]
+    time = np.zeros(order.size)
+    return Encounters(first[order], second[order], time, distance[order])
+
+
 def _sampled_distance(tracks: Tracks, separation: Separation) -> float:
     """Least distance over all pairs at a few instants: above the true least."""
     scale = np.asarray(separation.metric_scale)
@@ -123,9 +150,8 @@ def _search(
 
 def _candidates(
     pieces: Pieces, moving: int, separation: Separation, radius: float
-) -> list[tuple[IntArray, IntArray, IntArray]]:
-    """Slots and pairs whose boxes come nearer than ``radius``."""
-    result = []
+) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
+    """Yield slots and pairs whose boxes come nearer than ``radius``."""
     slots, first, second = [], [], []
     waiting = 0
     for slot in range(pieces.slots):
@@ -145,11 +171,8 @@ def _candidates(
         second.append(b[near])
         waiting += int(near.sum())
         if waiting >= _BLOCK or slot == pieces.slots - 1:
-            result.append(
-                (np.concatenate(slots), np.concatenate(first), np.concatenate(second))
-            )
+            yield np.concatenate(slots), np.concatenate(first), np.concatenate(second)
             slots, first, second, waiting = [], [], [], 0
-    return result
 
 
 def _norm(separation: Separation) -> float:

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 _SAMPLES = 0.15
 """Time between samples [s]. Between them, motion counts as straight."""
-_EACH = 3
-"""Samples for each interval at least."""
 _CLOSER = (0.25, 0.5)
 """Where there are more within the first and the last of them, as shares: there a pair
 that stands at the separation may draw nearer before it comes to rest."""
@@ -217,17 +215,16 @@ class Crowd:
         )
 
 
-def sampled(duration: float, intervals: int) -> FloatArray:
+def sampled(duration: float, least: int = 0) -> FloatArray:
     """Instants at which a crowd is looked at, shape (m,) [s].
 
     Parameters
     ----------
-    intervals
-        Of its changes' splines: with fewer instants than three on each, changes break
-        limits between them. 0: so many that this seldom happens.
+    least
+        Steps at least, whatever the duration.
     """
     count = int(np.clip(np.ceil(duration / _SAMPLES), 30, 160))
-    count = max(count, _EACH * intervals)
+    count = max(count, least)
     even = np.linspace(0.0, duration, count + 1)
     close = even[1] * np.array(_CLOSER)
     return np.sort(np.concatenate([even, close, duration - close]))

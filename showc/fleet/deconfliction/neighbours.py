@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +11,9 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
 
 
-FEW = 60
-"""Points up to which looking at all pairs costs less than a k-d tree."""
+FEW = 200
+"""Points up to which looking at all pairs, in some hundred places of a leg, costs less
+than to load what has a k-d tree."""
 
 
 def near_pairs(
@@ -52,6 +54,10 @@ def least_distance(points: FloatArray, norm: float) -> float:
     return float(distance[:, 1].min())
 
 
+@lru_cache(maxsize=4)
 def all_pairs(count: int) -> tuple[IntArray, IntArray]:
     """All pairs (first, second) of ``count``, the first the lower index."""
-    return np.triu_indices(count, 1)
+    first, second = np.triu_indices(count, 1)
+    first.setflags(write=False)
+    second.setflags(write=False)
+    return first, second

@@ -26,6 +26,7 @@ from showc.fleet.deconfliction.changes import (
     spline_values,
 )
 from showc.fleet.deconfliction.forces import Rows, distinct, raised, scales
+from showc.fleet.deconfliction.layers import layers
 from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.single_drone.basis import DEGREE
 from showc.vehicle.metric import measure
@@ -51,7 +52,11 @@ _REACH = 1.08
 _TRUST = 0.5
 """Greatest move of a change from one program to the next, in separations."""
 _PROGRAMS, _FEWER = 30, 10
-"""Programs posed one after the other, and for many drones."""
+"""Programs posed one after the other, and those of many drones after which a search
+ends that is slow."""
+_LATELY, _SLOW, _LEFT = 5, 0.5, 0.25
+"""It is slow where of the pairs too near these many programs ago more than this share
+is left, and more than this share of the drones."""
 _STEPS, _FURTHER = 40, 150
 """Steps of the dual of each, and for many drones, where forces have far to go. Where
 few contradict each other, more steps let forces grow for nothing."""
@@ -73,6 +78,12 @@ _INSIDE = 4e-3
 """Share by which changed flights stay within limits, for what lies between samples."""
 _FEW, _MANY = 30, 200
 """Drones that are few, and many."""
+_FLAT = 0.1
+"""How much the crowd's extent counts where layers lie, beside the ways that meet."""
+_RISE = 0.25
+"""Share of the time in which drones reach their layers, and leave them."""
+_STRETCH = (0.0, 0.5, 1.0, 2.0)
+"""By how much a crowd is stretched across its layers, over its extent there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,25 +147,77 @@ class Programs:
         self.known = np.zeros(0, dtype=np.int64)
         self.forces = np.zeros(0)
         self.work = 0.0
+        self.slow = _PROGRAMS if self.drones < _MANY else _FEWER
+        self.patience = _PATIENCE
         self.axes: dict[int, tuple[int, float]] = {}
+
+    def begin_in_layers(self) -> None:
+        """Begin with drones in layers, in each of which none meet on straight ways.
+
+        Layers are colours of the graph of pairs that come too near (Brelaz 1979, exact
+        where two are enough). They lie beside each other where least is in the way, and
+        the crowd is stretched there until layers pass between each other.
+        """
+        near = self._contacts()
+        met = near.only(near.distance < self._wanted(near)[1])
+        met = met.only(self.moving[met.first] & self.moving[met.second])
+        if not met.distance.size:
+            return
+        points = self.crowd.places * self.scale
+        full = self._met_along(met)
+        most = np.linalg.eigh(full)[1][:, -1]
+        layer = layers(points[:, 0] @ most, met.first, met.second) * self.moving
+        apart = layer * (1.0 + _MARGIN) * self.crowd.separation.distance
+        rise = np.clip(np.minimum(self.share, 1.0 - self.share) / _RISE, 0.0, 1.0)
+        rise *= rise * (3.0 - 2.0 * rise)
+        middle = points.mean(axis=(0, 1))
+        best, fewest = self.change, np.inf
+        self.slow = self.patience = _PROGRAMS
+        for normal in self._across(full):
+            along = (points - middle) @ normal * self.moving[:, None]
+            for stretch in _STRETCH:
+                aside = rise * (apart[:, None] + stretch * along)
+                self.change = aside[..., None] * normal / self.scale
+                found = self._contacts()
+                wrong = int(np.sum(found.distance < self._wanted(found)[1]))
+                if wrong < fewest:
+                    best, fewest = self.change, wrong
+        self.change = best
+
+    def _met_along(self, met: Contacts) -> FloatArray:
+        """Squares of ways that meet, metric, (3, 3), and a little of the crowd's."""
+        size = np.linalg.norm(met.motion, axis=1, keepdims=True)
+        ways = met.motion / np.maximum(size, _ROUNDING)
+        spread = np.cov((self.crowd.places * self.scale).reshape(-1, 3).T)
+        return np.asarray(ways.T @ ways / size.size + _FLAT * spread / np.trace(spread))
+
+    def _across(self, full: FloatArray) -> list[FloatArray]:
+        """Directions, metric, across most of the ways that meet and of the crowd."""
+        if self.crowd.separation.shape == "any-axis":
+            return [np.eye(3)[axis] for axis in np.argsort(np.diag(full))[:2]]
+        least, less = np.linalg.eigh(full)[1].T[:2]
+        return [least, less, (least + less) / np.sqrt(2.0)]
 
     def run(self) -> Untangled:
         """Pose and solve programs until all pairs keep apart, or long enough."""
-        fewest, stalled = self.drones**2, 0
-        programs = _PROGRAMS if self.drones < _MANY else _FEWER
-        for number in range(programs):
+        fewest, stalled, wrong = self.drones**2, 0, []
+        for number in range(_PROGRAMS):
             near = self._contacts()
             wanted, enough = self._wanted(near)
             left = int(np.count_nonzero(near.distance < enough)) + self._outside()
+            wrong.append(left)
+            slow = max(_SLOW * wrong[max(number - _LATELY, 0)], _LEFT * self.drones)
+            if number >= self.slow and left > slow:
+                break
             stalled = 0 if left < fewest else stalled + 1
             fewest = min(left, fewest)
-            if (not left and number) or stalled > _PATIENCE:
+            if (not left and number) or stalled > self.patience:
                 break
             self._solve(near, wanted, trusting=number == 0)
         near = self._contacts()
         slight = _SLIGHT * self.crowd.separation.distance
-        wrong = near.only(near.distance < self._wanted(near)[1] - slight)
-        broken = distinct(wrong.first * self.drones + wrong.second).size
+        short = near.only(near.distance < self._wanted(near)[1] - slight)
+        broken = distinct(short.first * self.drones + short.second).size
         pairs = distinct(near.first * self.drones + near.second)
         return Untangled(
             self.crowd.duration,

@@ -43,8 +43,13 @@ _FEW_LEFT, _FALLING, _LESS = 8, 0.1, 0.8
 more, a tenth has to go in half as many rounds. With this few left, single drones move
 around all others."""
 _SOME, _DEEP, _SLIGHT = 24, 0.1, 0.01
-"""Conflicts up to which that helps, share of the separation that they may lack on
-average, and for it to come before another round of all."""
+"""Conflicts up to which few drones settle one by one (more drones: ``_FEW_LEFT``),
+share of the separation that they may lack on average, and share up to which drones
+settle before another round of all."""
+_EACH = 3
+"""Instants on each interval of a change, for few drones: with fewer, changes break
+limits between them. More drones have no time for it, and their changes are seldom that
+short."""
 _ALONG = 0.8
 """How much less readily drones change along their ways: there they have no time."""
 _SOON = 0.003
@@ -326,7 +331,7 @@ class Repair:
     def _instants(self) -> FloatArray:
         """Instants at which the crowd is looked at, shape (m,) [s]."""
         flights = self.flights
-        return sampled(self.duration, flights.changes if flights.few else 0)
+        return sampled(self.duration, _EACH * flights.changes if flights.few else 0)
 
     def _crowd(self, found: Encounters) -> Crowd:
         """Flights of all drones as they are, for all to be changed together."""

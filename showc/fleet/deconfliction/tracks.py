@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from showc.flight import Trajectory
 
 
-_SLOTS_LEAST = 8
-_SLOTS_MOST = 240
+_SLOTS_LEAST, _SLOTS_MOST = 8, 240
 """Slices of a leg in which pairs are sought: few enough to be cheap for two drones, and
 many enough that a drone of a large fleet is near few others in one."""
 

@@ -100,6 +100,12 @@ def _searches(
     elif known is not None:
         yield Elastic(crowd, known=known)
     yield first
+    if anew and known is None:
+        if not many:
+            yield Programs(_staying(crowd), limited=True)
+        layered = Programs(_staying(crowd), limited=True)
+        layered.begin_in_layers()
+        yield layered
     if crowd.hovers.any():
         yield Programs(crowd, limited=False, gently=not anew)
     if many or free or known is not None:

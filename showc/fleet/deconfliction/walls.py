@@ -32,10 +32,7 @@ NODES: FloatArray = 0.5 * (
 """Where positions are taken on each interval, as fractions of it, shape (7,)."""
 HEAD_ON = 0.15
 """Share of the separation below which a pair meets head-on."""
-_REACH = 1.6
-_STALLED = 3
-_NEARLY = 0.8
-_BEHIND = 0.3
+_REACH, _STALLED, _NEARLY, _BEHIND = 1.6, 3, 0.8, 0.3
 """Separations within which a pair gets walls; tries after which a pair that misses by
 less than the next share of the separation passes another way; and how far, in
 separations, it must have passed for its wall to follow it: found by trial."""

@@ -21,16 +21,15 @@ time besides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.deconfliction.conflicts import conflicts
+from showc.fleet.deconfliction.clock import Curves, Pattern, fly_apart, laid_out
 from showc.fleet.deconfliction.neighbours import near_pairs
-from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.shared_profile.flat import fly, joined, use_of_limits
 from showc.fleet.shared_profile.profile import Profile
 from showc.vehicle.metric import measure
 
@@ -38,10 +37,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
+    from showc.fleet.deconfliction.clock import ClosedFlights
     from showc.fleet.deconfliction.crowd import Crossing
-    from showc.fleet.shared_profile.flat import FlatFlights
-    from showc.flight import Trajectory
-    from showc.trajectory import PiecewisePolynomial
 
 
 _BEND = 4.0 - 8.0 * (np.sqrt(2.0) - 1.0)
@@ -61,74 +58,27 @@ _CENTRES = sorted(
 """Places of c that are tried, from the middle of all and in half-widths of it."""
 _SHAPES = ((0.5, 0.2), (0.5, 0.35), (0.35, 0.14), (0.25, 0.08), (0.15, 0.05))
 """Shapes of the clock that are tried: phase / T and ramp / T."""
-_DEGREE = 6
-"""Of the flights' positions."""
-_WIDEST = 0.12
-"""Widest interval of a flight [s]; see :mod:`showc.fleet.deconfliction.changed`."""
 _EVEN = 1e-9
 """Share of the separation that samples may lack by rounding."""
-_SAMPLED = 100
-"""Drones that choose the shape and the pace; all others are then asked."""
-_HALVINGS = 9
-"""Halvings of the pace: the time is found to a part in 512 of what is searched."""
-_SLOWEST = 8.0
-"""Time over that of the straight lines beyond which no pace is looked for."""
-_ROUNDING = 1e-6
-"""How much nearer than the separation a pair may come by rounding [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WidenedFlights:
-    """Flights of all drones that keep apart, and their limits."""
-
-    duration: float
-    """[s]."""
-    trajectories: tuple[Trajectory, ...]
-    """One a drone."""
-    widening: float
-    """k, 1 for a quarter of a circle."""
-    counts: dict[str, float] = field(default_factory=dict)
-    """What it took, for the certificate."""
-
-    @property
-    def method(self) -> str:
-        """How it was found, in words."""
-        return f"all on one clock, widening by {self.widening:.3g} of a quarter circle"
-
-    @property
-    def bent(self) -> dict[int, PiecewisePolynomial]:
-        """Ways that leave their lines, by row."""
-        flights = enumerate(self.trajectories) if self.widening else ()
-        return {row: flight.state.select(slice(0, 3)) for row, flight in flights}
-
-
-def fly_widened(crossing: Crossing) -> WidenedFlights | None:
+def fly_widened(crossing: Crossing) -> ClosedFlights | None:
     """Fly a crowd on one clock, as wide as its pairs need.
 
     Returns
     -------
-    WidenedFlights or None
+    ClosedFlights or None
         None if no widening keeps all apart within the flight volume: only possible
         with a fixed assignment, drones that stand in the way, too little room, or a
         separation that is not an ellipsoid.
     """
     for widening in _widenings(crossing):
         aside = _aside(crossing, widening)
-        found = None if aside is None else _quickest(crossing, aside)
-        if found is None:
+        if aside is None:
             return None
-        duration, flights = found
-        trajectories = tuple(
-            flights.trajectory(row) for row in range(crossing.start.shape[0])
-        )
-        separation = crossing.separation
-        near = conflicts(
-            tracks_of(trajectories, crossing.parked),
-            separation,
-            separation.distance - _ROUNDING,
-        )
-        if not len(near):
-            return WidenedFlights(duration, trajectories, widening)
+        found = fly_apart(crossing, _patterns(crossing, aside))
+        if found is not None:
+            return replace(found, widening=widening)
     return None
 
 
@@ -210,114 +160,21 @@ def _aside(crossing: Crossing, widening: float) -> FloatArray | None:
     return None
 
 
-def _quickest(
-    crossing: Crossing, aside: FloatArray
-) -> tuple[float, FlatFlights] | None:
-    """Fly it on the clock, of some shapes, on which all take least."""
-    size = np.linalg.norm(crossing.goal - crossing.start, axis=1)
-    size = size + np.linalg.norm(aside, axis=1)
-    sample = np.sort(np.argsort(-size, kind="stable")[:_SAMPLED])
-    every = np.arange(size.size)
+def _patterns(crossing: Crossing, aside: FloatArray) -> Iterator[Pattern]:
+    """Yield the flights on clocks of some shapes."""
     base = crossing.profile.duration
     own = crossing.profile.phase / base, crossing.profile.ramp / base
-    best: tuple[float, float, float] | None = None
+    vectors = np.stack([crossing.goal - crossing.start, aside])
     for phase, ramp in (own, *_SHAPES):
         profile = Profile(base, phase * base, ramp * base)
-        time = _least_time(crossing, aside, profile, sample, best)
-        if time is not None and (best is None or time < best[0]):
-            best = time, phase, ramp
-    if best is None:
-        return None
-    time, phase, ramp = best
-    while time <= _SLOWEST * base:
-        duration = float(np.ceil(1000.0 * time)) / 1000.0
-        profile = Profile(duration, phase * duration, ramp * duration)
-        flights = _flown(crossing, aside, profile, every)
-        if _kept(crossing, flights):
-            return (duration, flights) if joined(flights).all() else None
-        time *= 1.01
-    return None
+        yield Pattern(vectors, partial(_curves, profile), base)
 
 
-def _least_time(
-    crossing: Crossing,
-    aside: FloatArray,
-    profile: Profile,
-    rows: IntArray,
-    best: tuple[float, float, float] | None,
-) -> float | None:
-    """Least time in which some drones keep their limits on a clock of one shape [s]."""
-
-    def kept(time: float) -> bool:
-        flights = _flown(crossing, aside, profile.stretched(time), rows)
-        return _kept(crossing, flights)
-
-    low, high = 0.5 * profile.duration, profile.duration
-    if best is not None:
-        high = best[0]
-        if not kept(high):
-            return None
-    while not kept(high):
-        low, high = high, 1.5 * high
-        if high > _SLOWEST * profile.duration:
-            return None
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if kept(middle) else (middle, high)
-    return high
-
-
-def _kept(crossing: Crossing, flights: FlatFlights) -> bool:
-    aircraft = crossing.aircraft
-    use = use_of_limits(aircraft.vehicle, aircraft.limits, flights)
-    return bool(np.all(use.greatest <= 1.0))
-
-
-def _flown(
-    crossing: Crossing, aside: FloatArray, profile: Profile, rows: IntArray
-) -> FlatFlights:
-    start, goal = crossing.start[rows], crossing.goal[rows]
-    line = profile.derivatives()[0]
-    breaks, along, across = _laid(line)
-    position = start[:, None, None] + along * (goal - start)[:, None, None]
-    position += across * aside[rows, None, None]
-    # Not start + (goal - start), which rounds.
-    position[:, 0, :4], position[:, -1, -4:] = start[:, None], goal[:, None]
-    aircraft = crossing.aircraft
-    return fly(aircraft.vehicle, aircraft.heading, breaks, position)
-
-
-def _laid(
-    line: PiecewisePolynomial,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lay s and w(s) out in time: breaks [s], coefficients, (K, 7, 1)."""
-    parts = np.ceil(np.diff(line.breaks) / _WIDEST).astype(np.int64)
-    breaks = np.concatenate(
-        [
-            left + (right - left) * np.arange(count) / count
-            for left, right, count in zip(
-                line.breaks[:-1], line.breaks[1:], parts.tolist(), strict=True
-            )
-        ]
-        + [line.breaks[-1:]]
-    )
-    share = line.split(breaks[1:-1]).elevated(_DEGREE).coefficients
-    ends = [0, -1]
-    width = np.diff(breaks)[:, None]
-    rate = _DEGREE * np.diff(share[..., 0], axis=1)[:, ends] / width
-    pull = np.diff(share[..., 0], n=2, axis=1)[:, ends]
-    pull *= _DEGREE * (_DEGREE - 1) / width**2
-    w, w1, w2 = _width(share[:, ends, 0])
-    speed, change = w1 * rate, w2 * rate**2 + w1 * pull
-    across = np.zeros_like(share)
-    for end, sign, order in ((0, 1.0, (0, 1, 2)), (1, -1.0, (6, 5, 4))):
-        step = sign * width[:, 0] * speed[:, end] / _DEGREE
-        bend = width[:, 0] ** 2 * change[:, end] / (_DEGREE * (_DEGREE - 1))
-        across[:, order[0], 0] = w[:, end]
-        across[:, order[1], 0] = w[:, end] + step
-        across[:, order[2], 0] = w[:, end] + 2.0 * step + bend
-    # In the middle a quintic's, raised; at both ends of all the jerk is zero.
-    outer, inner = across[:, [0, 6]].sum(axis=1), across[:, [1, 5]].sum(axis=1)
-    across[:, 3] = (outer - 6.0 * inner + 15.0 * across[:, [2, 4]].sum(axis=1)) / 20.0
-    across[[0, -1], 3] = 0.0
-    return breaks, share, across
+def _curves(profile: Profile, duration: float) -> Curves:
+    """Return s and w(s) over a time [s]."""
+    line = profile.stretched(duration).derivatives()
+    breaks = laid_out(duration, line[0].breaks)
+    share, rate, pull = (part(breaks)[:, 0] for part in line)
+    w, w1, w2 = _width(share)
+    width = np.stack([w, w1 * rate, w2 * rate**2 + w1 * pull])
+    return Curves(breaks, np.stack([np.stack([share, rate, pull]), width]))

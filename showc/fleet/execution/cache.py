@@ -44,6 +44,7 @@ FORMAT = "showc-leg-4"
 """Changes whenever results or their encoding change."""
 _MAGIC = b"showcleg"
 _DIGEST = 32
+"""Length of a SHA-256 [bytes]."""
 _MOST_BYTES = 2_000_000_000
 """Largest entry that is read [bytes]: ten times that of a thousand drones."""
 

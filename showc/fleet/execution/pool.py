@@ -36,6 +36,7 @@ _THREAD_VARIABLES = (
 PATIENCE = "20s"
 """For which a scheduler is waited for: it may be starting."""
 _DEATHS = 3
+"""How often workers may die before the work is given up: once more than by chance."""
 _PRELOAD = (
     "showc.fleet.single_drone.staying",
     "showc.fleet.lower_bound.limiting",
@@ -134,6 +135,10 @@ class Processes:
         """See :class:`Workers`; the processes start while the caller goes on."""
         if not self._prepared:
             self._prepared = True
+            # Two threads that name their first folder at once can leave the lock of
+            # tempfile taken for good when an interrupt comes.
+            with suppress(OSError):
+                _place_sockets()
             Thread(target=self._try, daemon=True).start()
 
     def _try(self) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _MAGIC = b"showcpart"
 _HASH = 32
+"""Length of a SHA-256 [bytes]."""
 _MOST_BYTES = 1_000_000_000
 """Largest part that is read [bytes]."""
 _ARRAYS = {

@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 
 _CANDIDATES = 12
+"""Moves of a leg that may be its slowest: half by straight distance, half by axes."""
 _STRAIGHT_ERROR = 1.01
 """How much longer a straight flight may take than its first look says, at most."""
-_SOLVED_AT_LEAST = 1
-_SOLVED_AT_MOST = 2
+_SOLVED_AT_LEAST, _SOLVED_AT_MOST = 1, 2
+"""Straight flights solved of a leg: the second, where the bounds hardly differ."""
 _ROUNDS = 8
 """Linear programs of a bound at most."""
 _SCATTER = 0.01

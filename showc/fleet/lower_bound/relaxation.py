@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from showc.vehicle import Limits, Quadrotor
 
 
+Push = Literal["along", "round", "across"]
+"""Where a drone pushes on its move: along it, or all round, as into and out of a motion
+and past others, where fewer directions do."""
 Span = tuple["FloatArray", "FloatArray"]
 """Least and greatest value, of one shape."""
 
-_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
-_STILL = 1e-6
+_AT_REST, _STILL = [3, 4, 5, 6, 7, 9, 10, 11], 1e-6
 """States that are zero at a hover, and how far off they may be: what a proof allows."""
 HOVERS: FloatArray = np.zeros((2, 12))
 """States at the ends of a move from hover to hover; places do not count."""
@@ -180,7 +182,7 @@ class Relaxation:
         steps: int = 3,
         displacement: FloatArray | None = None,
         *,
-        straight: bool = True,
+        push: Push = "along",
     ) -> FloatArray:
         """Points of U, shape (k, m, 3) [m/s²], whose hull nearly fills U's.
 
@@ -192,13 +194,13 @@ class Relaxation:
             Angles of each kind that points are taken at without an envelope.
         displacement
             The move, shape (3,) [m]: with an envelope, points lie densest along it.
-        straight
-            Whether drones push along the move; else points lie all round.
+        push
+            Whether drones push along the move, turn on the way or cross another's.
         """
         if self.limits.limits_acceleration:
             way = self.turned(np.zeros(3) if displacement is None else displacement)
             toward = math.atan2(way[1], way[0])
-            bearing = toward + np.radians(_BEARINGS if straight else _ROUND)
+            bearing = toward + np.radians(_BEARINGS[push])
             return self._envelope_vertices(_greatest(roll), _greatest(pitch), bearing)
         least_thrust, most_thrust = self.specific_thrust
         if self.yaw == "free":
@@ -282,13 +284,13 @@ class Relaxation:
         return np.asarray(points @ rotation.T)
 
 
-_BEARINGS: FloatArray = np.array(
-    [0.0, 15.0, -15.0, 40.0, -40.0, 75.0, -75.0, 120.0, -120.0, 165.0, -165.0, 180.0]
-)
-"""Directions about that of the move in which points of U are taken [deg]. What is left
-out the multipliers suffer from, not the bound."""
-_ROUND: FloatArray = np.arange(0.0, 360.0, 15.0)
-"""The same where thrust turns on the way, as it does into and out of a motion [deg]."""
+_BEARINGS: dict[Push, FloatArray] = {
+    "along": np.array([0, 15, -15, 40, -40, 75, -75, 120, -120, 165, -165, 180]),
+    "round": np.arange(0.0, 360.0, 15.0),
+    "across": np.arange(0.0, 360.0, 45.0),
+}
+"""Directions about that of the move in which points of U are taken [deg], for each way
+to push. What is left out the multipliers suffer from, not the bound."""
 _SHARES: FloatArray = np.array([0.0, 0.5, 1.0])
 """Parts of the greatest tilt at which points of U are taken."""
 

@@ -22,6 +22,7 @@ middles of the intervals, and at both ends.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import highspy
@@ -30,12 +31,28 @@ import numpy as np
 from showc.fleet.lower_bound.relaxation import hovering
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray, IntArray
-    from showc.fleet.lower_bound.relaxation import Relaxation
+    from showc.fleet.lower_bound.relaxation import Push, Relaxation
 
 
 _LEAST = 1e-6
 """Stands for no acceleration [m/s²] and no way [m²]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Multipliers:
+    """What proves a time, as :class:`showc.flight.DualWitness` has it."""
+
+    beta: FloatArray
+    """Of the way, shape (3,), scaled so that ``beta . (d - c)`` is 1."""
+    knots: FloatArray
+    """Fractions of the time, shape (m,)."""
+    at_knots: FloatArray
+    """Of thrust, and of turns where jerk is limited, shape (m, 3 or 6)."""
+    share: float
+    """Of the way, made in the time."""
 
 
 class RelaxedMove:
@@ -64,19 +81,10 @@ class RelaxedMove:
         self._jerk = relaxation.limits.jerk
         # Rows: the move's direction, and two across it.
         self._frame = np.linalg.svd(self._displacement[None])[2]
-        self._solver = highspy.Highs()  # type: ignore[no-untyped-call]
-        for option, value in (
-            ("output_flag", False),
-            ("threads", 1),
-            ("solver", "simplex"),
-        ):
-            self._solver.setOptionValue(option, value)
-        self._columns = 0
+        self._solver = Solver()
 
-    def multipliers(
-        self, time: float, knots: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Return beta (3,), knots, multipliers and the share sigma made in ``time``.
+    def multipliers(self, time: float, knots: FloatArray) -> Multipliers:
+        """Return the multipliers of the program of a ``time``.
 
         Parameters
         ----------
@@ -87,27 +95,16 @@ class RelaxedMove:
 
         Returns
         -------
-        tuple
-            Multipliers (m, 3 or 6) at their knots (m,), as
-            :class:`showc.flight.DualWitness` has them, scaled so that ``beta . (d -
-            c)`` is 1; where the program has no answer, beta along the way, no others,
-            and 1.
+        Multipliers
+            Where the program has no answer, beta along the way, no others, and 1.
         """
-        lp = self._program(time, knots)
-        basis = self._solver.getBasis() if self._columns == lp.num_col_ else None
-        self._solver.passModel(lp)
-        if basis is not None and basis.valid:
-            self._solver.setBasis(basis)
-        self._columns = lp.num_col_
-        self._solver.run()
-        if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-            self._columns = 0
+        found = self._solver.solve(self._program(time, knots))
+        if found is None:
             none = np.zeros((knots.size, 6 if self._jerk else 3))
-            return self._toward(), knots, none, 1.0
-        marginal = np.array(self._solver.getSolution().row_dual)
+            return Multipliers(self._toward(), knots, none, 1.0)
+        marginal, share = found
         beta = -marginal[:3]
         multipliers = marginal[3 : 3 + 3 * knots.size].reshape(-1, 3)
-        share = -float(self._solver.getObjectiveValue())
         if self._jerk:
             turns = marginal[-3 * (knots.size + 1) :].reshape(-1, 3) @ self._frame
             middles = 0.5 * (knots[:-1] + knots[1:])
@@ -119,88 +116,29 @@ class RelaxedMove:
             )
             knots = both
         beta, multipliers = self._signed(beta, multipliers)
-        return beta, knots, multipliers, share
+        return Multipliers(beta, knots, multipliers, share)
 
     def _program(self, time: float, knots: FloatArray) -> Any:  # noqa: ANN401 - HiGHS
-        relaxation, limits = self._relaxation, self._relaxation.limits
         widths = np.diff(knots) * time
-        intervals, nodes = widths.size, knots.size
-        instants = knots * time
-        roll, pitch = relaxation.caps(instants, time - instants, self._ends)
-        corners = relaxation.vertices(
-            roll,
-            pitch,
-            displacement=self._displacement,
-            straight=not self._offset.any(),
+        push: Push = "round" if self._offset.any() else "along"
+        part = Columns.of(
+            self._relaxation, self._displacement, time, knots, self._ends, push=push
         )
-        size = corners.shape[1]
-        weight = np.zeros(nodes)
-        weight[:-1] += 0.5 * widths
-        weight[1:] += 0.5 * widths
-        # Columns after each other: the share, velocities (interval, axis) with three
-        # entries each, weights (knot, corner) with four.
-        axis = np.tile(np.arange(3), intervals)
-        interval = np.repeat(np.arange(intervals), 3)
-        knot = np.repeat(np.arange(nodes), size)
-        rows_of_velocity = np.stack(
-            [axis, 3 + 3 * interval + axis, 6 + 3 * interval + axis], axis=1
-        )
-        one = np.ones(axis.size)
-        velocity = np.stack([widths[interval], one, -one], axis=1)
-        rows_of_weight = np.column_stack(
-            [3 + 3 * knot, 4 + 3 * knot, 5 + 3 * knot, 3 + 3 * nodes + knot]
-        )
-        thrust = -weight[knot, None] * corners.reshape(-1, 3)
-        thrust = np.column_stack([thrust, np.ones(knot.size)])
-        lp = highspy.HighsLp()
-        lp.num_col_ = 1 + axis.size + knot.size
-        lp.num_row_ = 3 + 4 * nodes
-        lp.col_cost_ = np.concatenate([[-1.0], np.zeros(axis.size + knot.size)])
-        lp.col_lower_ = np.concatenate(
-            [[0.0], np.tile(limits.velocity_min, intervals), np.zeros(knot.size)]
-        )
-        lp.col_upper_ = np.concatenate(
-            [
-                [np.inf],
-                np.tile(limits.velocity_max, intervals),
-                np.full(knot.size, np.inf),
-            ]
-        )
-        if limits.rounds_speed:
-            # Along the move the level speed counts, not the box.
-            level = self._displacement * np.array([1.0, 1.0, 0.0])
-            level /= max(float(np.linalg.norm(level)), 1e-12)
-            lp.num_row_ += intervals
-            rows_of_velocity = np.column_stack(
-                [rows_of_velocity, 3 + 4 * nodes + interval]
-            )
-            velocity = np.column_stack([velocity, level[axis]])
+        part.bounds[:, :3] += self._offset
+        rows, thrust = part.weight_rows, part.weights
         low, high = self._steps(widths)
         if low.size:
             # Each knot's thrust ends one step and begins the next.
-            first = lp.num_row_ + 3 * knot[:, None] + np.arange(3)
-            rows_of_weight = np.column_stack([rows_of_weight, first, first + 3])
-            turned = corners.reshape(-1, 3) @ self._frame.T
+            first = part.rows + 3 * part.knot[:, None] + np.arange(3)
+            rows = np.column_stack([rows, first, first + 3])
+            turned = part.corners @ self._frame.T
             thrust = np.column_stack([thrust, turned, -turned])
-        right = np.zeros(lp.num_row_)
-        right[:3] = self._offset
-        right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
-        right[3:6] += self._ends[0, 3:6]
-        right[3 * nodes : 3 + 3 * nodes] -= self._ends[1, 3:6]
-        right[3 + 3 * nodes : 3 + 4 * nodes] = 1.0
-        left = right.copy()
-        right[3 + 4 * nodes :] = limits.level_speed
-        left[3 + 4 * nodes :] = -np.inf
-        lp.num_row_ += low.size
-        lp.row_lower_ = np.concatenate([left, low])
-        lp.row_upper_ = np.concatenate([right, high])
-        _fill(
-            lp.a_matrix_,
-            (np.arange(3)[None], -self._displacement[None]),
-            (rows_of_velocity, velocity),
-            (rows_of_weight, thrust),
+        share = np.arange(3)[None], -self._displacement[None]
+        return program(
+            self._relaxation,
+            np.column_stack([part.bounds, [low, high]]),
+            [share, (part.velocity_rows, part.velocities), (rows, thrust)],
         )
-        return lp
 
     def _steps(self, widths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bounds of the rows that jerk has: of each step of the thrust, end to end."""
@@ -231,10 +169,148 @@ class RelaxedMove:
         return np.asarray(way / max(float(way @ way), _LEAST))
 
 
-def _fill(matrix: Any, *parts: tuple[IntArray, FloatArray]) -> None:  # noqa: ANN401
-    """Write columns after each other, from rows and values (columns, entries)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """What one drone's unknowns add to the rows of a program, counted from its own.
+
+    Rows are 3 of the whole way, 3 for each knot, one for each knot's weights and, where
+    level speed is limited, one for each interval.
+    """
+
+    velocity_rows: IntArray
+    """Shape (3 intervals, e), interval by interval."""
+    velocities: FloatArray
+    """Entries of these."""
+    weight_rows: IntArray
+    """Shape (weights, e), knot by knot."""
+    weights: FloatArray
+    """Entries of these."""
+    corners: FloatArray
+    """Thrust over mass of each weight, shape (weights, 3) [m/s²]."""
+    knot: IntArray
+    """Knot of each weight, shape (weights,)."""
+    bounds: FloatArray
+    """Least and greatest values of the rows, shape (2, rows)."""
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return int(self.bounds.shape[1])
+
+    @classmethod
+    def of(
+        cls,
+        relaxation: Relaxation,
+        displacement: FloatArray,
+        time: float,
+        knots: FloatArray,
+        ends: FloatArray,
+        *,
+        push: Push,
+    ) -> Columns:
+        """Return what a drone on its move adds, and where it pushes."""
+        limits = relaxation.limits
+        widths = np.diff(knots) * time
+        intervals, nodes = widths.size, knots.size
+        instants = knots * time
+        roll, pitch = relaxation.caps(instants, time - instants, ends)
+        corners = relaxation.vertices(roll, pitch, displacement=displacement, push=push)
+        knot = np.repeat(np.arange(nodes), corners.shape[1])
+        corners = corners.reshape(-1, 3)
+        weight = np.zeros(nodes)
+        weight[:-1] += 0.5 * widths
+        weight[1:] += 0.5 * widths
+        axis = np.tile(np.arange(3), intervals)
+        interval = np.repeat(np.arange(intervals), 3)
+        velocity_rows = np.stack(
+            [axis, 3 + 3 * interval + axis, 6 + 3 * interval + axis], axis=1
+        )
+        one = np.ones(axis.size)
+        velocities = np.stack([widths[interval], one, -one], axis=1)
+        weight_rows = np.column_stack(
+            [3 + 3 * knot, 4 + 3 * knot, 5 + 3 * knot, 3 + 3 * nodes + knot]
+        )
+        thrust = np.column_stack([-weight[knot, None] * corners, np.ones(knot.size)])
+        right = np.zeros(3 + 4 * nodes)
+        right[5 : 3 + 3 * nodes : 3] = -weight * relaxation.vehicle.gravity
+        right[3:6] += ends[0, 3:6]
+        right[3 * nodes : 3 + 3 * nodes] -= ends[1, 3:6]
+        right[3 + 3 * nodes :] = 1.0
+        bounds = np.stack([right, right])
+        if limits.rounds_speed:
+            # Along the move the level speed counts, not the box.
+            level = displacement * np.array([1.0, 1.0, 0.0])
+            level /= max(float(np.linalg.norm(level)), 1e-12)
+            velocity_rows = np.column_stack([velocity_rows, 3 + 4 * nodes + interval])
+            velocities = np.column_stack([velocities, level[axis]])
+            most = np.full(intervals, limits.level_speed)
+            bounds = np.column_stack([bounds, [np.full(intervals, -np.inf), most]])
+        return cls(
+            velocity_rows, velocities, weight_rows, thrust, corners, knot, bounds
+        )
+
+
+Part = tuple["IntArray", "FloatArray"]
+"""Rows and entries of columns, both of shape (columns, e)."""
+
+
+def program(relaxation: Relaxation, bounds: FloatArray, parts: Sequence[Part]) -> Any:  # noqa: ANN401 - HiGHS
+    """Return the program of a share, then velocities and weights of drone by drone.
+
+    Parameters
+    ----------
+    bounds
+        Least and greatest values of all rows, shape (2, rows).
+    parts
+        Columns of the share, then of the velocities and of the weights of each drone.
+    """
+    lp, limits = highspy.HighsLp(), relaxation.limits
+    low, high = [np.zeros(1)], [np.full(1, np.inf)]
+    for velocities, weights in zip(parts[1::2], parts[2::2], strict=True):
+        each = velocities[0].shape[0] // 3
+        low += [np.tile(limits.velocity_min, each), np.zeros(weights[0].shape[0])]
+        high += [np.tile(limits.velocity_max, each)]
+        high += [np.full(weights[0].shape[0], np.inf)]
+    lp.col_lower_, lp.col_upper_ = np.concatenate(low), np.concatenate(high)
+    columns = sum(rows.shape[0] for rows, _ in parts)
+    lp.num_col_, lp.num_row_ = columns, bounds.shape[1]
+    lp.col_cost_ = np.append(-1.0, np.zeros(columns - 1))
+    lp.row_lower_, lp.row_upper_ = bounds
+    matrix = lp.a_matrix_
     matrix.format_ = highspy.MatrixFormat.kColwise
     each = [np.full(rows.shape[0], rows.shape[1]) for rows, _ in parts]
     matrix.start_ = np.concatenate([[0], np.cumsum(np.concatenate(each))])
     matrix.index_ = np.concatenate([rows.ravel() for rows, _ in parts])
     matrix.value_ = np.concatenate([values.ravel() for _, values in parts])
+    return lp
+
+
+class Solver:
+    """Solves programs one after the other, each from the last one's basis.
+
+    For a time near by few steps are needed.
+    """
+
+    def __init__(self) -> None:
+        self._highs = highspy.Highs()  # type: ignore[no-untyped-call]
+        for option, value in (
+            ("output_flag", False),
+            ("threads", 1),
+            ("solver", "simplex"),
+        ):
+            self._highs.setOptionValue(option, value)
+        self._columns = 0
+
+    def solve(self, lp: Any) -> tuple[FloatArray, float] | None:  # noqa: ANN401 - HiGHS
+        """Return the multipliers of the rows and the share; None without an answer."""
+        basis = self._highs.getBasis() if self._columns == lp.num_col_ else None
+        self._highs.passModel(lp)
+        if basis is not None and basis.valid:
+            self._highs.setBasis(basis)
+        self._columns = lp.num_col_
+        self._highs.run()
+        if self._highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+            self._columns = 0
+            return None
+        marginal = np.array(self._highs.getSolution().row_dual)
+        return marginal, -float(self._highs.getObjectiveValue())

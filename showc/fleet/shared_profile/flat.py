@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from showc.vehicle import Limits, Quadrotor
 
 
-STATE_DEGREE = 7
-CONTROL_DEGREE = 12
-"""Rates have degree 6, so the torque that balances their product is exact."""
+STATE_DEGREE, CONTROL_DEGREE = 7, 12
+"""Three derivatives of positions are given at both ends of a piece; rates then have
+degree 6, so the torque that balances their product is exact."""
 SLACK = 1e-9
+"""How far rounding may carry a flight over a limit, of the limit or [SI]."""
 JOINT = 1e-7
 """Greatest jump of a state at a joint (SI): a tenth of what the proof allows."""
 _HERMITE_NODES: FloatArray = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])

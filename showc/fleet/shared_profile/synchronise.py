@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 
 _PHASES = np.concatenate([np.geomspace(0.004, 0.3, 22), np.linspace(0.32, 0.5, 10)])
+"""Lengths of the phase of acceleration that are tried, of the whole: closer together
+where they are short, for a long cruise is flown so."""
 _RAMPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
+"""Lengths of the ramps that are tried, of that phase: 0.5 has ramps alone."""
 SHAPES: FloatArray = np.array(
     [(phase, phase * ramp) for phase in _PHASES for ramp in _RAMPS]
 )

@@ -9,6 +9,7 @@ the solver need not converge far.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from showc.fleet.shared_profile.straight import followed
 from showc.fleet.single_drone.assembly import trajectory_of
-from showc.fleet.single_drone.convex_program import WALL_DEGREE
+from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE
 from showc.fleet.single_drone.guess import flat_guess, flown_guess
 from showc.fleet.single_drone.intervals import (
     COUNTS,
@@ -54,9 +55,7 @@ INTERVALS = 24
 laid, and building two takes longer."""
 LONGEST = 0.35
 """Longest interval along a wall [s]: drones turn aside within about a second."""
-TOLERANCE = 1e-3
-BARRIER = 0.1
-INSET = 1e-5
+TOLERANCE, BARRIER, INSET = 1e-3, 0.1, 1e-5
 """The solver ends at this error, begins with this barrier parameter, and keeps so far
 within its bounds, scaled: a flight is judged, and polished, afterwards."""
 
@@ -66,14 +65,28 @@ WALL_SIGNALS = tuple(
 )
 
 
-def avoid(  # noqa: PLR0917 - what a worker's task holds
+@dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """Walls on one side of which a drone passes."""
+
+    walls: Walls
+    """On even intervals of the flight, as many as ``way`` has."""
+    way: PiecewisePolynomial | None = None
+    """The way about which they were laid, 3 components [m]; None: no walls."""
+    clearance: float = 0.0
+    """How far behind them to aim [m]: soft walls give way a little."""
+
+
+OPEN = Passage(NO_WALLS)
+"""Without walls."""
+
+
+def avoid(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
     reference: PiecewisePolynomial,
-    walls: Walls,
-    present: PiecewisePolynomial | None = None,
-    clearance: float = 0.0,
+    passage: Passage = OPEN,
     earlier: Trajectory | None = None,
     shortest: Trajectory | None = None,
 ) -> Trajectory | None:
@@ -86,12 +99,8 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     reference
         Share of the way by time (one component), or positions (three) [m]; its end
         is the duration.
-    walls
-        Laid on even intervals of the duration, as many as ``present`` has.
-    present
-        The way about which the walls were laid, 3 components [m]; needed with walls.
-    clearance
-        How far behind the walls to aim [m]: soft walls give way a little.
+    passage
+        The walls.
     earlier
         A flight of the same drone in the same time, to start from, on its intervals.
     shortest
@@ -103,7 +112,7 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
         Keeps every limit at every instant; the walls as far as it can. None if
         none was found.
     """
-    duration = reference.end
+    duration, walls = reference.end, passage.walls
     if earlier is not None:
         borders, why = earlier.state.breaks, "the mesh of the flight before"
     elif shortest is not None:
@@ -114,7 +123,8 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
         widths = graded_widths(duration, count, END_GRADING)
         borders = np.concatenate([[0.0], np.cumsum(widths)])
         why = "graded towards both ends"
-    widths = _cut(borders, walls, duration, present.intervals if present else 1)
+    pieces = passage.way.intervals if passage.way else 1
+    widths = _cut(borders, walls, duration, pieces)
     programs = Programs(aircraft, start, goal)
     guesses = [flat_guess(aircraft, start, goal, widths, reference)]
     if (flown := earlier or shortest) is not None:
@@ -128,7 +138,7 @@ def avoid(  # noqa: PLR0917 - what a worker's task holds
     times = breaks[:-1, None] + widths[:, None] * nodes
     signals = np.zeros((*times.shape, len(SIGNALS) + len(WALL_SIGNALS)))
     signals[..., :3] = followed(reference, start[:3], goal[:3], times)
-    laid = _laid(walls, times.ravel(), present, clearance)
+    laid = _laid(passage, times.ravel())
     signals[..., 3:] = laid.reshape(*times.shape, -1)
     length = max(float(np.linalg.norm(goal[:3] - start[:3])), 1.0)
     weights = {
@@ -171,16 +181,12 @@ def _cut(
     return np.asarray(cut * (duration / cut.sum()))
 
 
-def _laid(
-    walls: Walls,
-    times: FloatArray,
-    present: PiecewisePolynomial | None,
-    clearance: float,
-) -> FloatArray:
+def _laid(passage: Passage, times: FloatArray) -> FloatArray:
     """Lay out the walls that count at each time: normals and offsets, (n, SLOTS, 4).
 
     Slots that are not needed hold a wall that is kept everywhere.
     """
+    walls, present = passage.walls, passage.way
     laid = np.zeros((times.size, SLOTS, 4))
     laid[..., 3] = -1.0
     if present is None or not walls.interval.size:
@@ -192,7 +198,7 @@ def _laid(
     normal = (1.0 - share)[:, None] * walls.normal[wall, 0]
     normal += share[:, None] * walls.normal[wall, 1]
     basis = bernstein_basis(WALL_DEGREE, share)
-    offset = np.einsum("nk,nk->n", basis, walls.offset[wall]) + clearance
+    offset = np.einsum("nk,nk->n", basis, walls.offset[wall]) + passage.clearance
     lack = offset - np.einsum("nc,nc->n", normal, present(times[time]))
     order = np.lexsort((wall, -lack, time))
     time, normal, offset = time[order], normal[order], offset[order]

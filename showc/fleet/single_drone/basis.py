@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     Entries = tuple[FloatArray, tuple[IntArray, IntArray]]
 
 DEGREE = 5
+"""Of the splines of positions: torque, the fourth derivative, is continuous."""
 LOCAL = DEGREE + 1
 """Coefficients that count on an interval."""
 _CALM = 1e-4

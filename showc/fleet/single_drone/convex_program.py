@@ -32,8 +32,12 @@ if TYPE_CHECKING:
 
 
 WALL_DEGREE = DEGREE + 1
+"""Of walls that move with a flight: positions, and one more."""
 _MARGIN = 0.995
+"""Part of a limit that a program may use: the flight bends between its points."""
 _PRICE = 30.0
+"""Linear price of what is lacking behind a wall: an exact penalty (Nocedal and Wright
+2006, section 17.2)."""
 _NEAR, _NEARLY = 0.5, 0.9
 """Share of its bound at which a row counts from the beginning, and once others that
 did not count were passed."""

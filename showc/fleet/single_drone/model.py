@@ -33,13 +33,10 @@ SIGNALS = ("reference_x", "reference_y", "reference_z")
 
 # Scales are constants, not taken from the limits: a program is then the same whichever
 # limits it is first used with, and so are its answers.
-LENGTH_SCALE = 10.0
-SPEED_SCALE = 5.0
-ANGLE_SCALE = 0.35
-RATE_SCALE = 1.7
-ANGULAR_ACCELERATION_SCALE = 20.0
-ACCELERATION_SCALE = 5.0
-JERK_SCALE = 15.0
+LENGTH_SCALE, SPEED_SCALE, ACCELERATION_SCALE, JERK_SCALE = 10.0, 5.0, 5.0, 15.0
+"""Of positions and their derivatives [m, m/s, m/s², m/s³]: what shows fly."""
+ANGLE_SCALE, RATE_SCALE, ANGULAR_ACCELERATION_SCALE = 0.35, 1.7, 20.0
+"""Of attitudes and their derivatives [rad, rad/s, rad/s²]: the usual limits."""
 ROOM = 2e-3
 """Between the points at which a program's velocities follow its thrust, what is flown
 goes beyond a limit of acceleration by up to so much of it."""

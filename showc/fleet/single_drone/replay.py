@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from showc.vehicle import Quadrotor
 
 
-POINTS = 10
-PARTS = 2
+POINTS, PARTS = 10, 2
+"""Gauss points of a part, and parts of an interval, between which controls are
+integrated."""
 SWEEPS = 60
 """Greatest number of fixed-point sweeps; the iteration converges factorially."""
 

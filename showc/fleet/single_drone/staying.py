@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.deconfliction.walls import interpolated
 from showc.fleet.single_drone.avoiding import avoid
-from showc.fleet.single_drone.convex_program import NO_WALLS
 from showc.fleet.single_drone.model import in_motion
 from showc.fleet.single_drone.single import follow, hover, minimum_time
 from showc.fleet.single_drone.spline import follow_spline
@@ -22,7 +20,7 @@ from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.fleet.single_drone.convex_program import Walls
+    from showc.fleet.single_drone.avoiding import Passage
     from showc.fleet.single_drone.single import Aircraft
 
 
@@ -54,25 +52,26 @@ def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
         Whether drones will have to be bent afterwards: then the program for it is used
         here already, so that all processes build it at the same time.
     """
-    duration = reference.end
-    if shortest is not None and _nearly(shortest.state.end, duration):
-        return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
+    duration, straight = reference.end, reference.components == 1
     if shortest is None and not bending:
         found = follow_spline(aircraft, start, goal, reference, intervals)
         if found is not None:
             return SPLINE, found.flight.trajectory(0), ""
-    flight = avoid(aircraft, start, goal, reference, NO_WALLS, shortest=shortest)
+        if straight:
+            # Too slow for splines, it is often nearly the slowest.
+            shortest = minimum_time(aircraft, start, goal).trajectory
+    if shortest is not None and _nearly(shortest.state.end, duration):
+        return OPTIMAL, lingering(aircraft, shortest, goal, duration), ""
+    flight = avoid(aircraft, start, goal, reference, shortest=shortest)
     if flight is not None:
         return OPTIMAL, flight, ""
-    if reference.components > 1:
+    if not straight:
         return OPTIMAL, None, "no flight near the way was found"
     if shortest is None:
         # With so little time that its least is worth knowing.
-        least = minimum_time(aircraft, start, goal)
-        if least.trajectory is not None:
-            shortest = least.trajectory
-            if _nearly(least.duration, duration):
-                return OPTIMAL, _lingering(aircraft, shortest, goal, duration), ""
+        shortest = minimum_time(aircraft, start, goal).trajectory
+        if shortest is not None and _nearly(shortest.state.end, duration):
+            return OPTIMAL, lingering(aircraft, shortest, goal, duration), ""
     result = follow(
         aircraft, start, goal, duration, reference=reference, shortest=shortest
     )
@@ -84,7 +83,7 @@ def _nearly(least: float, duration: float) -> bool:
     return 0.0 <= duration - least < max(_MOMENT, _SHARE * duration)
 
 
-def _lingering(
+def lingering(
     aircraft: Aircraft,
     flight: Trajectory,
     place: FloatArray,
@@ -137,7 +136,7 @@ def stay_calm(
     if shortest is not None and _nearly(shortest.state.end, duration):
         for end, early in ((goal, False), (start, True)):
             if not in_motion(end):
-                flight = _lingering(aircraft, shortest, end[:3], duration, early=early)
+                flight = lingering(aircraft, shortest, end[:3], duration, early=early)
                 return OPTIMAL, flight, ""
     result = follow(aircraft, start, goal, duration, shortest=shortest)
     return OPTIMAL, result.trajectory if result.solved else None, result.message
@@ -148,23 +147,17 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     start: FloatArray,
     goal: FloatArray,
     reference: PiecewisePolynomial,
-    intervals: int,
-    walls: Walls,
-    present: FloatArray,
-    clearance: float,
+    passage: Passage,
     earlier: Trajectory | None = None,
-    first_walls: bool = False,  # noqa: FBT001, FBT002 - as above
+    first_walls: bool = False,  # noqa: FBT001, FBT002 - likewise
 ) -> Outcome:
     """Fly one drone on its side of the walls.
 
     Parameters
     ----------
-    present
-        Positions of the iterate before at ``NODES`` of each interval, shape (K, 7, 3)
-        [m]: the way about which the walls were laid.
-    clearance
-        How far behind them optimal control aims [m]; it weighs walls against effort
-        and falls a little short.
+    passage
+        The walls, laid about the way of the iterate before. Optimal control weighs
+        them against effort and falls a little short of the clearance.
     earlier
         Its flight of the round before if that is by optimal control.
     first_walls
@@ -176,7 +169,6 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     Outcome
         The flight keeps every limit; the walls it keeps as far as it can.
     """
-    way = interpolated(present, reference.end)
     methods = (
         [SPLINE, OPTIMAL] if first_walls and earlier is None else [OPTIMAL, SPLINE]
     )
@@ -186,12 +178,11 @@ def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
     for method in methods:
         if method == SPLINE:
             places = start[:3], goal[:3]
-            found = follow_spline(aircraft, *places, reference, intervals, walls)
+            pieces = passage.way.intervals if passage.way else 1
+            found = follow_spline(aircraft, *places, reference, pieces, passage.walls)
             flight = None if found is None else found.flight.trajectory(0)
         else:
-            flight = avoid(
-                aircraft, start, goal, reference, walls, way, clearance, earlier
-            )
+            flight = avoid(aircraft, start, goal, reference, passage, earlier)
         if flight is not None:
             return method, flight, ""
     return OPTIMAL, None, "no flight behind the walls was found"

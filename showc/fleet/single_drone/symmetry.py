@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 _ALIGNED = 1e-12
+"""Sine of the angle between directions that rounding alone keeps apart."""
 _STATE_AHEAD, _STATE_LEFT = (7, 10), (6, 9)
 """Pitch and its rate go with motion ahead, roll and its rate with motion left."""
 _CONTROL_AHEAD, _CONTROL_LEFT = (2, 3), (1, 3)
