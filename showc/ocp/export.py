@@ -105,8 +105,19 @@ class Drawing:
         return self.svg
 
     def save(self, path: str | Path) -> None:
-        """Write the drawing to a file."""
-        Path(path).write_text(self.svg, encoding="utf-8")
+        """Write the drawing to a file whose name ends in ``.svg``.
+
+        Raises
+        ------
+        StatementError
+            If the name promises another format.
+        """
+        target = Path(path)
+        if target.suffix.lower() != ".svg":
+            raise StatementError(
+                f"{target.name!r} is no name of an SVG; end it in .svg"
+            )
+        target.write_text(self.svg, encoding="utf-8")
 
 
 def drawing(solution: Solution, names: tuple[str, ...] = ()) -> Drawing:

@@ -62,7 +62,32 @@ def scalar(value: object, what: str) -> Any:  # noqa: ANN401 - a CasADi expressi
             "element by element"
         )
     if expression.is_constant() and isnan(float(expression)):
-        raise StatementError(f"{what} is not a number")
+        raise StatementError(
+            f"{what} is not a number (of a symbol, Python's own functions give none: "
+            "casadi.sin, not math.sin)"
+        )
+    return expression
+
+
+_COMPARISONS = frozenset(
+    {casadi.OP_LT, casadi.OP_LE, casadi.OP_EQ, casadi.OP_NE, casadi.OP_AND}
+)
+
+
+def limited(value: object, what: str) -> Any:  # noqa: ANN401 - a CasADi expression
+    """Return what is to be kept within bounds, as :func:`scalar` does.
+
+    Raises
+    ------
+    StatementError
+        If it is no scalar, or a comparison: that is 1 or 0, whatever its bounds.
+    """
+    expression = scalar(value, what)
+    if expression.op() in _COMPARISONS:
+        raise StatementError(
+            f"{what} is a comparison ({expression}); give what is compared, and its "
+            "lower or upper bound"
+        )
     return expression
 
 

@@ -8,14 +8,16 @@ the ordinary mesh; with several, the borders between arcs are switch times.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Hashable, Iterable, Mapping, Sequence
 
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
+
+Key = TypeVar("Key", bound="Hashable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,3 +119,11 @@ class Mesh:
     def interval_count(self) -> int:
         """Number of mesh intervals in all phases."""
         return sum(phase.intervals for phase in self.phases)
+
+
+def alike(keys: Iterable[Key]) -> list[tuple[Key, IntArray]]:
+    """Numbers of the intervals that have the same key, in order of first appearance."""
+    found: dict[Key, list[int]] = {}
+    for number, key in enumerate(keys):
+        found.setdefault(key, []).append(number)
+    return [(key, np.array(numbers)) for key, numbers in found.items()]

@@ -18,6 +18,7 @@ from showc.ocp.fault import (
     check_known,
     check_name,
     check_scale,
+    limited,
     scalar,
     users_line,
 )
@@ -251,7 +252,7 @@ class Phase:
             )
         low, high = limits(lower, upper, f"path constraint {title!r}")
         check_scale(scale, f"path constraint {title!r}")
-        symbol = scalar(expression, f"path constraint {title!r}")
+        symbol = limited(expression, f"path constraint {title!r}")
         self.path_constraints.append(
             Quantity(title, symbol, low, high, scale, users_line())
         )
@@ -346,7 +347,7 @@ class Phase:
                 f"phase {self.name!r} has two couplings named {title!r}"
             )
         low, high = limits(lower, upper, f"coupling {title!r}")
-        expression = scalar(expression, f"coupling {title!r}")
+        expression = limited(expression, f"coupling {title!r}")
         states = casadi.vertcat(*[s.quantity.symbol for s in self.states.values()])
         others = [c.quantity.symbol for c in self.controls.values()]
         others += [self.time, self.initial_time, self.duration]
@@ -375,6 +376,8 @@ class Phase:
         return self._ends(quantity, "final")
 
     def _ends(self, quantity: Expression, which: str) -> Expression:
+        if not isinstance(quantity, casadi.SX):
+            self._name_of(quantity)
         symbols = casadi.SX(quantity)
         ends = [getattr(self._member(one), which) for one in _entries(symbols)]
         return casadi.reshape(casadi.vertcat(*ends), *symbols.shape)

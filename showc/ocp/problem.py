@@ -17,6 +17,7 @@ from showc.ocp.fault import (
     check_name,
     check_number,
     check_scale,
+    limited,
     scalar,
     users_line,
 )
@@ -69,6 +70,24 @@ class Problem:
         """Column of the symbols of parameters and statics, in their order."""
         parameters = [symbol for symbol, _ in self.parameters.values()]
         return column([*parameters, *(static.symbol for static in self.statics)])
+
+    @property
+    def aimless(self) -> bool:
+        """Whether the objective is a mere number: any trajectory will do."""
+        return not casadi.symvar(casadi.SX(self.objective))
+
+    @property
+    def kinks(self) -> list[str]:
+        """Names of functions in the statement whose slope jumps."""
+        stated = [self.objective, *(c.symbol for c in self.boundary_constraints)]
+        for phase in self.phases:
+            stated += [*phase.derivatives.values(), *(e for _, e in phase.integrals)]
+            stated += [c.symbol for c in phase.path_constraints]
+        found = casadi.vertcat(*stated)
+        function = casadi.Function("stated", casadi.symvar(found), [found])
+        numbers = {function.instruction_id(k) for k in range(function.n_instructions())}
+        known = {"fabs": casadi.OP_FABS, "fmin": casadi.OP_FMIN, "fmax": casadi.OP_FMAX}
+        return [name for name, number in known.items() if number in numbers]
 
     def parameter(self, name: str, default: float | None = None) -> Expression:
         """Add a number that is given anew for each solve."""
@@ -147,7 +166,7 @@ class Problem:
         low, high = limits(lower, upper, what)
         check_scale(scale, what)
         self.boundary_constraints.append(
-            Quantity(title, scalar(expression, what), low, high, scale, users_line())
+            Quantity(title, limited(expression, what), low, high, scale, users_line())
         )
 
     def link(

@@ -8,9 +8,27 @@ from the Jacobian at the guess is useless where the guess happens to be flat.
 from __future__ import annotations
 
 from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from showc.arrays import FloatArray
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 """The golden ratio, whose multiples spread evenly: places to look at, in any number."""
+_PLACES = 5
+"""Places at which slopes are looked at for a scale: the middle one of five is not moved
+by two that happen to be flat, or steep."""
+
+
+def places(size: int) -> Iterator[FloatArray]:
+    """Yield places to look at: each unknown aside by -0.5 to 0.5 of its scale."""
+    pattern = np.arange(1, size + 1) * GOLDEN
+    for number in range(_PLACES):
+        yield np.asarray((pattern * (2 * number + 1)) % 1.0 - 0.5)
 
 
 def from_bounds(lower: float, upper: float, *ends: float) -> float:

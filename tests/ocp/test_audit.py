@@ -10,7 +10,7 @@ import pytest
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 from showc.trajectory import PiecewisePolynomial
 
 
@@ -35,7 +35,8 @@ def audited(problem: ocp.Problem, change=lambda part: part):
     statement = Statement(problem)
     table = statement.table(statement.parameters({}))
     auditor = PhaseAuditor(problem, problem.phases[0], 0)
-    return auditor.audit(solution, table, shoot=True), solution
+    audit = auditor.audit(solution, table)
+    return auditor.shot(audit, solution, table), solution
 
 
 def test_a_good_solution_passes():

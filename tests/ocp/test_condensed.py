@@ -186,10 +186,10 @@ class Endless:
 def test_a_solver_that_never_returns_is_stopped_and_serves_again():
     guarded = Guarded(Endless(), ["x0"], [2], (2, 1), 0.2)
     for _ in range(2):
-        unknowns, rows, value, statistics = guarded([np.array([1.0, 2.0])])
-        assert unknowns.tolist() == [2.0, 4.0] and rows.tolist() == [1.0]
-        assert value == 7.0
-        assert statistics == {"success": 1.0, "iter_count": 3.0}
+        found = guarded([np.array([1.0, 2.0])])
+        assert found.unknowns.tolist() == [2.0, 4.0] and found.rows.tolist() == [1.0]
+        assert found.objective == 7.0
+        assert found.success is True and found.iterations == 3
         before = time.monotonic()
         assert guarded([np.array([-1.0, 2.0])]) is None
         assert time.monotonic() - before < 20.0
@@ -203,6 +203,18 @@ def test_the_child_ends_with_its_guard():
     del guarded
     with pytest.raises(ProcessLookupError):
         os.kill(child, 0)
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="no fork here")
+def test_the_child_keeps_no_pipe_of_its_parent_open():
+    """Else a process pool that ends while it writes waits for this reader for ever."""
+    reading, writing = os.pipe()
+    guarded = Guarded(Endless(), ["x0"], [2], (2, 1), 0.2)
+    guarded([np.array([1.0, 2.0])])
+    os.close(reading)
+    with pytest.raises(BrokenPipeError):
+        os.write(writing, b"x")
+    os.close(writing)
 
 
 def tilting(kind):

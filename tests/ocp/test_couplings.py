@@ -11,7 +11,7 @@ from showc import ocp
 from showc.ocp.audit.couplings import CouplingAuditor
 from showc.ocp.coupling import Imposed, merged, polynomial_degree
 from showc.ocp.refinement.constraint_generation import Couplings, enforce
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 
 
 def across(angles):

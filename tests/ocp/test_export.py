@@ -52,6 +52,8 @@ def test_a_drawing_has_a_panel_for_each_quantity_and_jumps_as_jumps(tmp_path):
     solution = ocp.solve(double_integrator())
     drawing = solution.plot()
     drawing.save(tmp_path / "plot.svg")
+    with pytest.raises(ocp.StatementError, match=r"'plot\.png' is no name of an SVG"):
+        drawing.save(tmp_path / "plot.png")
     root = ET.parse(tmp_path / "plot.svg").getroot()  # noqa: S314 - our own
     space = "{http://www.w3.org/2000/svg}"
     curves = root.findall(f"{space}polyline")

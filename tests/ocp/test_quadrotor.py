@@ -8,7 +8,7 @@ from benchmarks.ocp_quadrotor import quadrotor, solve_quadrotor
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 
 
 @pytest.mark.parametrize(("yaw_free", "ceiling"), [(True, 6.680), (False, 6.91)])
@@ -19,7 +19,7 @@ def test_least_time_is_flyable_to_a_millimetre(yaw_free, ceiling):
     problem = quadrotor(yaw_free=yaw_free)
     table = Statement(problem).table(np.zeros(0))
     auditor = PhaseAuditor(problem, problem.phases[0], 0)
-    audit = auditor.audit(solution, table, shoot=True)
+    audit = auditor.shot(auditor.audit(solution, table), solution, table)
     states = solution.phases[0].states
     missed = np.abs(audit.shooting_end[:3] - states.coefficients[-1, -1, :3])
     assert missed.max() < 1e-3

@@ -366,3 +366,55 @@ def test_a_control_may_be_limited_in_how_fast_it_changes():
     assert np.abs(slope(times)).max() <= 1.0 + 1e-6
     with pytest.raises(ocp.StatementError, match="wanted two bounds"):
         phase.control("w", rate=1.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (
+            lambda phase, v: phase.constrain(v < 0.5, None, 0.0, name="slow"),
+            r"'slow' is a comparison .*; give what is compared",
+        ),
+        (lambda phase, _: phase.final("v"), "'v' is given; wanted a symbol of state"),
+    ],
+)
+def test_what_only_looks_like_a_statement_is_refused(state, words):
+    _, phase = integrator()
+    with pytest.raises(ocp.StatementError, match=words):
+        state(phase, phase.states["v"].quantity.symbol)
+
+
+def test_any_trajectory_will_do_where_nothing_is_to_be_least():
+    problem, phase = integrator()
+    problem.minimise(0.0 * phase.duration)
+    solution = ocp.solve(problem)
+    assert solution.result is ocp.Result.SOLVED
+    assert solution.objective == solution.error.objective == 0.0
+    graded = ocp.solve(problem, options=ocp.Options.graded())
+    assert graded.result is ocp.Result.SOLVED
+
+
+def test_more_equations_than_unknowns_that_agree_are_solved_in_silence(capfd):
+    problem = ocp.Problem("on a circle")
+    phase = problem.phase(duration=1.0)
+    x, y = phase.state("x", start=1.0, end=0.0), phase.state("y", start=0.0, end=1.0)
+    u = phase.control("u", degree=0)
+    phase.derivative(x, -y * u)
+    phase.derivative(y, x * u)
+    problem.minimise(phase.integral(u**2))
+    mesh = ocp.Mesh.uniform(1, 8)
+    solution = ocp.solve(problem, options=ocp.Options(mesh=mesh))
+    assert solution.objective == pytest.approx((0.5 * np.pi) ** 2, rel=1e-6)
+    assert not capfd.readouterr().err
+
+
+def test_a_kink_that_stops_the_search_is_named():
+    problem = ocp.Problem("least fuel")
+    phase = problem.phase(duration=1.0)
+    x = phase.state("x", start=1.0, end=0.8)
+    u = phase.control("u", -1.0, 1.0)
+    phase.derivative(x, u - x)
+    problem.minimise(phase.integral(ca.fabs(u)))
+    solution = ocp.solve(problem)
+    assert not solution.result.usable
+    assert "The statement uses fabs, whose slope jumps" in solution.message

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
 
 KEPT = 1e-9

@@ -21,7 +21,7 @@ leave open then counts as error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from showc.ocp.nodes import collocation
-from showc.trajectory import bernstein_basis
+from showc.trajectory import piece_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -167,15 +167,19 @@ class Integrator:
         for n in np.unique(points):
             chosen = np.flatnonzero(points == n)
             work = _Batch(self, flight, chosen, int(n) + _MORE)
-            far, open_, end, gained = work.step(starts[chosen], 1)
-            coarse = open_ > np.maximum(_UNRESOLVED * far, _SMALL)
+            step = work.step(starts[chosen], 1)
+            coarse = step.unresolved > np.maximum(_UNRESOLVED * step.far, _SMALL)
             if coarse.any():
                 again = _Batch(self, flight, chosen[coarse], int(n) + _MORE)
                 finer = again.step(starts[chosen[coarse]], _PARTS)
-                far[coarse], open_[coarse], end[coarse], gained[coarse] = finer
-            deviation[chosen] = far + np.where(open_ > _UNRESOLVED * far, open_, 0.0)
-            ends[chosen] = end
-            integrals[chosen] = gained - work.quadrature(int(n))
+                for one in fields(finer):
+                    getattr(step, one.name)[coarse] = getattr(finer, one.name)
+            lost = np.where(
+                step.unresolved > _UNRESOLVED * step.far, step.unresolved, 0.0
+            )
+            deviation[chosen] = step.far + lost
+            ends[chosen] = step.ends
+            integrals[chosen] = step.integrals - work.quadrature(int(n))
         return Flown(deviation, ends, integrals)
 
     def shoot(self, flight: Flight) -> FloatArray:
@@ -214,7 +218,7 @@ class Integrator:
         ends = np.full((phase.states.intervals, flight.scale.size), np.nan)
         x = phase.states.coefficients[:1, 0]
         for k, n in enumerate(phase.mesh.points):
-            x = _Batch(self, flight, np.array([k]), n + _MORE).step(x, _PARTS)[2]
+            x = _Batch(self, flight, np.array([k]), n + _MORE).step(x, _PARTS).ends
             if not np.all(np.isfinite(x)):
                 break
             ends[k] = x[0]
@@ -229,6 +233,20 @@ class Integrator:
             chosen = np.flatnonzero(points == n)
             flow[chosen] = _Batch(self, flight, chosen, int(n) + _MORE).flow()
         return flow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Integrated:
+    """Where a batch of B intervals is led."""
+
+    far: FloatArray
+    """Greatest distance to the polynomial over the ranges, shape (B,)."""
+    unresolved: FloatArray
+    """Size of the last two Legendre coefficients over the ranges, shape (B,)."""
+    ends: FloatArray
+    """States, shape (B, states)."""
+    integrals: FloatArray
+    """Shape (B, integrals)."""
 
 
 class _Batch:
@@ -247,26 +265,16 @@ class _Batch:
         self.begin = phase.states.breaks[chosen]
         self.width = np.diff(phase.states.breaks)[chosen]
 
-    def step(
-        self, starts: FloatArray, parts: int
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Integrate in equal parts.
-
-        Returns
-        -------
-        tuple of ndarray
-            Greatest distance to the polynomial and size of the last two Legendre
-            coefficients, both over the ranges, shape (B,); states at the ends; and the
-            integrals, shape (B, integrals).
-        """
+    def step(self, starts: FloatArray, parts: int) -> _Integrated:
+        """Integrate in equal parts."""
         count = self.width.size
         gained = np.zeros((count, self.owner.integrals))
         far, open_, x = np.zeros(count), np.zeros(count), starts
         c, matrix, spectrum = _radau(self.stages)
         for part in range(parts):
             at = (part + c) / parts
-            guess = self.values(self.states, at)
-            offset = (x - self.values(self.states, np.array([part / parts]))[:, 0])[
+            guess = piece_values(self.states, at)
+            offset = (x - piece_values(self.states, np.array([part / parts]))[:, 0])[
                 :, None
             ]
             step = _Step(self, guess + offset, guess, at, self.width / parts)
@@ -280,14 +288,15 @@ class _Batch:
             tail = np.nan_to_num(tail, nan=_LOST, posinf=_LOST)
             open_ = np.maximum(open_, tail.max(axis=(1, 2)))
             x = found[:, -1]
-        return np.minimum(far, _LOST), np.minimum(open_, _LOST), x, gained
+        far, open_ = np.minimum(far, _LOST), np.minimum(open_, _LOST)
+        return _Integrated(far, open_, x, gained)
 
     def quadrature(self, points: int) -> FloatArray:
         """Integrals of the polynomials by ``points`` of the scheme, (B, integrals)."""
         nodes, weights = collocation(self.scheme, points)
-        u = self.values(self.controls, nodes)
+        u = piece_values(self.controls, nodes)
         t = self.begin[:, None] + self.width[:, None] * nodes
-        return self._integral(self.values(self.states, nodes), u, t, weights)
+        return self._integral(piece_values(self.states, nodes), u, t, weights)
 
     def _integral(
         self, x: FloatArray, u: FloatArray, t: FloatArray, weights: FloatArray
@@ -309,19 +318,13 @@ class _Batch:
         """Slopes of the ends by the starts, shape (B, states, states)."""
         c, matrix, _ = _radau(self.stages)
         count, size = self.width.size, self.states.shape[2]
-        x = self.values(self.states, c)
+        x = piece_values(self.states, c)
         step = _Step(self, x, x, c, self.width)
         system = _system(step.slopes(np.arange(count)), self.width, matrix)
         right = np.tile(np.eye(size), (self.stages, 1))[None]
         if not np.all(np.isfinite(system)):
             return np.full((count, size, size), np.nan)
         return np.asarray(np.linalg.solve(system, right)[:, -size:])
-
-    @staticmethod
-    def values(coefficients: FloatArray, places: FloatArray) -> FloatArray:
-        """Values (B, places, components) of Bernstein polynomials."""
-        basis = bernstein_basis(coefficients.shape[1] - 1, places)
-        return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
 
 
 class _Step:
@@ -351,7 +354,7 @@ class _Step:
     ) -> None:
         self.owner, self.scale, self.domain = batch.owner, batch.scale, batch.domain
         self.first, self.x, self.reference = first, first.copy(), reference
-        self.u = np.clip(batch.values(batch.controls, at), *batch.bounds)
+        self.u = np.clip(piece_values(batch.controls, at), *batch.bounds)
         self.t = batch.begin[:, None] + batch.width[:, None] * at
         self.p, self.width, self.matrix = batch.p, width, _radau(first.shape[1])[1]
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.transcription.collocation.limits import Overrides, Statement
+from showc.ocp.transcription.collocation.limits import Overrides
+from showc.ocp.transcription.collocation.statement import Statement
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray

@@ -22,16 +22,17 @@ import casadi
 import numpy as np
 from numpy.polynomial import legendre
 
+from showc.ocp.mesh import alike
 from showc.ocp.nodes import bernstein_values, collocation
 from showc.ocp.quantity import column
-from showc.trajectory import bernstein_basis
+from showc.trajectory import bernstein_basis, piece_values
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAuditor
     from showc.ocp.phase import Phase
     from showc.ocp.solution import PhaseSolution, Solution
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
 
 _MOST_CORNERS = 6
@@ -119,8 +120,8 @@ class MinimumPrinciple:
         if not phase.control_names:
             return np.zeros(count)
         nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
-        x = flat(values_at(phase.states.coefficients, nodes))
-        u = flat(values_at(phase.controls.coefficients, nodes))
+        x = flat(piece_values(phase.states.coefficients, nodes))
+        u = flat(piece_values(phase.controls.coefficients, nodes))
         places = tuple(map(float, nodes))
         blocked = self._blocked(phase, x, table)
         along = np.any(blocked != 0.0, axis=0).reshape(count, -1).mean(axis=1)
@@ -274,14 +275,14 @@ class MinimumPrinciple:
         most = np.where(np.isinf(high), 0.0, np.inf)
         return np.asarray(np.clip(pressures, least, most))
 
-    def _degrees(self, phase: PhaseSolution, k: int) -> list[int]:
+    def _degrees(self, phase: PhaseSolution, k: int) -> tuple[int, ...]:
         """Degree of each control on interval k."""
         given, least = phase.mesh.control_degrees, phase.mesh.points[k] - 1
         degrees = [
             given[name][k] if name in given else control.degree
             for name, control in self.phase.controls.items()
         ]
-        return [least if d is None or d < 0 else min(d, least) for d in degrees]
+        return tuple(least if d is None or d < 0 else min(d, least) for d in degrees)
 
     def _switching(
         self,
@@ -309,34 +310,34 @@ class MinimumPrinciple:
         ndarray
             Shape (controls, chosen * places).
         """
-        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
-        at = 2.0 * np.array(places) - 1.0
-        found = [np.zeros((len(phase.control_names), 0))]
-        for k in chosen:
-            nodes, weights = collocation(phase.scheme, phase.mesh.points[k])
-            here = slice(first[k], first[k + 1])
+        points = np.asarray(phase.mesh.points)
+        first = np.cumsum(points) - points
+        breaks = phase.states.breaks
+        found = np.zeros((len(phase.control_names), chosen.size, len(places)))
+        degrees = [self._degrees(phase, int(k)) for k in chosen]
+        for (n, own), at in alike(zip(points[chosen].tolist(), degrees, strict=True)):
+            k = chosen[at]
+            nodes, weights = collocation(phase.scheme, n)
             x, u = (
-                flat(values_at(part.coefficients[k : k + 1], nodes))
+                flat(piece_values(part.coefficients[k], nodes))
                 for part in (phase.states, phase.controls)
             )
-            begin, end = phase.states.breaks[k : k + 2]
-            t = (begin + (end - begin) * nodes).reshape(1, -1)
-            prices = np.repeat(phase.integral_prices[None], nodes.size, axis=0)
+            t = breaks[k, None] + (breaks[k + 1] - breaks[k])[:, None] * nodes
+            here = (first[k, None] + np.arange(n)).ravel()
+            prices = np.repeat(phase.integral_prices[None], here.size, axis=0)
             costate = np.hstack(
                 [phase.costates[here], phase.path_multipliers[here], prices]
             ).T
-            parameters = np.repeat(p[:, None], t.size, axis=1)
+            parameters = np.repeat(p[:, None], here.size, axis=1)
             slope = np.asarray(
-                self.h_slopes.map(t.size)(x, u, t, parameters, costate)[0]
+                self.h_slopes.map(here.size)(
+                    x, u, t.reshape(1, -1), parameters, costate
+                )[0]
             )
-            rows = []
-            for values, degree in zip(slope, self._degrees(phase, int(k)), strict=True):
-                basis = legendre.legvander(2.0 * nodes - 1.0, degree)
-                weighted = basis.T * weights
-                fitted = np.linalg.solve(weighted @ basis, weighted @ values)
-                rows.append(legendre.legval(at, fitted))
-            found.append(np.array(rows))
-        return np.concatenate(found, axis=1)
+            for j, degree in enumerate(own):
+                wanted = _best(nodes, weights, degree, np.array(places))
+                found[j, at] = slope[j].reshape(-1, n) @ wanted.T
+        return found.reshape(found.shape[0], -1)
 
     def _settled(self, phase: PhaseSolution, along: BoolArray) -> FloatArray:
         """Costates at the points, shape (points, states), without their oscillation.
@@ -346,18 +347,18 @@ class MinimumPrinciple:
         :meth:`_switching` does for slopes.
         """
         settled = phase.costates.copy()
-        first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
-        for k in np.flatnonzero(along):
-            n = phase.mesh.points[k]
-            degree = max(1, *self._degrees(phase, int(k)))
-            if degree >= n - 1:
-                continue
-            nodes, weights = collocation(phase.scheme, n)
-            basis = legendre.legvander(2.0 * nodes - 1.0, degree)
-            weighted = basis.T * weights
-            here = slice(first[k], first[k + 1])
-            fitted = np.linalg.solve(weighted @ basis, weighted @ settled[here])
-            settled[here] = basis @ fitted
+        points = np.asarray(phase.mesh.points)
+        first = np.cumsum(points) - points
+        chosen = np.flatnonzero(along)
+        degrees = [max(1, *self._degrees(phase, int(k))) for k in chosen]
+        for (n, degree), at in alike(
+            zip(points[chosen].tolist(), degrees, strict=True)
+        ):
+            if degree < n - 1:
+                nodes, weights = collocation(phase.scheme, n)
+                here = first[chosen[at], None] + np.arange(n)
+                wanted = _best(nodes, weights, degree, nodes)
+                settled[here] = wanted @ settled[here]
         return settled
 
     def _vertices(self, lower: FloatArray, upper: FloatArray) -> list[FloatArray]:
@@ -413,18 +414,33 @@ class MinimumPrinciple:
         return at_upper.astype(np.float64) - at_lower.astype(np.float64)
 
 
+def _best(
+    nodes: FloatArray, weights: FloatArray, degree: int, places: FloatArray
+) -> FloatArray:
+    """Matrix from values at ``nodes`` to the best approximation at ``places``.
+
+    The polynomial of that degree with the least squares weighted by the quadrature.
+    """
+    basis = legendre.legvander(2.0 * nodes - 1.0, degree)
+    weighted = basis.T * weights
+    fitted = np.linalg.solve(weighted @ basis, weighted)
+    return np.asarray(legendre.legvander(2.0 * places - 1.0, degree) @ fitted)
+
+
 def interpolated(
     phase: PhaseSolution, places: tuple[float, ...], nodal: FloatArray
 ) -> FloatArray:
     """Values at fractions of each interval from values at the points."""
-    first = np.concatenate([[0], np.cumsum(phase.mesh.points)])
-    out = []
-    for k, n in enumerate(phase.mesh.points):
-        nodes = collocation(phase.scheme, n)[0]
-        from_nodes = np.linalg.inv(bernstein_basis(n - 1, nodes))
+    points = phase.mesh.points
+    first = np.cumsum(points) - points
+    out = np.zeros((len(points), len(places), nodal.shape[1]))
+    for n, chosen in alike(points):
+        from_nodes = np.linalg.inv(
+            bernstein_basis(n - 1, collocation(phase.scheme, n)[0])
+        )
         matrix = bernstein_values(n - 1, places) @ from_nodes
-        out.append(matrix @ nodal[first[k] : first[k + 1]])
-    return np.stack(out)
+        out[chosen] = matrix @ nodal[first[chosen, None] + np.arange(n)]
+    return out
 
 
 def ranges(states: Any) -> FloatArray:  # noqa: ANN401
@@ -457,12 +473,6 @@ def objective_size(solution: Solution) -> float:
     least = max(solution.blur, _CANCELLED * worth(solution))
     size = max(abs(solution.objective), least)
     return size if size > 0.0 else 1.0
-
-
-def values_at(coefficients: FloatArray, places: FloatArray) -> FloatArray:
-    """Values (K, places, components) of Bernstein polynomials."""
-    basis = bernstein_basis(coefficients.shape[1] - 1, places)
-    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
 
 
 def flat(values: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ interval, integrals of the phase among the states, with costate l (Becker, Ranna
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import casadi
@@ -23,20 +23,19 @@ from showc.ocp.audit.optimality import (
     flat,
     interpolated,
     ranges,
-    values_at,
 )
 from showc.ocp.quantity import column
+from showc.trajectory import piece_values
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
     from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
     from showc.ocp.solution import PhaseSolution, Solution
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
 
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(97) / 96.0)
-_SAMPLES = tuple(float(s) for s in _PLACES)
 """Places on each interval where path constraints are looked at: closer at the ends,
 where the polynomials of neighbours meet and a constraint is left."""
 _FINE = 65
@@ -77,10 +76,15 @@ class PhaseAudit:
     """Share of each interval on which a path constraint is about at its bound."""
     worst_path: str
     """Which path constraint is violated most, and when; empty if none."""
-    shooting: float
-    """Greatest error over range of one integration through the phase."""
-    shooting_end: FloatArray
+    shooting: float = 0.0
+    """Greatest error over range of one integration through the phase, once made."""
+    shooting_end: FloatArray | None = None
     """State where that integration ends, shape (states,)."""
+
+    def without_objective(self) -> PhaseAudit:
+        """Return the audit of a phase that is worth nothing to the objective."""
+        none = np.zeros_like(self.objective_dynamics)
+        return replace(self, objective_dynamics=none, objective_control=none)
 
 
 class PhaseAuditor:
@@ -105,17 +109,27 @@ class PhaseAuditor:
         running = casadi.Function("running", [x, u, t, p], [integrands])
         self.integrator = Integrator(self.f, running)
 
-    def audit(
-        self, solution: Solution, table: Table, *, shoot: bool = False
-    ) -> PhaseAudit:
-        """Audit one phase of ``solution``."""
+    def _flight(self, solution: Solution, table: Table) -> Flight:
+        """Return what is integrated of one phase of ``solution``."""
         phase = solution.phases[self.index]
         p = np.array([*solution.parameters.values(), *solution.statics.values()])
         reference = np.maximum(ranges(phase.states), self.least_range)
-        bounds = self.control_bounds(table)
+        bounds, domain = self.control_bounds(table), self.state_bounds(table)
+        return Flight(phase, bounds, domain, p, np.asarray(reference))
+
+    def shot(self, audit: PhaseAudit, solution: Solution, table: Table) -> PhaseAudit:
+        """Complete an audit of ``solution`` by one integration through the phase."""
+        flight = self._flight(solution, table)
+        ends = self.integrator.shoot(flight)
+        last = flight.phase.states.coefficients[:, -1]
+        far = np.nan_to_num(np.abs(ends - last) / flight.scale, nan=1e9)
+        return replace(audit, shooting=float(far.max()), shooting_end=ends[-1])
+
+    def audit(self, solution: Solution, table: Table) -> PhaseAudit:
+        """Audit one phase of ``solution``; :meth:`shot` completes it."""
+        flight = self._flight(solution, table)
+        phase, p, reference = flight.phase, flight.parameters, flight.scale
         starts = phase.states.coefficients[:, 0]
-        domain = self.state_bounds(table)
-        flight = Flight(phase, bounds, domain, p, np.asarray(reference))
         flown = self.integrator.fly(flight, starts)
         missed = flown.ends - phase.states.coefficients[:, -1]
         missed = np.nan_to_num(missed, nan=1e9, posinf=1e9, neginf=1e9)
@@ -124,12 +138,7 @@ class PhaseAuditor:
         # Integrals are states as others, with costates that do not change.
         residual += np.nan_to_num(flown.integrals, nan=1e9) @ phase.integral_prices
         path, path_places, path_names, active, worst = self._path(phase, p, table)
-        unseen, jumps = self._features(phase, p, np.asarray(reference))
-        shooting, end = 0.0, starts[-1]
-        if shoot:
-            ends = self.integrator.shoot(flight)
-            far = np.abs(ends - phase.states.coefficients[:, -1]) / reference
-            shooting, end = float(np.nan_to_num(far, nan=1e9).max()), ends[-1]
+        unseen, jumps = self._features(phase, p, reference)
         return PhaseAudit(
             np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
             jumps,
@@ -140,8 +149,6 @@ class PhaseAuditor:
             path_names,
             active,
             worst,
-            shooting,
-            end,
         )
 
     def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
@@ -182,15 +189,15 @@ class PhaseAuditor:
             fractions of each interval between which the rates jump with the time.
         """
         places = np.linspace(0.0, 1.0, _FINE)
-        x = flat(values_at(phase.states.coefficients, places))
-        u = flat(values_at(phase.controls.coefficients, places))
+        x = flat(piece_values(phase.states.coefficients, places))
+        u = flat(piece_values(phase.controls.coefficients, places))
         widths = np.diff(phase.states.breaks)
         t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
         parameters = np.repeat(p[:, None], t.size, axis=1)
         shape = (x.shape[0], widths.size, places.size)
         rates = np.asarray(self.f.map(t.size)(x, u, t, parameters))
         rates = np.nan_to_num(rates).reshape(shape)
-        slopes = flat(values_at(phase.states.derivative().coefficients, places))
+        slopes = flat(piece_values(phase.states.derivative().coefficients, places))
         over = np.abs(slopes.reshape(shape) - rates) / reference[:, None, None]
         residual = over.max(axis=0) * widths[:, None]
         usual = _OUTSTANDS * np.median(residual, axis=1)
@@ -231,9 +238,9 @@ class PhaseAuditor:
         constraints = self.phase.path_constraints
         if not constraints:
             return np.zeros(count), ((),) * count, ("",) * count, np.zeros(count), ""
-        places = np.array(_SAMPLES)
-        x = flat(values_at(phase.states.coefficients, places))
-        u = flat(values_at(phase.controls.coefficients, places))
+        places = _PLACES
+        x = flat(piece_values(phase.states.coefficients, places))
+        u = flat(piece_values(phase.controls.coefficients, places))
         widths = np.diff(phase.states.breaks)
         t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
         values = np.asarray(

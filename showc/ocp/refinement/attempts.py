@@ -11,7 +11,7 @@ from showc.ocp.audit.optimality import objective_size, ranges
 from showc.ocp.refinement.options import CHEAP, EFFORT, Options
 from showc.ocp.refinement.proposal import with_ends
 from showc.ocp.solution import Solution
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 from showc.ocp.transcription.collocation.transcription import Transcription
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.judgement import Judgement
     from showc.ocp.refinement.switches import Structure
-    from showc.ocp.transcription.collocation.limits import Overrides, Table
+    from showc.ocp.transcription.collocation.limits import Overrides
+    from showc.ocp.transcription.collocation.statement import Table
     from showc.ocp.transcription.solver import SolverOptions
 
 _STEP = 1e-4
@@ -58,6 +59,7 @@ class Attempts:
         """Unknowns times iterations of all programs so far that are not cheap."""
         self.latest: Transcription | None = None
         """The transcription solved last."""
+        self._ends: dict[tuple[int, str, int], bool] = {}
         self.former: Transcription | None = None
         """The transcription of the solution that the next mesh starts from."""
 
@@ -65,7 +67,7 @@ class Attempts:
         """Bounds as numbers, with the scales known so far."""
         statement = Statement(self.problem, self.scales)
         table = statement.table(statement.parameters(self.parameters))
-        return table.with_bounds(self.problem, self.overrides)
+        return self.overrides.in_place(table, self.problem)
 
     def attempt(
         self,
@@ -85,6 +87,7 @@ class Attempts:
             scales=self.scales,
             options=self._limited(solver or self.options.solver, mesh),
             couplings=self.options.couplings,
+            ends=self._ends,
         )
         solution = transcription.solve(
             parameters=self.parameters,
@@ -115,7 +118,7 @@ class Attempts:
             for way in (-1.0, 1.0):
                 moved = values.copy()
                 moved[number] += way * step
-                table = statement.table(moved).with_bounds(self.problem, self.overrides)
+                table = self.overrides.in_place(statement.table(moved), self.problem)
                 held = self._fixed_at_bounds(solution.mesh, structures, table)
                 sides.append(
                     transcription.lagrangian(solution.multipliers, moved, held)

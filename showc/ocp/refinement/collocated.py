@@ -79,8 +79,16 @@ class Collocated(Strategy[Judgement]):
     def failed(self, words: str) -> Solution:
         """Return the first solution that was none, with all that was tried."""
         self.history.note(self._unusable, None, words)
+        message = self._unusable.message
+        if kinks := self.problem.kinks:
+            message += (
+                f" The statement uses {', '.join(kinks)}, whose slope jumps: the "
+                "search does not end at such a place. State |u| as the sum of two "
+                "controls that are not negative, u as their difference."
+            )
         return replace(
             self._unusable,
+            message=message,
             iterations=self.attempts.iterations,
             history=tuple(self.history.records),
         )

@@ -33,7 +33,8 @@ from showc.ocp.refinement.loop import solve as refined
 from showc.ocp.refinement.multistart import solve_from_many
 from showc.ocp.refinement.options import Options
 from showc.ocp.solution import Solution
-from showc.ocp.transcription.collocation.limits import Overrides, Statement
+from showc.ocp.transcription.collocation.limits import Overrides
+from showc.ocp.transcription.collocation.statement import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -47,8 +48,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 20
 """Greatest number of times that couplings are added or tightened."""
-_LITTLE = 1e-3
-_PLACES = 6
+_LITTLE, _PLACES = 1e-3, 6
 """Share of the scale of a coupling that a violation must have, and most places, for one
 more: beyond, chasing the greatest violation would never end."""
 _HEAD_ON = 0.3

@@ -13,6 +13,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ from showc.ocp.refinement.options import INNER_DEGREE, LOOSELY, UNEVENNESS, WEIG
 from showc.ocp.refinement.proposal import plain_mesh
 from showc.ocp.scaling import middle
 from showc.ocp.solution import Solution
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from showc.ocp.mesh import Mesh
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.recorder import Recorder
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
     _Way = tuple[str, Callable[[], Solution]]
     """What is tried, and how."""
@@ -79,8 +80,10 @@ class FirstMesh:
             return solution
         if solution.result.usable:
             return self._unsymmetric(self._weighed(solution), guess)
-        known = self.attempts.scales
-        for words, way in self._other_ways(mesh, guess):
+        known, ways = self.attempts.scales, self._other_ways(mesh, guess)
+        if solution.result is Result.ITERATION_LIMIT:
+            ways = chain(self._uneven_ways(solution, guess), ways)
+        for words, way in ways:
             self.history.note(solution, None, f"the solver failed; {words} is tried")
             solution = way()
             if solution.result.usable:
@@ -247,26 +250,33 @@ class FirstMesh:
         self, solution: Solution, guess: Guess | Solution | None
     ) -> Solution:
         """Start again without symmetry where the first search may be caught in one."""
-        table = self.attempts.table
-        still = unmoved(self.problem, solution, table)
-        given = guess or Guess()
-        if not still or isinstance(given, Solution):
-            return solution
         sign = -1.0 if self.problem.maximises else 1.0
         best, built = solution, self.attempts.latest
-        # Controls of few coefficients would smooth most of the unevenness away.
-        free = plain_mesh(self.auditors, 10, 4, degree=INNER_DEGREE)
-        mesh = self.options.mesh or free
-        for share in UNEVENNESS:
-            names = ", ".join(repr(name) for name, _ in still)
-            words = f"{names} stayed at its guess; a start without symmetry is tried"
-            self.history.note(solution, None, words)
-            solution = self.attempts.attempt(mesh, uneven(given, still, table, share))
+        for words, way in self._uneven_ways(solution, guess):
+            self.history.note(solution, None, f"{words} is tried")
+            solution = way()
             gain = sign * (best.objective - solution.objective)
             if solution.result.usable and gain > 1e-6 * abs(best.objective):
                 best, built = solution, self.attempts.latest
         self.attempts.latest = built
         return best
+
+    def _uneven_ways(
+        self, solution: Solution, guess: Guess | Solution | None
+    ) -> Iterator[_Way]:
+        """Give starts without symmetry, where a search may be caught in one."""
+        table = self.attempts.table
+        still = unmoved(self.problem, solution, table)
+        if not still or isinstance(guess, Solution):
+            return
+        # Controls of few coefficients would smooth most of the unevenness away.
+        free = plain_mesh(self.auditors, 10, 4, degree=INNER_DEGREE)
+        mesh = self.options.mesh or free
+        names = ", ".join(repr(name) for name, _ in still)
+        for share in UNEVENNESS:
+            start = uneven(guess or Guess(), still, table, share)
+            words = f"{names} stayed at its guess; a start without symmetry"
+            yield words, partial(self.attempts.attempt, mesh, start)
 
 
 def calm(problem: Problem, table: Table) -> Problem:

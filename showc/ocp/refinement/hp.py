@@ -91,16 +91,17 @@ class Hp(Collocated):
         mended: bool = True,
     ) -> Judgement:
         """Audit a solution of the present problem."""
-        return judge(
+        found = judge(
             self.problem,
             self.auditors,
             solution,
             former,
-            structures,
-            program=self.attempts.latest,
             table=self.attempts.table,
             tolerance=self.options.tolerance,
             mended=mended,
+        )
+        return replace(
+            found, structures=tuple(structures), program=self.attempts.latest
         )
 
     def take(self, proposal: Proposal, current: Judgement) -> Judgement | None:
@@ -132,10 +133,10 @@ class Hp(Collocated):
                 tolerance=accuracy,
             ),
         )
-        if not solution.result.usable and not switching:
+        if not switching and not self._forward(solution, current):
             proposal, solution = self._afresh(proposal, current, solution)
         fresh = None
-        if solution.result.usable and not is_worse(self.problem, solution, current):
+        if self._forward(solution, current):
             former = None if switching else current
             fresh = self.judge(
                 solution, former, proposal.structures, mended=proposal.complete
@@ -150,6 +151,11 @@ class Hp(Collocated):
         else:
             self.accept(fresh)
         return fresh
+
+    def _forward(self, solution: Solution, current: Judgement) -> bool:
+        """Whether the solver found a solution, and none that is clearly worse."""
+        usable = solution.result.usable
+        return usable and not is_worse(self.problem, solution, current)
 
     def _helps(self, fresh: Judgement, current: Judgement) -> bool:
         """Whether arcs found a better optimum, or about the same one as well."""
@@ -208,7 +214,7 @@ class Hp(Collocated):
     def _afresh(
         self, proposal: Proposal, current: Judgement, failed: Solution
     ) -> tuple[Proposal, Solution]:
-        """Try a mesh on which the solver failed in other ways, or an even one.
+        """Try a mesh that was no step forward in other ways, or an even one.
 
         An even one is tried where the solution before tells too little to start from.
         """
@@ -225,7 +231,8 @@ class Hp(Collocated):
             self.even = ()
         solution = failed
         for other, guess, strategy in ways:
-            self.history.note(solution, None, "the solver failed; it starts afresh")
+            found = "worse" if solution.result.usable else "the solver failed"
+            self.history.note(solution, None, f"{found}; it starts afresh")
             solution = self.attempts.attempt(
                 other.mesh,
                 guess,
@@ -233,7 +240,7 @@ class Hp(Collocated):
                 structures=other.structures,
                 solver=replace(base, extra={**strategy, **base.extra}),
             )
-            if solution.result.usable:
+            if self._forward(solution, current):
                 return other, solution
         return proposal, solution
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
     from showc.ocp.transcription.collocation.transcription import Transcription
 
 
@@ -28,7 +28,7 @@ DISTRUST = 3e-5
 """Least share of the estimated loss that counts whatever the objective moved: what
 refinement does not move may still be missed (seen on a control with a jump)."""
 HUGE = 1e200
-"""Errors beyond this count as one."""
+"""Errors beyond this count as one: over a tolerance they stay finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,12 +77,10 @@ def judge(
     auditors: Sequence[PhaseAuditor],
     solution: Solution,
     former: Judgement | None,
-    structures: Sequence[Structure | None],
     *,
-    program: Transcription | None,
     table: Table,
     tolerance: float,
-    mended: bool = True,
+    mended: bool,
 ) -> Judgement:
     """Audit a solution and turn the errors into indicators.
 
@@ -93,6 +91,11 @@ def judge(
     """
     audits = tuple(a.audit(solution, table) for a in auditors)
     size = objective_size(solution)
+    if problem.aimless:
+        # Nothing can be lost; what the solver's multipliers say is noise.
+        solution = replace(solution, slack=0.0)
+        audits = tuple(audit.without_objective() for audit in audits)
+        size = np.inf
     lost = [
         a.objective_dynamics
         + a.objective_control
@@ -145,10 +148,8 @@ def judge(
         tuple(suspects),
         must_cut,
         () if former is None else _stubborn(solution, audits, former),
-        tuple(structures),
-        move,
-        flattery / size,
-        program,
+        moved=move,
+        flattery=flattery / size,
     )
 
 

@@ -54,7 +54,10 @@ def _finished(work: Collocated, best: Judgement, *, done: bool) -> Solution:
     options, table = work.options, work.attempts.table
     audits, error = best.audits, best.error
     if not options.grading:
-        audits = tuple(a.audit(best.solution, table, shoot=True) for a in work.auditors)
+        audits = tuple(
+            auditor.shot(audit, best.solution, table)
+            for auditor, audit in zip(work.auditors, audits, strict=True)
+        )
         error = replace(error, shooting=max(a.shooting for a in audits))
     message = result.value
     if not done:

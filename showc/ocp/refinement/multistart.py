@@ -27,7 +27,7 @@ from showc.ocp.guess import Curve, Data, Guess, curves_of, sample
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.scaling import GOLDEN, middle
 from showc.ocp.solution import Optimum, Solution
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.ocp.phase import Phase
     from showc.ocp.problem import Problem
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
 SAME = 1e-3
 """Relative difference of objectives on a first mesh below which two optima are one."""

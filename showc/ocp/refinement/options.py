@@ -85,8 +85,9 @@ class Grading:
     and one integration of the clipped controls, over each state's range (or a
     hundredth of its scale, if that is more); and wanted violation of path
     constraints between the points, over their scale."""
-    intervals: tuple[int, ...] = (24, 44, 56, 72, 96, 128)
-    """Number of intervals of the meshes, shared by the phases."""
+    intervals: tuple[int, ...] = (24, 44, 56, 72, 96, 112, 128)
+    """Numbers of intervals, shared by the phases, that meshes may have: the first two,
+    and of the others those that the error of the one before calls for."""
     points: int = 3
     """Collocation points of an interval; more where ``accuracy`` takes them."""
     margin: float = 1e-6
@@ -116,8 +117,8 @@ class Options:
     switches: bool = True
     """Whether switch times may become unknowns."""
     grading: Grading | None = None
-    """Refine by grading instead: ``tolerance`` is then the relative change of the
-    objective, from one mesh to the next, that ends it. See :meth:`graded`."""
+    """Refine by grading instead: ``tolerance`` is then the relative error of the
+    objective, estimated from two meshes, that ends it. See :meth:`graded`."""
     scales: Mapping[str, float] = field(default_factory=dict)
     """Typical magnitudes by name, where bounds do not tell them."""
     couplings: tuple[Imposed, ...] = ()
@@ -146,14 +147,15 @@ class Options:
         Parameters
         ----------
         tolerance
-            Relative change of the objective from mesh to mesh that ends refinement;
-            each program is solved to a hundredth of it.
+            Relative error of the objective, estimated from two meshes, that ends
+            refinement. Each program is solved to 0.3 % of it: what that
+            leaves open is counted once for each of some hundred active bounds.
         grading
             Meshes and accuracy.
         more
             Other fields.
         """
-        solver = SolverOptions(tolerance=1e-2 * tolerance, iterations=400)
+        solver = SolverOptions(tolerance=3e-3 * tolerance, iterations=400)
         given = {"solver": solver, "effort": inf, **more}
         return cls(tolerance, grading=grading or Grading(), **given)
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from showc.ocp.refinement.options import Options
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
-    from showc.ocp.transcription.collocation.limits import Table
+    from showc.ocp.transcription.collocation.statement import Table
 
 
 _BESIDE = 0.05

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from showc.ocp.solution import PhaseSolution
 
 
-LEAST_POINTS = 3
-MOST_POINTS = 12
+LEAST_POINTS, MOST_POINTS = 3, 12
 """Collocation points of an interval: fewer than three cannot tell how fast coefficients
 decay; the most is a convention, for blocks of the program grow with its square."""
 MORE_DEGREE = 2

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 PathValues = tuple[Callable[[FloatArray], FloatArray], Any]
 
 _SAMPLES = 16
+"""Cells of an interval in which a switch is looked for."""
 _CONTROL_CLOSE = 0.02
 """Fraction of a control's range within which it counts as at its bound."""
 _CONTROL_TOUCHES = 1e-3

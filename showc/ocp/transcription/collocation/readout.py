@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import casadi
 import numpy as np
 
+from showc.ocp.mesh import alike
 from showc.ocp.nodes import bernstein_values, collocation
 from showc.ocp.solution import PhaseSolution
 from showc.trajectory import PiecewisePolynomial
@@ -79,7 +80,7 @@ def phase_solution(
         tuple(phase.controls),
         _join([unknowns[t] for t in place.states], breaks),
         _join(
-            [_same_degree([unknowns[c] for c in tables]) for tables in place.controls],
+            _same_degree([tuple(unknowns[c] for c in row) for row in place.controls]),
             breaks,
         ),
         times,
@@ -135,17 +136,17 @@ def _bound_gaps(
     place, mesh = built.discretisation.layout.phases[index], built.mesh.phases[index]
     pull = multipliers.of_bounds / built.discretisation.unknown_scale
     pull = pull * multipliers.objective_scale
-    rows = []
-    for k in range(mesh.intervals):
-        table, n = place.states[k], mesh.points[k]
-        s = tuple(float(v) for v in np.arange(n + 1) / n)
+    losses = np.zeros((mesh.intervals, len(built.problem.phases[index].states)))
+    for n, chosen in alike(mesh.points):
+        table = np.stack([place.states[k] for k in chosen])
+        s = tuple((np.arange(n + 1) / n).tolist())
         value = bernstein_values(n, s) @ unknowns[table]
         # A positive multiplier belongs to the upper bound, a negative one to the
         # lower; borders count half for each of their intervals.
         loss = np.maximum(pull[table] * (unknowns[table] - value), 0.0)
         loss[~np.isfinite(loss)] = 0.0
-        rows.append(loss[1:-1].sum(axis=0))
-    return np.stack(rows)
+        losses[chosen] = loss[:, 1:-1].sum(axis=1)
+    return losses
 
 
 def _costates(
@@ -198,22 +199,31 @@ def _costates(
     return times, np.hstack(costates), np.hstack(pressures)
 
 
-def _elevated(table: FloatArray, degree: int) -> FloatArray:
-    """Bernstein coefficients (degree + 1, components) raised to ``degree``."""
-    curve = PiecewisePolynomial(np.array([0.0, 1.0]), table[None])
-    return np.asarray(curve.elevated(degree).coefficients[0])
-
-
-def _same_degree(rows: list[FloatArray]) -> FloatArray:
-    """Stack coefficient vectors of several controls, elevated to one degree."""
-    if not rows:
-        return np.zeros((1, 0))
-    degree = max(row.size for row in rows) - 1
-    return np.hstack([_elevated(row[:, None], degree) for row in rows])
+def _same_degree(tables: list[tuple[FloatArray, ...]]) -> list[FloatArray]:
+    """Stack the controls' coefficients on each interval, elevated to one degree."""
+    if not tables[0]:
+        return [np.zeros((1, 0))] * len(tables)
+    degree = max(row.size for rows in tables for row in rows) - 1
+    controls = [
+        _raised([row[:, None] for row in rows], degree)
+        for rows in zip(*tables, strict=True)
+    ]
+    return list(np.concatenate(controls, axis=2))
 
 
 def _join(tables: list[FloatArray], breaks: FloatArray) -> PiecewisePolynomial:
     """One piecewise polynomial from tables (degree + 1, components)."""
     degree = max(table.shape[0] for table in tables) - 1
-    raised = [_elevated(table, degree) for table in tables]
-    return PiecewisePolynomial(breaks, np.stack(raised))
+    return PiecewisePolynomial(breaks, _raised(tables, degree))
+
+
+def _raised(tables: list[FloatArray], degree: int) -> FloatArray:
+    """Bernstein coefficients (n + 1, components) raised to ``degree``, stacked."""
+    out = np.zeros((len(tables), degree + 1, tables[0].shape[1]))
+    for size, chosen in alike(len(table) for table in tables):
+        rows = np.stack([tables[k] for k in chosen])
+        if size <= degree:
+            curve = PiecewisePolynomial(np.arange(chosen.size + 1.0), rows)
+            rows = curve.elevated(degree).coefficients
+        out[chosen] = rows
+    return out

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
+from showc.ocp.mesh import alike
 from showc.ocp.nodes import bernstein_derivative, bernstein_values, collocation
 from showc.ocp.transcription.collocation.builder import Builder, Triplets
 from showc.ocp.transcription.collocation.nlp import Kernel
@@ -121,16 +122,23 @@ def _add_nodes(builder: Builder, part: _Part) -> None:
     column = np.arange(count) * ny
     interval = np.repeat(np.arange(mesh.intervals), mesh.points)
     fraction = np.concatenate(points)
+    defects = np.zeros((len(names), count), dtype=np.int64)
+    scales = np.asarray(builder.scales.states[index], dtype=np.float64)
     for i, name in enumerate(names):
-        scale = float(builder.scales.states[index][i])
+        scale = float(scales[i])
         row = builder.new_rows("dynamics", name, index, interval, fraction, scale=scale)
         rows.add(row, column + i, -1.0 / scale)
-        first = 0
-        for k, s in enumerate(points):
-            slope = bernstein_derivative(mesh.points[k], tuple(float(v) for v in s))
-            block = row[first : first + s.size][:, None]
-            builder.linear.add(block, place.states[k][:, i][None, :], slope / scale)
-            first += s.size
+        defects[i] = row
+    first = np.cumsum(mesh.points) - mesh.points
+    for n, chosen in alike(mesh.points):
+        slope = bernstein_derivative(n, tuple(points[chosen[0]].tolist()))
+        tables = np.stack([place.states[k] for k in chosen])
+        block = defects[:, first[chosen, None] + np.arange(n)]
+        builder.linear.add(
+            block[..., None],
+            tables.transpose(2, 0, 1)[:, :, None, :],
+            (slope / scales[:, None, None])[:, None],
+        )
     for c, constraint in enumerate(phase.path_constraints):
         scale = builder.row_scale(constraint, phase.name)
         title = constraint.name
@@ -167,29 +175,43 @@ def _node_inputs(
     phase, mesh, place = part.phase, part.mesh, part.place
     matrix = Triplets()
     nx, nu = len(phase.states), len(phase.controls)
-    first = 0
-    for k, s in enumerate(points):
-        key = tuple(float(v) for v in s)
-        arc = mesh.arcs[k]
-        before = sum(mesh.fractions[m] for m in range(k) if mesh.arcs[m] == arc)
+    arcs, fractions = np.asarray(mesh.arcs), np.asarray(mesh.fractions)
+    before = np.zeros(mesh.intervals)
+    for arc in range(mesh.arc_count):
+        own = arcs == arc
+        before[own] = np.concatenate([[0.0], np.cumsum(fractions[own])[:-1]])
+    sizes = [s.size for s in points]
+    first = np.cumsum(sizes) - sizes
+    degrees = [tuple(table.size - 1 for table in tables) for tables in place.controls]
+    places = [tuple(s.tolist()) for s in points]
+    for (n, key, degree), chosen in alike(
+        zip(mesh.points, places, degrees, strict=True)
+    ):
+        s = np.array(key)
+        rows = (first[chosen, None] + np.arange(s.size)) * len(used)
+        states = np.stack([place.states[k] for k in chosen])
         for at, number in enumerate(used):
-            row = (first + np.arange(s.size)) * len(used) + at
+            row = rows + at
             if number < nx:
-                basis = bernstein_values(mesh.points[k], key)
-                matrix.add(row[:, None], place.states[k][:, number][None, :], basis)
+                basis = bernstein_values(n, key)
+                matrix.add(row[..., None], states[:, None, :, number], basis)
             elif number < nx + nu:
-                table = place.controls[k][number - nx]
-                basis = bernstein_values(table.size - 1, key)
-                matrix.add(row[:, None], table[None, :], basis)
+                j = number - nx
+                table = np.stack([place.controls[k][j] for k in chosen])
+                basis = bernstein_values(degree[j], key)
+                matrix.add(row[..., None], table[:, None], basis)
             elif number == nx + nu:
+                own = place.durations[arcs[chosen], None]
                 matrix.add(row, place.start, 1.0)
-                matrix.add(row[:, None], place.durations[None, :arc], 1.0)
-                matrix.add(row, place.durations[arc], before + mesh.fractions[k] * s)
+                for arc in range(mesh.arc_count):
+                    matrix.add(row[arcs[chosen] > arc], place.durations[arc], 1.0)
+                along = before[chosen, None] + fractions[chosen, None] * s
+                matrix.add(row, own, along)
             elif number == nx + nu + 1:
-                matrix.add(row, place.durations[arc], mesh.fractions[k])
+                own = place.durations[arcs[chosen], None]
+                matrix.add(row, own, fractions[chosen, None])
             else:
                 matrix.add(row, builder.layout.statics[number - nx - nu - 2], 1.0)
-        first += s.size
     return matrix
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.ocp.guess import Curve, Data, Guess, check_guess, curves_of, sample
+from showc.ocp.mesh import alike
 from showc.ocp.nodes import collocation, fitting_points
 from showc.ocp.scaling import middle
 from showc.ocp.solution import Solution
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
     from showc.ocp.phase import Phase
-    from showc.ocp.transcription.collocation.limits import Box, Overrides, Table
+    from showc.ocp.transcription.collocation.limits import Box, Overrides
+    from showc.ocp.transcription.collocation.statement import Table
     from showc.ocp.transcription.collocation.transcription import Transcription
 
 
@@ -168,28 +169,24 @@ def _place_curves(
                     # A root of the integral of a square has no finite slope at zero.
                     point[coefficients] = 0.1 * unit[coefficients]
             continue
-        degrees = [coefficients.size - 1 for coefficients in row]
-        places = [
-            fitting_points(degree)
-            if number < states
-            else tuple(float(v) for v in collocation("gauss", degree + 1)[0])
-            for degree in degrees
-        ]
+        groups, places = [], []
+        for size, chosen in alike(coefficients.size for coefficients in row):
+            s = fitting_points(size - 1)
+            if number >= states:
+                s = tuple(collocation("gauss", size)[0].tolist())
+            table = np.stack([row[k] for k in chosen])
+            groups.append((table, bernstein_basis_inverse(size - 1, s)))
+            left, right = breaks[chosen, None], breaks[chosen + 1, None]
+            places.append((left + np.array(s) * (right - left)).ravel())
         # All intervals at once: curves take as long for one place as for hundreds.
-        fractions = [
-            left + np.array(s) * (right - left)
-            for s, (left, right) in zip(places, pairwise(breaks), strict=True)
-        ]
-        values = np.split(
-            sample(curve, np.concatenate(fractions), float(point[place.start]), span),
-            np.cumsum([len(s) for s in places])[:-1],
-        )
-        for coefficients, degree, s, wanted in zip(
-            row, degrees, places, values, strict=True
-        ):
-            fitted = bernstein_basis_inverse(degree, s) @ wanted
-            lower, upper = limits.lower[coefficients], limits.upper[coefficients]
-            point[coefficients] = np.clip(fitted, lower, upper)
+        at = np.concatenate(places)
+        order = np.argsort(at, kind="stable")
+        values = np.empty(at.size)
+        values[order] = sample(curve, at[order], float(point[place.start]), span)
+        parts = np.split(values, np.cumsum([p.size for p in places])[:-1])
+        for (table, inverse), wanted in zip(groups, parts, strict=True):
+            fitted = (inverse @ wanted.reshape(*table.shape, 1))[..., 0]
+            point[table] = np.clip(fitted, limits.lower[table], limits.upper[table])
 
 
 def _between(limits: Box, first: int, last: int) -> Curve:

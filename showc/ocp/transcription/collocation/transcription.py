@@ -6,23 +6,21 @@ guess may change; only the mesh and the expressions are fixed.
 
 from __future__ import annotations
 
+from contextlib import ExitStack, redirect_stderr
 from dataclasses import replace
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.ocp import scaling
 from showc.ocp.outcome import Result
-from showc.ocp.scaling import GOLDEN
 from showc.ocp.solution import Multipliers, Solution
-from showc.ocp.transcription.collocation.limits import (
-    Overrides,
-    Statement,
-    box,
-    parameter_vector,
-)
+from showc.ocp.transcription.collocation.limits import Overrides, box, parameter_vector
 from showc.ocp.transcription.collocation.readout import phase_solution, worst_violation
 from showc.ocp.transcription.collocation.rows import discretise
 from showc.ocp.transcription.collocation.start import starting_point
+from showc.ocp.transcription.collocation.statement import Statement
 from showc.ocp.transcription.collocation.warmstart import transfer
 from showc.ocp.transcription.solver import (
     SolverOptions,
@@ -31,9 +29,9 @@ from showc.ocp.transcription.solver import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from showc.arrays import BoolArray, FloatArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.coupling import Imposed
     from showc.ocp.guess import Guess
     from showc.ocp.mesh import Mesh
@@ -70,8 +68,6 @@ _JUMP = 1e-3
 the model ends at that bound."""
 _MILLIONTH = 1e-6
 """Share of a state's range that is the usual tolerance of states."""
-_SAMPLES = 5
-"""Places at which the slopes of the objective are looked at for its scale."""
 
 
 class Transcription:
@@ -92,6 +88,10 @@ class Transcription:
         How the nonlinear program is solved.
     couplings
         Couplings of the problem that are imposed, and where; by default none.
+    ends
+        For the lower (0) and upper (1) bounds of states and controls, by number of the
+        phase and name: whether the model ends there. What is missing is looked up and
+        added, so that transcriptions of one problem may share it.
 
     Raises
     ------
@@ -110,6 +110,7 @@ class Transcription:
         scales: Mapping[str, float] | None = None,
         options: SolverOptions | None = None,
         couplings: Sequence[Imposed] = (),
+        ends: dict[tuple[int, str, int], bool] | None = None,
     ) -> None:
         self.problem, self.mesh, self.scheme = problem, mesh, scheme
         self.options = options or SolverOptions()
@@ -117,7 +118,7 @@ class Transcription:
         self.scales = self._statement.scales(scales or {})
         self.discretisation = discretise(problem, mesh, scheme, self.scales, couplings)
         self._solvers: dict[bool, Any] = {}
-        self._ends: tuple[BoolArray, BoolArray] | None = None
+        self._ends = {} if ends is None else ends
 
     def solve(
         self,
@@ -197,7 +198,13 @@ class Transcription:
                 "lam_g0": warm.of_constraints,
             }
         solver = self._solver(warm=warm is not None)
-        answer = solver(**scaled | self._relaxed(scaled))
+        free = np.count_nonzero(scaled["lbx"] < scaled["ubx"])
+        equations = np.count_nonzero(scaled["lbg"] == scaled["ubg"])
+        with ExitStack() as held:
+            if equations > free:
+                # More equations than unknowns may agree: CasADi only warns, for itself.
+                held.enter_context(redirect_stderr(StringIO()))
+            answer = solver(**scaled | self._relaxed(scaled))
         statistics = solver.stats()
         result = result_of(statistics["return_status"])
         multipliers = Multipliers(
@@ -207,11 +214,10 @@ class Transcription:
             unit,
         )
         growing = None if result.usable else self._growing(multipliers, limits, vector)
-        if growing is not None:
-            result = Result.UNBOUNDED
         message = result.value
         if growing is not None:
-            message = f"{message} {growing}"
+            result = Result.UNBOUNDED
+            message = f"{result.value} {growing}"
         elif result is Result.INVALID_NUMBER and (lost := self._undefined(scaled)):
             message = f"{message} {lost}"
         elif not result.usable:
@@ -326,10 +332,8 @@ class Transcription:
         high = limits.upper / built.unknown_scale
         plain = vector.copy()
         plain[-1] = 1.0
-        pattern = np.arange(1, point.size + 1) * GOLDEN
         sizes = []
-        for number in range(_SAMPLES):
-            aside = (pattern * (2 * number + 1)) % 1.0 - 0.5
+        for number, aside in enumerate(scaling.places(point.size)):
             place = np.clip(point + (number > 0) * aside, low, high)
             slopes = built.program.objective_gradient(place, plain)[1]
             size = float(np.abs(np.asarray(slopes)).sum())
@@ -339,10 +343,9 @@ class Transcription:
 
     def _relaxed(self, scaled: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Bounds of unknowns and rows that are a little wider, where they may be."""
-        if self._ends is None:
-            self._ends = self._model_ends(scaled)
+        ends = self._model_ends(scaled)
         relaxed = {}
-        for low, high, hard in (("lbx", "ubx", self._ends), ("lbg", "ubg", None)):
+        for low, high, hard in (("lbx", "ubx", ends), ("lbg", "ubg", None)):
             free = scaled[low] < scaled[high]
             for name, side in ((low, 0), (high, 1)):
                 bound = scaled[name]
@@ -351,42 +354,54 @@ class Transcription:
                     may &= ~hard[side]
                 width = RELAXED * np.maximum(1.0, np.abs(bound))
                 away = -width if side == 0 else width
-                relaxed[name] = np.where(may, bound + np.where(may, away, 0.0), bound)
+                relaxed[name] = bound + np.where(may, away, 0.0)
         return relaxed
 
-    def _model_ends(
-        self, scaled: Mapping[str, FloatArray]
-    ) -> tuple[BoolArray, BoolArray]:
-        """Mark the lower and upper bounds beyond which the model has no values.
+    def _model_ends(self, scaled: Mapping[str, FloatArray]) -> BoolArray:
+        """Mark lower and upper bounds, (2, n), beyond which the model has no values.
 
         A table ends there, or a root: the rows jump, or are not numbers.
         """
-        built, start, given = self.discretisation, scaled["x0"], scaled["p"]
-        ends = (np.zeros(start.size, dtype=bool), np.zeros(start.size, dtype=bool))
+        ends = np.zeros((2, scaled["x0"].size), dtype=bool)
         free = scaled["lbx"] < scaled["ubx"]
-        for phase, place in zip(self.problem.phases, built.layout.phases, strict=True):
-            tables = [place.state_row(i) for i in range(len(phase.states))]
-            tables += [place.control_row(j) for j in range(len(phase.controls))]
-            for table in tables:
-                members = np.concatenate([np.ravel(part) for part in table])
-                for name, side, way in (("lbx", 0, -1.0), ("ubx", 1, 1.0)):
-                    bound = scaled[name][members]
-                    chosen = members[np.isfinite(bound) & free[members]]
-                    if not chosen.size:
-                        continue
-                    at, beyond = start.copy(), start.copy()
-                    at[chosen] = scaled[name][chosen]
-                    width = RELAXED * np.maximum(1.0, np.abs(at[chosen]))
-                    beyond[chosen] = at[chosen] + way * width
-                    rows = [
-                        np.asarray(built.program.values(point, given)[1])
-                        for point in (at, beyond)
-                    ]
-                    with np.errstate(invalid="ignore"):
-                        jump = np.abs(rows[1] - rows[0])
-                        same = jump <= _JUMP * (1.0 + np.abs(rows[0]))
-                    ends[side][chosen] = not bool(np.all(same))
+        for index, name, table in self._members():
+            members = np.concatenate([np.ravel(part) for part in table])
+            for side, limit in enumerate(("lbx", "ubx")):
+                bound = scaled[limit][members]
+                chosen = members[np.isfinite(bound) & free[members]]
+                if not chosen.size:
+                    continue
+                key = index, name, side
+                if key not in self._ends:
+                    self._ends[key] = self._ends_at(scaled, chosen, side)
+                ends[side][chosen] = self._ends[key]
         return ends
+
+    def _members(self) -> Iterator[tuple[int, str, list[Any]]]:
+        """Yield phase, name and unknowns of every state and control."""
+        both = zip(self.problem.phases, self.discretisation.layout.phases, strict=True)
+        for index, (phase, place) in enumerate(both):
+            for i, name in enumerate(phase.states):
+                yield index, name, place.state_row(i)
+            for j, name in enumerate(phase.controls):
+                yield index, name, place.control_row(j)
+
+    def _ends_at(
+        self, scaled: Mapping[str, FloatArray], chosen: IntArray, side: int
+    ) -> bool:
+        """Whether the model ends at the bounds of the ``chosen`` unknowns."""
+        at, beyond = scaled["x0"].copy(), scaled["x0"].copy()
+        at[chosen] = scaled["ubx" if side else "lbx"][chosen]
+        width = RELAXED * np.maximum(1.0, np.abs(at[chosen]))
+        beyond[chosen] = at[chosen] + (width if side else -width)
+        rows = [
+            np.asarray(self.discretisation.program.values(point, scaled["p"])[1])
+            for point in (at, beyond)
+        ]
+        with np.errstate(invalid="ignore"):
+            jump = np.abs(rows[1] - rows[0])
+            same = jump <= _JUMP * (1.0 + np.abs(rows[0]))
+        return not bool(np.all(same))
 
     def _growing(
         self, found: Multipliers, limits: Box, vector: FloatArray
@@ -433,14 +448,11 @@ class Transcription:
 
     def _owner(self, unknown: int) -> str | None:
         """Name of the quantity and phase that an unknown belongs to; statics: none."""
-        layout = self.discretisation.layout
-        for phase, place in zip(self.problem.phases, layout.phases, strict=True):
-            rows = [(n, place.state_row(i)) for i, n in enumerate(phase.states)]
-            rows += [(n, place.control_row(j)) for j, n in enumerate(phase.controls)]
-            rows.append(("duration", [place.durations]))
-            for name, tables in rows:
-                if any(unknown in table for table in tables):
-                    return f"{name!r} of phase {phase.name!r}"
+        phases = enumerate(self.discretisation.layout.phases)
+        times = [(p, "duration", [place.durations]) for p, place in phases]
+        for p, name, tables in [*self._members(), *times]:
+            if any(unknown in table for table in tables):
+                return f"{name!r} of phase {self.problem.phases[p].name!r}"
         return None
 
     def _solver(self, *, warm: bool) -> Any:  # noqa: ANN401

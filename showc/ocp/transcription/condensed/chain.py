@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Symbol = Any
 
 CLOSED = 1e-11
-"""Greatest gap that counts as rounding."""
+"""Greatest gap that counts as rounding: scaled unknowns are of the order of one."""
 NEAR = 1e-4
 """Gap beyond which a point is no solution and is left alone."""
 STEPS = 2

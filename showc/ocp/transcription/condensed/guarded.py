@@ -15,6 +15,7 @@ import signal
 import sys
 import warnings
 import weakref
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -29,11 +30,24 @@ AVAILABLE = sys.platform == "linux" and hasattr(os, "fork")
 """Whether this platform can fork a process with native libraries loaded."""
 PATIENCE = 30.0
 """Wall time over processor time after which the child counts as stuck."""
-KEPT = 4
-"""Children kept alive by one process: each has tens of megabytes of its own."""
+KEPT = 2
+"""Children kept alive by one process: each has some 80 MB of its own. More save a
+twentieth of the processor time of a leg at most."""
 
 _alive: dict[int, weakref.ref[Guarded]] = {}
 """Those that have a child, by ``id``, the longest unused first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What the solver gave: a point of the scaled program."""
+
+    unknowns: FloatArray
+    rows: FloatArray
+    """Values of the constraint rows at that point."""
+    objective: float
+    success: bool
+    iterations: int
 
 
 class Guarded:
@@ -65,17 +79,8 @@ class Guarded:
         self._owner = self._child = 0
         self._to = self._back = -1
 
-    def __call__(
-        self, arguments: Sequence[FloatArray]
-    ) -> tuple[FloatArray, FloatArray, float, dict[str, float]] | None:
-        """Solve once.
-
-        Returns
-        -------
-        tuple or None
-            Unknowns, rows, objective, and ``success`` and ``iter_count``; ``None`` if
-            the child had to be stopped.
-        """
+    def __call__(self, arguments: Sequence[FloatArray]) -> Answer | None:
+        """Solve once; None if the child had to be stopped."""
         if self._child == 0 or self._owner != os.getpid():
             self._start()
         _alive[id(self)] = _alive.pop(id(self), weakref.ref(self))
@@ -90,8 +95,10 @@ class Guarded:
             return None
         values = np.frombuffer(received, dtype=np.float64)
         unknowns, rows = np.split(values[3:], [self._answer[0]])
-        statistics = {"success": float(values[0]), "iter_count": float(values[1])}
-        return unknowns.copy(), rows.copy(), float(values[2]), statistics
+        success, iterations, objective = values[:3].tolist()
+        return Answer(
+            unknowns.copy(), rows.copy(), objective, bool(success), int(iterations)
+        )
 
     def _start(self) -> None:
         for key, reference in list(_alive.items()):
@@ -107,8 +114,7 @@ class Guarded:
             warnings.simplefilter("ignore", DeprecationWarning)
             child = os.fork()
         if child == 0:
-            os.close(self._to)
-            os.close(self._back)
+            _close_all_but(from_parent, to_parent)
             self._serve(from_parent, to_parent)
         os.close(from_parent)
         os.close(to_parent)
@@ -153,6 +159,18 @@ class Guarded:
                 _send(writing, np.concatenate([head, *found]).tobytes())
         finally:
             os._exit(0)
+
+
+def _close_all_but(reading: int, writing: int) -> None:
+    """Close what a child has inherited besides these and the standard streams.
+
+    It would keep pipes and locks of the parent open: a process pool that ends while it
+    writes to workers waits for ever for the last reader to go.
+    """
+    first, last = sorted((reading, writing))
+    os.closerange(3, first)
+    os.closerange(first + 1, last)
+    os.closerange(last + 1, os.sysconf("SC_OPEN_MAX"))
 
 
 def _send(writing: int, payload: bytes) -> None:

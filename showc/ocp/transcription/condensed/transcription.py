@@ -23,7 +23,7 @@ from showc.ocp.nodes import collocation
 from showc.ocp.outcome import Result
 from showc.ocp.solution import Multipliers, PhaseSolution, Solution
 from showc.ocp.transcription.condensed.chain import Chain, Gaps, lay_out
-from showc.ocp.transcription.condensed.guarded import AVAILABLE, Guarded
+from showc.ocp.transcription.condensed.guarded import AVAILABLE, Answer, Guarded
 from showc.ocp.transcription.condensed.stages import (
     Row,
     Stage,
@@ -38,7 +38,7 @@ from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from showc.arrays import BoolArray, FloatArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.ocp.guess import Curve
     from showc.ocp.problem import Problem
 
@@ -74,18 +74,6 @@ class CondensedOptions:
     """Least and greatest ratio of a movable width to the one it starts from."""
     width_weight: float = 1e-4
     """Weight that keeps movable widths near those they start from."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Answer:
-    """What the solver gave: a point of the scaled program."""
-
-    unknowns: FloatArray
-    rows: FloatArray
-    """Values of the constraint rows at that point."""
-    objective: float
-    success: bool
-    iterations: int
 
 
 class CondensedTranscription:
@@ -187,41 +175,32 @@ class CondensedTranscription:
         )
         self._slots = slots
         self._slot = np.array([slots.get(row.key, 0) for row in self._rows])
+        final = self.intervals - 1
         self._beside = {
-            (kind, name): np.array(
-                [
-                    i
-                    for i, row in enumerate(self._rows)
-                    if row.key == ("bounds", name) and self._interval[i] == k
-                ],
-                dtype=np.int64,
-            )
+            (kind, name): self._limiting(name, k)
             for name in phase.states
-            for kind, k in (("start", 0), ("end", self.intervals - 1))
+            for kind, k in (("start", 0), ("end", final))
         }
         self._ending = {
             (which, name): rows[last]
             for name in phase.controls
-            for which, k, last in (("start", 0, 0), ("goal", self.intervals - 1, -1))
-            if (
-                rows := [
-                    i
-                    for i, row in enumerate(self._rows)
-                    if row.key == ("bounds", name) and self._interval[i] == k
-                ]
-            )
+            for which, k, last in (("start", 0, 0), ("goal", final, -1))
+            if (rows := self._limiting(name, k)).size
         }
         self._half = {
-            (group.name, r): np.array(
-                [
-                    i
-                    for i, row in enumerate(self._rows)
-                    if row.key == ("half", group.name, str(r))
-                ]
-            )
+            (group.name, r): self._keyed("half", group.name, str(r))
             for group in phase.half_spaces
             for r in range(group.rows)
         }
+
+    def _keyed(self, *key: str) -> IntArray:
+        """Numbers of the rows that belong to something."""
+        return np.flatnonzero([row.key == key for row in self._rows])
+
+    def _limiting(self, name: str, interval: int) -> IntArray:
+        """Numbers of the rows that bound a state or control in an interval."""
+        rows = self._keyed("bounds", name)
+        return np.asarray(rows[self._interval[rows] == interval])
 
     def _touching(self, low: FloatArray, high: FloatArray) -> BoolArray:
         """Find limits of states that stand on them at that end of the phase.
@@ -300,19 +279,19 @@ class CondensedTranscription:
         inset[self._touching(low, high)] = 0.0
         for (which, name), value in (control_ends or {}).items():
             row = self._ending[which, name]
-            wanted = value / self._scale[row]
-            lower[row], upper[row] = wanted - END, wanted + END
+            lower[row], upper[row] = value / self._scale[row] + np.array([-END, END])
         lower += inset
         upper -= inset
         start = self._pack(guess, widths)
         given = np.concatenate([values, data.ravel()])
         answer = self._call({"x0": start, "p": given, "lbg": lower, "ubg": upper})
-        wanted = lower[self._equal]
-        unknowns, rows = self._gaps.closed(answer.unknowns, answer.rows, given, wanted)
-        broken = np.maximum(lower - rows, rows - upper)
+        unknowns, found = self._gaps.closed(
+            answer.unknowns, answer.rows, given, lower[self._equal]
+        )
+        broken = np.maximum(lower - found, found - upper)
         return self._solution(unknowns, broken, answer, widths, (values, data))
 
-    def _call(self, arguments: Mapping[str, Any]) -> _Answer:
+    def _call(self, arguments: Mapping[str, Any]) -> Answer:
         if self._solver is None:
             self._solver = make_condensed_solver(
                 self._chain,
@@ -323,7 +302,7 @@ class CondensedTranscription:
         if not self._forked:
             answer = self._solver(**arguments)
             statistics = self._solver.stats()
-            return _Answer(
+            return Answer(
                 np.array(answer["x"]).ravel(),
                 np.array(answer["g"]).ravel(),
                 float(answer["f"]),
@@ -347,10 +326,8 @@ class CondensedTranscription:
         found = self._guarded(values)
         if found is None:
             rows = np.full(sizes[1], np.nan)
-            return _Answer(values[0], rows, np.nan, success=False, iterations=limit)
-        unknowns, rows, objective, statistics = found
-        done, iterations = bool(statistics["success"]), int(statistics["iter_count"])
-        return _Answer(unknowns, rows, objective, done, iterations)
+            return Answer(values[0], rows, np.nan, success=False, iterations=limit)
+        return found
 
     def _values(self, parameters: Mapping[str, float]) -> FloatArray:
         unknown = set(parameters) - set(self.problem.parameters)
@@ -399,14 +376,13 @@ class CondensedTranscription:
 
     def _curve(self, guess: Guess, name: str) -> Curve:
         phase = self.problem.phases[0].name
-        curve = guess.curves.get(name, guess.curves.get(f"{phase}.{name}"))
-        return 0.0 if curve is None else curve
+        return guess.curves.get(name, guess.curves.get(f"{phase}.{name}", 0.0))
 
     def _solution(
         self,
         unknowns: FloatArray,
         broken: FloatArray,
-        answer: _Answer,
+        answer: Answer,
         widths: FloatArray,
         given: tuple[FloatArray, FloatArray],
     ) -> Solution:
